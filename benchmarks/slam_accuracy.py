@@ -83,7 +83,7 @@ def run(drive: Drive, wheels: Callable[[int], bool] = lambda k: True, black: Ite
         frame = drive.frame(k)
         if k in dark:
             frame = Frame(frame.stamp_ns, np.zeros_like(frame.image))
-        result = slam.track(frame, drive.wheels(k) if wheels(k) else None)
+        result = slam.track(frame, drive.odometry_at(k) if wheels(k) else None)
         results.append(result)
         if result.T_world_cam is not None:
             pairs.append((result.T_world_cam, drive.true_pose(k)))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from slam_accuracy import SLAM, Row, note
 from slam_building import laps_drive, ring_drive
-from slam_drives import Drive
+from slam_drives import EMULATION, Drive
 
 from vsx_ros.evaluation.trajectory import Pairs, trajectory_error
 from vsx_ros.geometry.se3 import SE3
@@ -15,7 +15,7 @@ from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
-READOUT_MIDDLE_S = 0.5 * SLAM.shutter.readout_s
+READOUT_MIDDLE_S = 0.5e-9 * EMULATION.camera.readout_ns
 WORSE_M = 0.01
 LATE, WINDOW = 20, 80
 
@@ -74,7 +74,7 @@ class Times:
 
     def track(self, slam: SequentialSlam, drive: Drive, k: int, counted: bool) -> TrackingResult:
         begun = time.thread_time()
-        result = slam.track(drive.frame(k), drive.wheels(k))
+        result = slam.track(drive.frame(k), drive.odometry_at(k))
         if counted:
             spent = self.keyframes if result.keyframe_added else self.plain
             spent.append(1e3 * (time.thread_time() - begun))
@@ -137,7 +137,7 @@ def laps(seeds: range, keep: Path | None) -> list[Row]:
         slam = SequentialSlam(drive.camera, drive.T_base_cam, SLAM, 1)
         ends = [round((lap + 1) * len(drive) / 5) - 1 for lap in range(5)]
         for k in range(len(drive)):
-            slam.track(drive.frame(k), drive.wheels(k))
+            slam.track(drive.frame(k), drive.odometry_at(k))
             if k in ends:
                 lap = ends.index(k)
                 counts[lap].append(float(slam.statistics().keyframes))

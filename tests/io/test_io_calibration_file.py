@@ -36,7 +36,7 @@ def test_the_yaml_of_ros_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ("plumb_bob", "equidistant", "'equidistant'"),
+        ("plumb_bob", "omnidirectional", "'omnidirectional'"),
         ("[438.78, 0.0,", "[438.78,", "9 numbers, got 8"),
         (
             "438.78, 0.0, 305.59, 0.0, 437.34, 243.73, 0.0, 0.0, 1.0",

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from vsx_ros.config.maps import ShutterConfig
-from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.camera import PinholeCamera, kernel_camera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry import ideal_pixels, project_normalized, unproject_pixels
 from vsx_ros.robot import Odometry
 from vsx_ros.slam.preprocessing import RollingShutter
-from vsx_ros.vision.patch_search import kernel_camera
 
 CAMERA = PinholeCamera(640, 480, 517.3, 516.5, 318.6, 255.3, (0.262383, -0.953104, -0.005358, 0.002628, 1.163314))
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.1, 0.0)

@@ -96,10 +96,11 @@ class DriftConfig(Branch, frozen=True):
 
 class ShutterConfig(Branch, frozen=True):
     """How the camera exposes: its rows one after the other (0: all at once), each for so long. With odometry, images
-    are freed from how the camera moves meanwhile. Defaults: the Kinect's colour camera indoors."""
+    are freed from how the camera moves meanwhile. Without a value here the calibration's counts, without one there
+    0."""
 
-    readout_s: NonNegative = 0.026
-    exposure_s: NonNegative = 0.015
+    readout_s: NonNegative | None = None
+    exposure_s: NonNegative | None = None
 
 
 class OdometryNoiseConfig(Branch, frozen=True):

@@ -42,7 +42,7 @@ def camera(msg: CameraInfo) -> PinholeCamera:
 
 def camera_info(camera: PinholeCamera, stamp_ns: int, frame_id: str) -> CameraInfo:
     """The message of a calibration, unrectified (R = identity, P = K)."""
-    msg = CameraInfo(height=camera.height, width=camera.width, distortion_model="plumb_bob")
+    msg = CameraInfo(height=camera.height, width=camera.width, distortion_model=camera.model)
     msg.header = Header(stamp=rospy.Time(0, stamp_ns), frame_id=frame_id)
     msg.D, msg.K, msg.R = list(camera.distortion), camera.K.ravel().tolist(), np.eye(3).ravel().tolist()
     msg.P = np.column_stack([camera.K, np.zeros(3)]).ravel().tolist()
