@@ -139,6 +139,9 @@ def usable(camera: FloatArray, pixels: Pixels) -> BoolArray:
     return np.asarray((plane**2).sum(axis=1) <= camera[array.PICTURE_R2])
 
 
+KINECT_SHUTTER = Shutter(0.026, 0.015)  # its colour camera at 30 Hz, indoors
+
+
 def nominal_camera(width: int, height: int) -> PinholeCamera:
     """An uncalibrated Kinect's RGB camera (525 px at 640 columns, as ROS' own default), for images of any size [px]."""
     focal = 525.0 * width / 640.0

@@ -6,11 +6,12 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from vsx_ros.arrays import ColorImage, GrayImage
-from vsx_ros.errors import CalibrationError
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.errors import CalibrationError, explained
+from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.io.calibration_file import camera_from_info
 from vsx_ros.io.image_encoding import gray_image
 from vsx_ros.robot import Frame
+from vsx_ros.ros import topics
 
 
 def frame(msg: Image) -> Frame:
@@ -38,6 +39,25 @@ def camera(msg: CameraInfo) -> PinholeCamera:
             "camera node as ~camera_info_url"
         )
     return found
+
+
+def tell_shutter(shutter: Shutter | None) -> None:
+    """Say what camera_info has no place for; before the first of these."""
+    if shutter is not None:
+        rospy.set_param(topics.SHUTTER, shutter._asdict())
+    elif rospy.has_param(topics.SHUTTER):
+        rospy.delete_param(topics.SHUTTER)
+
+
+def shutter() -> Shutter | None:
+    """What the camera node told. Raises CalibrationError for anything but two times."""
+    told = rospy.get_param(topics.SHUTTER, None)
+    if told is None:
+        return None
+    with explained(
+        CalibrationError, f"parameter {topics.SHUTTER} is {told!r}", "remove it", (KeyError, TypeError, ValueError)
+    ):
+        return Shutter(float(told["readout_s"]), float(told["exposure_s"]))
 
 
 def camera_info(camera: PinholeCamera, stamp_ns: int, frame_id: str) -> CameraInfo:
