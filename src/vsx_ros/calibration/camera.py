@@ -138,9 +138,9 @@ def _fitted(
     if name == EQUIDISTANT:
         return _fisheye(objects, pixels, size, start)
     flags = cv2.CALIB_RATIONAL_MODEL if name == RATIONAL else cv2.CALIB_FIX_K3
-    of_32_bits = [[np.asarray(each[0], np.float32) for each in part] for part in (objects, pixels)]
+    corners, seen = ([np.asarray(each[0], np.float32) for each in part] for part in (objects, pixels))
     rms, K, D, rotations, _, sigmas, _, view_rms = cv2.calibrateCameraExtended(
-        *of_32_bits, size, start, np.zeros(8), flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS
+        corners, seen, size, start, np.zeros(8), flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS
     )
     return float(rms), K, D, rotations, sigmas, view_rms
 

@@ -31,8 +31,8 @@ class RollingShutter:
         self._standing = kernel_camera(camera)
         self._T_base_cam = T_base_cam
         readout_s, exposure_s = camera.shutter or Shutter(0.0, 0.0)
-        self._readout_s = readout_s if config.readout_s is None else config.readout_s
-        exposure_s = exposure_s if config.exposure_s is None else config.exposure_s
+        self._readout_s = readout_s if config.readout_s < 0.0 else config.readout_s
+        exposure_s = exposure_s if config.exposure_s < 0.0 else config.exposure_s
         self._middle_s = 0.5 * (exposure_s + self._readout_s)
         self.middle_ns = round(1e9 * self._middle_s)
 
