@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from vsx_ros.config import Config
 from vsx_ros.experiments.rows import Store
 from vsx_ros.exploration.decision import SavedMission
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration
@@ -30,7 +30,7 @@ from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingResult, TrackingState
 from vsx_ros.vision.corners import CornerDetector
-from vsx_ros.vision.patch_search import kernel_camera, moving
+from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import build_pyramid, small_image
 
 CAMERA = PinholeCamera(160, 120, 130.1, 131.7, 80.3, 59.9, (0.1, -0.2, 0.001, -0.002, 0.3))

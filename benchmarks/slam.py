@@ -1,6 +1,6 @@
 """How well and how fast the SLAM works: ``PYTHONPATH=src:hw python benchmarks/slam.py [section ...]``.
 
-Sections: loops, arcs, turns, kidnap, tour, laps, timing, live (all when none or ``all`` is given). The
+Sections: loops, arcs, turns, kidnap, tour, laps, timing, live, lenses (all when none or ``all`` is given). The
 table goes to stdout, progress to stderr. Everything but timing, live and the times of tour repeats exactly.
 See benchmarks/README.md for what is driven and how each figure is taken.
 """
@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from slam_accuracy import Row, arcs, kidnappings, loops, turns
 from slam_large import laps, tour
+from slam_lenses import lenses
 from slam_timing import live, timing
 
 from vsx_ros.kernels.warmup import warm_up
@@ -28,6 +29,7 @@ SECTIONS = {
     "laps": laps,
     "timing": timing,
     "live": live,
+    "lenses": lenses,
 }
 
 

@@ -170,7 +170,9 @@ def kept(name: str, keep: Path | None, make: Callable[[], Drive | None]) -> Driv
     return drive
 
 
-def lab_drive(name: str, seed: int, courses: list[list[Leg]], keep: Path | None) -> Drive | None:
+def lab_drive(
+    name: str, seed: int, courses: list[list[Leg]], keep: Path | None, config: SimulationConfig = EMULATION
+) -> Drive | None:
     """The first of the courses that has room in lab ``seed``, driven from its clearest place; None when none has."""
 
     def make() -> Drive | None:
@@ -178,7 +180,7 @@ def lab_drive(name: str, seed: int, courses: list[list[Leg]], keep: Path | None)
         for legs in courses:
             clearance, start = clearest_start(world, legs)
             if clearance >= CLEAR_M:
-                return record(msgspec.structs.replace(world, start=start), seed, legs)
+                return record(msgspec.structs.replace(world, start=start), seed, legs, config)
         print(f"{name}, seed {seed}: no room for the course, left out", file=sys.stderr)
         return None
 

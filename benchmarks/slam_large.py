@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from slam_accuracy import SLAM, Row, note
 from slam_building import laps_drive, ring_drive
-from slam_drives import Drive
+from slam_drives import EMULATION, Drive
 
 from vsx_ros.evaluation.trajectory import Pairs, trajectory_error
 from vsx_ros.geometry.se3 import SE3
@@ -15,7 +15,7 @@ from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
-READOUT_MIDDLE_S = 0.5 * SLAM.shutter.readout_s
+READOUT_MIDDLE_S = 0.5e-9 * EMULATION.camera.readout_ns
 WORSE_M = 0.01
 LATE, WINDOW = 20, 80
 

@@ -12,6 +12,9 @@ from vsx_ros.calibration.board import Board, board_poses
 from vsx_ros.calibration.camera import BoardView, ViewChooser, calibrate_camera, covered
 from vsx_ros.calibration.verdict import Grade
 from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.lens import EQUIDISTANT, RATIONAL
+from vsx_ros.geometry.se3 import SE3
 
 DATA = Path(os.environ.get("VSX_DATA", "../shared/data"))
 SIZE = (CAMERA.width, CAMERA.height)
@@ -153,3 +156,31 @@ def test_real_photographs_of_circles():
     assert len(result.view_rms_px) == 4
     assert result.rms_px < 0.35
     assert 500.0 < result.camera.fx < 600.0
+
+
+@pytest.mark.parametrize(
+    ("word", "model", "focal", "lens"),
+    [
+        ("fisheye", EQUIDISTANT, 203.7, (-0.012, 0.006, -0.004, 0.0006)),
+        ("rational", RATIONAL, 310.0, (0.6, 0.1, 2e-4, -1e-4, 0.01, 0.95, 0.3, 0.02)),
+    ],
+)
+def test_wide_lenses_are_found_again(word, model, focal, lens):
+    true = PinholeCamera(640, 480, focal, focal, 322.0, 238.0, lens, model)
+    rng = np.random.default_rng(3)
+    centred, seen = BOARD.points() - BOARD.points().mean(axis=0), []
+    while len(seen) < 30:
+        centre = true.unproject(rng.uniform([60, 60], [580, 420], (1, 2)))[0]
+        tilt = SE3.exp(np.concatenate([np.zeros(3), rng.uniform(-0.5, 0.5, 3)])).rotation
+        pixels = true.project(SE3(tilt, 0.3 * centre / np.linalg.norm(centre)) @ centred)
+        if ((pixels > 5) & (pixels < [635, 475])).all():
+            seen.append(BoardView(str(len(seen)), pixels + rng.normal(0.0, 0.1, pixels.shape)))
+    result = calibrate_camera(BOARD, seen, 640, 480, word)
+    assert result.camera.model == model
+    assert 0.1 < result.rms_px < 0.16
+    off = np.abs(result.camera.parameters()[:4] - true.parameters()[:4])
+    assert 0.02 < result.focal_sigma_px < 1.0
+    assert off[:2].max() < 5.0 * result.focal_sigma_px
+    pixels = np.stack(np.meshgrid(np.linspace(120, 520, 9), np.linspace(90, 390, 7)), axis=-1).reshape(-1, 2)
+    assert np.abs(result.camera.project(true.unproject(pixels)) - pixels).max() < 2.0
+    assert f"{model}: k1" in "".join(result.report())

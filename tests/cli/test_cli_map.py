@@ -9,6 +9,7 @@ import pytest
 from vsx_ros.cli.main import execute
 from vsx_ros.config import Config
 from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.lens import EQUIDISTANT, PLUMB_BOB, RATIONAL
 from vsx_ros.io.map_export import read_ply, write_colmap
 from vsx_ros.io.map_file import load_map
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
@@ -81,11 +82,19 @@ def test_a_map_without_odometry_has_no_floor(lab, tmp_path, capsys):
     assert not list(tmp_path.glob("*.pgm"))
 
 
-@pytest.mark.parametrize("k3", [0.0, 0.05])
-def test_colmap_itself_reads_it_and_agrees_on_every_reprojection(lab, seen, tmp_path, k3):
+@pytest.mark.parametrize(
+    ("lens", "model"),
+    [
+        ((0.1, -0.05, 0.001, -0.002, 0.0), PLUMB_BOB),
+        ((0.1, -0.05, 0.001, -0.002, 0.05), PLUMB_BOB),
+        ((0.1, -0.05, 0.001, -0.002, 0.05, 0.1, 0.02, 0.01), RATIONAL),
+        ((0.1, -0.05, 0.01, 0.001), EQUIDISTANT),
+    ],
+)
+def test_colmap_itself_reads_it_and_agrees_on_every_reprojection(lab, seen, tmp_path, lens, model):
     pycolmap = pytest.importorskip("pycolmap")
     given = load_slam_map(lab).camera
-    camera = PinholeCamera(640, 480, given.fx, given.fy, given.cx, given.cy, (0.1, -0.05, 0.001, -0.002, k3))
+    camera = PinholeCamera(640, 480, given.fx, given.fy, given.cx, given.cy, lens, model)
     write_colmap(tmp_path, camera, seen)
     model = pycolmap.Reconstruction(str(tmp_path))
     assert (model.num_images(), model.num_points3D()) == (len(seen.keyframe_ids), len(seen.point_ids))

@@ -1,18 +1,30 @@
 """Kernel cameras, with a capture device that the test scripts."""
 
 import queue
+import time
 
+import cv2
 import numpy as np
 import pytest
 
-from vsx_hw.cameras import V4lCamera, open_video
-from vsx_hw.errors import DeviceNotFound
+from vsx_hw.errors import DeviceError, DeviceNotFound
+from vsx_hw.v4l import GRBG, MJPG, YUYV, V4lCamera, V4lMode, buffer_ns, grey, lock, open_video, set_up
 
 
 class ScriptedCapture:
     def __init__(self, images: list) -> None:
         self.images = images
         self.released = False
+        self.values: dict = {}
+        self.refused: set = set()
+
+    def get(self, name):
+        return self.values.get(name, 0.0)
+
+    def set(self, name, value):
+        if name not in self.refused:
+            self.values[name] = value
+        return name not in self.refused
 
     def read(self):
         return (True, self.images.pop(0)) if self.images else (False, None)
@@ -53,3 +65,74 @@ def test_a_picture_that_repeats_itself_is_not_delivered():
     camera.close()
     assert delivered == [7, 7, 7, 7, 7, 8]
     assert camera.status().counters["frozen_frames"] == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1280x720@30/mjpeg", V4lMode(1280, 720, 30.0, MJPG)),
+        ("640x480/yuyv", V4lMode(640, 480, 0.0, YUYV)),
+        ("320x240@7.5", V4lMode(320, 240, 7.5, GRBG)),
+        ("640x480@30/h264", None),
+        ("vga", None),
+    ],
+)
+def test_modes_are_size_rate_and_format(text, expected):
+    assert V4lMode.parse(text) == expected
+
+
+def test_a_mode_is_asked_for_and_another_size_refused():
+    capture = ScriptedCapture([])
+    set_up(capture, 3, V4lMode(1280, 720, 30.0, YUYV))
+    assert [capture.values[cv2.CAP_PROP_FPS], capture.values[cv2.CAP_PROP_CONVERT_RGB]] == [30.0, 0]
+    colour = ScriptedCapture([])
+    set_up(colour, 3, V4lMode(640, 480, 0.0, MJPG))
+    assert not {cv2.CAP_PROP_FPS, cv2.CAP_PROP_CONVERT_RGB} & set(colour.values)
+    capture.refused = {cv2.CAP_PROP_FRAME_WIDTH}
+    with pytest.raises(DeviceError, match="gives 1280x480 instead of 640x480.*list-formats"):
+        set_up(capture, 3, V4lMode())
+
+
+def test_yuyv_is_its_own_grey():
+    yuyv = np.random.default_rng(0).integers(0, 256, (48, 64, 2)).astype(np.uint8)
+    image, encoding = grey(yuyv)
+    assert encoding == "mono8"
+    assert np.array_equal(image, cv2.cvtColor(yuyv, cv2.COLOR_YUV2GRAY_YUY2))
+
+
+def test_buffer_times_of_either_clock_become_wall_time():
+    wall_ns, monotonic_ns, age_ns = 1_700_000_000_000_000_000, 5_000_000_000_000, 33_000_000
+    for clock_ns in (wall_ns, monotonic_ns):
+        taken_ns = buffer_ns((clock_ns - age_ns) / 1e6, wall_ns, monotonic_ns)
+        assert taken_ns is not None
+        assert abs(taken_ns - (wall_ns - age_ns)) < 1000  # a double holds wall time in ms to a quarter of a microsecond
+    for nonsense in (0.0, -1.0, monotonic_ns / 1e6 + 40.0, monotonic_ns / 1e6 - 60_000.0):
+        assert buffer_ns(nonsense, wall_ns, monotonic_ns) is None
+
+
+@pytest.mark.parametrize(("buffered", "latency_s"), [(True, 0.0), (True, 0.04), (False, 0.04)])
+def test_stamps_are_the_buffers_less_the_latency(buffered, latency_s):
+    capture = ScriptedCapture([np.zeros((48, 64), np.uint8)])
+    if buffered:
+        capture.values[cv2.CAP_PROP_POS_MSEC] = time.monotonic() * 1e3 - 100.0
+    images: queue.Queue = queue.Queue()
+    before_ns = time.time_ns()
+    camera = V4lCamera(3, images.put, lambda number: capture, latency_s=latency_s)
+    camera.start()
+    stamp_ns = images.get(timeout=5.0).stamp_ns
+    camera.close()
+    off_s = (stamp_ns - before_ns) * 1e-9 + latency_s + (0.1 if buffered else 0.0)
+    assert -0.01 < off_s < 5.0
+    told = camera.status().counters
+    assert told["unstamped_frames"] == (0 if buffered else 1)
+    assert (told["waited_us"] >= 100_000) == buffered
+
+
+def test_the_exposure_is_kept_as_it_is_or_said_not_to():
+    capture = ScriptedCapture([])
+    capture.values[cv2.CAP_PROP_EXPOSURE] = 157.0
+    assert lock(capture) == ", exposure locked"
+    assert capture.values[cv2.CAP_PROP_AUTO_EXPOSURE] == 1
+    assert (capture.values[cv2.CAP_PROP_EXPOSURE], capture.values[cv2.CAP_PROP_AUTO_WB]) == (157.0, 0)
+    capture.refused = {cv2.CAP_PROP_AUTO_EXPOSURE}
+    assert "cannot" in lock(capture)

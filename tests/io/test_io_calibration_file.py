@@ -1,7 +1,10 @@
+import json
+from dataclasses import replace
+
 import pytest
 
 from vsx_ros.errors import CalibrationError
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 
 CAMERA = PinholeCamera(640, 480, 517.306408, 516.469215, 318.643040, 255.313989, (0.26, -0.95, -0.005, 0.0026, 1.16))
@@ -23,8 +26,37 @@ distortion_coefficients:
 
 
 def test_a_written_camera_is_read_back_exactly(tmp_path):
-    write_calibration(tmp_path / "c.yaml", CAMERA)
-    assert read_calibration(tmp_path / "c.yaml") == CAMERA
+    rational = replace(CAMERA, distortion=(*CAMERA.distortion, 0.1, -0.2, 1 / 3), model="rational_polynomial")
+    fisheye = replace(CAMERA, distortion=(0.1, -0.2, 1 / 3, 0.0), model="equidistant", shutter=Shutter(0.033, 0.008))
+    for camera in (CAMERA, rational, fisheye):
+        write_calibration(tmp_path / "c.yaml", camera)
+        assert read_calibration(tmp_path / "c.yaml") == camera
+
+
+@pytest.mark.parametrize(
+    ("model", "dist", "expected"),
+    [
+        ("radtan", [0.1, 0.2, 0.0, 0.0], ("plumb_bob", 5)),
+        ("radtan", [0.1] * 8, ("rational_polynomial", 8)),
+        ("rational_polynomial", [0.1] * 8 + [0.0] * 6, ("rational_polynomial", 8)),
+        ("fisheye", [0.1, 0.0, 0.0, 0.0], ("equidistant", 4)),
+    ],
+)
+def test_models_go_by_many_names(tmp_path, model, dist, expected):
+    tree = {"model": model, "width": 640, "height": 480, "fx": 300.0, "fy": 300.0, "cx": 320.0, "cy": 240.0}
+    (tmp_path / "c.json").write_text(json.dumps({**tree, "dist": dist}))
+    camera = read_calibration(tmp_path / "c.json")
+    assert (camera.model, len(camera.distortion)) == expected
+    (tmp_path / "c.json").write_text(json.dumps({**tree, "dist": [0.1] * 9}))
+    with pytest.raises(CalibrationError, match=r"with 9 coefficients is not supported"):
+        read_calibration(tmp_path / "c.json")
+
+
+@pytest.mark.parametrize("shutter", ["-1", "{readout_s: 0.03}", "{readout_s: -0.03, exposure_s: 0.01}"])
+def test_a_shutter_is_two_times(tmp_path, shutter):
+    (tmp_path / "c.yaml").write_text(AS_CAMERA_CALIBRATION_WRITES + f"shutter: {shutter}\n")
+    with pytest.raises(CalibrationError, match="exposure_s|negative|missing"):
+        read_calibration(tmp_path / "c.yaml")
 
 
 def test_the_yaml_of_ros_is_read(tmp_path):
@@ -36,7 +68,7 @@ def test_the_yaml_of_ros_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ("plumb_bob", "equidistant", "'equidistant'"),
+        ("plumb_bob", "omnidirectional", "'omnidirectional'"),
         ("[438.78, 0.0,", "[438.78,", "9 numbers, got 8"),
         (
             "438.78, 0.0, 305.59, 0.0, 437.34, 243.73, 0.0, 0.0, 1.0",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.errors import MapFileError
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.sealed_archive import seal, unseal
@@ -19,7 +19,7 @@ from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.vision.corners import CornerDetector
-from vsx_ros.vision.patch_search import kernel_camera, moving
+from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import build_pyramid, small_image
 
 CAMERA = PinholeCamera(160, 120, 130.1, 131.7, 80.3, 59.9, (0.1, -0.2, 0.001, -0.002, 1 / 3))

@@ -4,13 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.epipolar import triangulate
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.kernels.slam.epipolar import search_rays
 from vsx_ros.vision.corners import CornerDetector, strongest
-from vsx_ros.vision.patch_search import cast_rays, cut_patches, kernel_camera, target_of
+from vsx_ros.vision.patch_search import cast_rays, cut_patches, target_of
 from vsx_ros.vision.pyramid import build_pyramid
 
 CAMERA = PinholeCamera(320, 240, 260.0, 260.0, 160.0, 120.0, (-0.2, 0.05, 0.0, 0.0, 0.0))

@@ -4,11 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry import project_normalized, unproject_pixels
 from vsx_ros.kernels.vision.search import predict
-from vsx_ros.vision.patch_search import kernel_camera
 
 CAMERA = PinholeCamera(640, 480, 525.0, 520.0, 318.0, 243.0, (-0.25, 0.08, 0.001, -0.002, 0.01))
 

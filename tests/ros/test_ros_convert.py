@@ -74,6 +74,8 @@ def test_damaged_images_are_refused() -> None:
 
 def test_camera_info_round_trip_and_refusals() -> None:
     camera = PinholeCamera(640, 480, 525.1, 524.2, 319.5, 239.5, (0.1, -0.2, 0.001, -0.002, 0.05))
+    wide = PinholeCamera(640, 480, 203.0, 203.0, 319.5, 239.5, (0.1, -0.2, 0.3, -0.4), "equidistant")
+    assert images.camera(images.camera_info(wide, STAMP_NS, topics.OPTICAL_FRAME)) == wide
     msg = images.camera_info(camera, STAMP_NS, topics.OPTICAL_FRAME)
     assert images.camera(msg) == camera
     msg.binning_x = 2

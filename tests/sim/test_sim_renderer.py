@@ -7,8 +7,9 @@ from sim_views import PERFECT, camera_in, standing
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.lens import EQUIDISTANT
 from vsx_ros.sim.camera import KINECT, CameraSettings, PosesAt
-from vsx_ros.sim.renderer import Renderer, exact_rays
+from vsx_ros.sim.renderer import Renderer, exact_rays, lit
 from vsx_ros.sim.scene import Scene, compile_scene, quads
 from vsx_ros.sim.textures import packed_levels, texture
 from vsx_ros.sim.world import Box, Material, Outline, World
@@ -212,3 +213,22 @@ def test_lights_fall_off_with_distance(room_with_box: World) -> None:
 def test_scenes_of_one_world_are_equal(room_with_box: World) -> None:
     a, b = compile_scene(room_with_box), compile_scene(room_with_box)
     assert all(np.array_equal(x, y) for x, y in zip(a, b))
+
+
+def test_a_fisheye_sees_what_its_rays_hit_and_nothing_beyond_85_degrees(lab: World) -> None:
+    fisheye = PinholeCamera(640, 480, 203.7, 203.7, 321.0, 238.0, (-0.012, 0.006, -0.004, 0.0006), EQUIDISTANT)
+    camera = camera_in(lab, replace(PERFECT, lens=fisheye))
+    pose = standing(lab.start.x, lab.start.y, lab.start.theta_rad)
+    picture = camera.picture(0, pose, want_depth=True)
+    pixels = np.random.default_rng(4).integers([0, 0], [640, 480], (300, 2)).astype(float)
+    R, t = camera.poses_cam(pose(np.zeros(1, np.int64)))
+    inside = lit(fisheye, pixels)
+    assert 0.7 < inside.mean() < 0.9
+    depth, who = brute_force(lab, t[0], exact_rays(fisheye, pixels)[inside] @ R[0].T)
+    u, v = pixels[inside].astype(int).T
+    same = picture.ident[v, u] == who
+    assert same.mean() > 0.98  # rays along an edge may fall to either side
+    assert np.abs(picture.depth[v, u][same] / depth[same] - 1.0).max() < 1e-3
+    gray = camera.render_gray(0, pose)
+    out_u, out_v = pixels[~inside].astype(int).T
+    assert gray[out_v, out_u].max() <= 30 < gray[v, u].mean()

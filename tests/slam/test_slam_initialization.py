@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
-from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.camera import PinholeCamera, kernel_camera, mount_pose
 from vsx_ros.geometry.epipolar import two_view_motions
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -16,7 +16,6 @@ from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.two_view_reconstruction import InitialMap, InitialPair, MotionHypothesis, TwoViewReconstruction
 from vsx_ros.vision.corners import CornerDetector
-from vsx_ros.vision.patch_search import kernel_camera
 from vsx_ros.vision.pyramid import build_pyramid, small_image
 
 CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)

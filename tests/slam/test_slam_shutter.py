@@ -1,16 +1,17 @@
 """Rolling shutter: rows seen from where the camera was at their own time are brought to one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from vsx_ros.config.maps import ShutterConfig
-from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.camera import PinholeCamera, Shutter, kernel_camera, mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry import ideal_pixels, project_normalized, unproject_pixels
 from vsx_ros.robot import Odometry
 from vsx_ros.slam.preprocessing import RollingShutter
-from vsx_ros.vision.patch_search import kernel_camera
 
 CAMERA = PinholeCamera(640, 480, 517.3, 516.5, 318.6, 255.3, (0.262383, -0.953104, -0.005358, 0.002628, 1.163314))
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.1, 0.0)
@@ -76,5 +77,13 @@ def test_nothing_is_bent_without_wheels_or_with_a_global_shutter():
     still = unproject_pixels(kernel_camera(CAMERA), pixels)
     without = RollingShutter(CAMERA, MOUNT, ShutterConfig()).exposure(None)
     at_once = RollingShutter(CAMERA, MOUNT, ShutterConfig(readout_s=0.0, exposure_s=0.0)).exposure(ODOMETRY)
-    for camera, _ in (without, at_once):
+    unknown = RollingShutter(CAMERA, MOUNT, ShutterConfig()).exposure(ODOMETRY)
+    for camera, _ in (without, at_once, unknown):
         assert (unproject_pixels(camera, pixels) == still).all()
+
+
+def test_the_shutter_is_the_cameras_unless_the_configuration_says_other(exposure):
+    own = replace(CAMERA, shutter=Shutter(READOUT_S, EXPOSURE_S))
+    assert RollingShutter(own, MOUNT, ShutterConfig()).exposure(ODOMETRY)[0] == pytest.approx(exposure[0])
+    quicker = RollingShutter(own, MOUNT, ShutterConfig(readout_s=0.01))
+    assert quicker.middle_ns == round(0.5e9 * (0.01 + EXPOSURE_S))

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.se3 import so3_exp
 from vsx_ros.vision.corners import CornerDetector, dense_corners, indexed, strongest
-from vsx_ros.vision.patch_search import cast_rays, cut_patches, kernel_camera
+from vsx_ros.vision.patch_search import cast_rays, cut_patches
 from vsx_ros.vision.pyramid import Pyramid, build_pyramid, from_level, rotation_between, small_image, to_level
 
 CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)

@@ -1,11 +1,11 @@
 """Focal lengths, centre and distortion of a camera from views of a flat board, and which views are worth keeping.
 
-Z. Zhang, "A flexible new technique for camera calibration", 2000, as OpenCV has it; plumb_bob without k3, which needs
-wider lenses than a robot has."""
+Z. Zhang, "A flexible new technique for camera calibration", 2000, as OpenCV has it. radtan is plumb_bob without
+k3, which only wide lenses show; these want rational or fisheye."""
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
@@ -15,7 +15,14 @@ from vsx_ros.calibration.board import Board
 from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.geometry.camera import PinholeCamera, check_calibration
+from vsx_ros.geometry.lens import COEFFICIENTS, EQUIDISTANT, PLUMB_BOB, RATIONAL
 
+Fit: TypeAlias = tuple[float, Any, Any, Any, Any, Any]
+"""What OpenCV tells: rms [px], K, coefficients, rotations of the board, standard errors, rms of each view [px]."""
+
+MODELS = {"radtan": PLUMB_BOB, "rational": RATIONAL, "fisheye": EQUIDISTANT}
+# Of the image's width, where the search begins: a view of 53 degrees; for wide lenses one of 90, too; one of 180.
+START_FOCAL_RATIOS = {PLUMB_BOB: (1.0,), RATIONAL: (1.0, 0.5), EQUIDISTANT: (1.0 / math.pi,)}
 MIN_VIEWS, GOOD_VIEWS = 4, 10  # three determine a camera (Zhang 2000); ten or more is common advice
 OUTLIER_RATIO, OUTLIER_PX = 2.5, 0.5  # times the median view's error, or that much: blurred or wrong
 GOOD_RMS_PX, USABLE_RMS_PX = 0.5, 1.2  # more is blur or a bent board
@@ -51,12 +58,13 @@ class CameraCalibration(NamedTuple):
     def report(self) -> list[str]:
         """The result in lines for people."""
         left_out = f"; left out, as they contradict the others: {', '.join(self.left_out)}" if self.left_out else ""
-        k1, k2, p1, p2, _ = self.camera.distortion
+        names = {EQUIDISTANT: "k1 k2 k3 k4"}.get(self.camera.model, "k1 k2 p1 p2 k3 k4 k5 k6").split()
+        known = "  ".join(f"{k} {value:.4f}" for k, value in zip(names, self.camera.distortion) if value)
         return [
             f"residual      {self.rms_px:.3f} px rms, {max(self.view_rms_px):.3f} px in the worst picture{left_out}",
             f"focal length  {self.camera.fx:.2f} {self.camera.fy:.2f} px, known to {self.focal_sigma_px:.2f} px",
             f"centre        {self.camera.cx:.2f} {self.camera.cy:.2f} px, known to {self.centre_sigma_px:.2f} px",
-            f"distortion    k1 {k1:.4f}  k2 {k2:.4f}  p1 {p1:.4f}  p2 {p2:.4f}",
+            f"distortion    {self.camera.model}: {known}",
             f"views         {100 * self.cover:.0f} % of the picture, tilted by up to {math.degrees(self.tilt):.0f} deg",
         ]
 
@@ -66,9 +74,11 @@ class CameraCalibration(NamedTuple):
         return f"vsx calibrate camera: {self.rms_px:.3f} px rms over {count}\n{self.verdict}"
 
 
-def calibrate_camera(board: Board, views: Sequence[BoardView], width: int, height: int) -> CameraCalibration:
-    """The camera that made the views, pictures of width x height px. Raises InputError for fewer than ``MIN_VIEWS``
-    views, CalibrationError when they determine no camera."""
+def calibrate_camera(
+    board: Board, views: Sequence[BoardView], width: int, height: int, model: str = "radtan"
+) -> CameraCalibration:
+    """The camera that made the views, pictures of width x height px, with one of ``MODELS``. Raises InputError for
+    fewer than ``MIN_VIEWS`` views, CalibrationError when they determine no camera."""
     kept, left_out = list(views), []
     while True:
         if len(kept) < MIN_VIEWS:
@@ -77,7 +87,7 @@ def calibrate_camera(board: Board, views: Sequence[BoardView], width: int, heigh
                 f"them agree; {MIN_VIEWS} are needed, {GOOD_VIEWS} or more are good: check the number of inner "
                 "corners, or show the board to the camera from more sides"
             )
-        camera, rms_px, of_views_px, sigmas, normals = _fit(board, kept, width, height)
+        camera, rms_px, of_views_px, sigmas, normals = _fit(board, kept, width, height, model)
         worst = int(np.argmax(of_views_px))
         if of_views_px[worst] <= max(OUTLIER_PX, OUTLIER_RATIO * float(np.median(of_views_px))):
             break
@@ -100,26 +110,56 @@ def covered(views: Sequence[BoardView], width: int, height: int) -> float:
 
 
 def _fit(
-    board: Board, views: Sequence[BoardView], width: int, height: int
+    board: Board, views: Sequence[BoardView], width: int, height: int, model: str
 ) -> tuple[PinholeCamera, float, FloatArray, FloatArray, FloatArray]:
     """The camera; what is left [px rms], in all and of each view; standard errors of fx, fy, cx, cy and more [px]; and
     (N, 3) the board's normal in each view."""
-    objects = [board.points().astype(np.float32)] * len(views)
-    pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in views]
-    start = np.array([[width, 0.0, 0.5 * (width - 1)], [0.0, width, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
+    name = MODELS[model]
+    objects, pixels = [board.points()[None]] * len(views), [view.pixels[None] for view in views]
     try:
-        rms, K, distortion, rotations, _, sigmas, _, view_rms = cv2.calibrateCameraExtended(
-            objects, pixels, (width, height), start, np.zeros(5), flags=cv2.CALIB_FIX_K3 | cv2.CALIB_USE_INTRINSIC_GUESS
-        )
+        fits = [_fitted(name, objects, pixels, (width, height), ratio * width) for ratio in START_FOCAL_RATIOS[name]]
     except cv2.error as error:
         raise CalibrationError(
             f"{len(views)} views of the board determine no camera; show it tilted to all sides and in every corner"
         ) from error
-    k1, k2, p1, p2, k3 = (float(d) for d in distortion.ravel()[:5])
+    rms, K, distortion, rotations, sigmas, view_rms = min(fits, key=lambda fit: fit[0])
+    coefficients = tuple(distortion.ravel()[: COEFFICIENTS[name]].tolist())
     fx, fy, cx, cy = float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])
-    camera = PinholeCamera(width, height, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
+    camera = PinholeCamera(width, height, fx, fy, cx, cy, coefficients, name)
     normals = np.array([cv2.Rodrigues(rotation)[0][:, 2] for rotation in rotations])
     return camera, float(rms), view_rms.ravel(), sigmas.ravel(), normals
+
+
+def _fitted(
+    name: str, objects: list[FloatArray], pixels: list[FloatArray], size: tuple[int, int], focal_px: float
+) -> Fit:
+    """From a guess of the focal length, by OpenCV."""
+    start = np.array([[focal_px, 0.0, 0.5 * (size[0] - 1)], [0.0, focal_px, 0.5 * (size[1] - 1)], [0.0, 0.0, 1.0]])
+    if name == EQUIDISTANT:
+        return _fisheye(objects, pixels, size, start)
+    flags = cv2.CALIB_RATIONAL_MODEL if name == RATIONAL else cv2.CALIB_FIX_K3
+    corners, seen = ([np.asarray(each[0], np.float32) for each in part] for part in (objects, pixels))
+    rms, K, D, rotations, _, sigmas, _, view_rms = cv2.calibrateCameraExtended(
+        corners, seen, size, start, np.zeros(8), flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS
+    )
+    return float(rms), K, D, rotations, sigmas, view_rms
+
+
+def _fisheye(objects: list[FloatArray], pixels: list[FloatArray], size: tuple[int, int], start: FloatArray) -> Fit:
+    """Standard errors come from the inverse of the normal equations: OpenCV tells none of a fisheye."""
+    flags = cv2.fisheye.CALIB_RECOMPUTE_EXTRINSIC | cv2.fisheye.CALIB_FIX_SKEW | cv2.fisheye.CALIB_USE_INTRINSIC_GUESS
+    rms, K, D, rotations, shifts = cv2.fisheye.calibrate(objects, pixels, size, start, np.zeros((4, 1)), flags=flags)
+    count, view_rms = len(objects), list[float]()
+    H = np.zeros((8 + 6 * count, 8 + 6 * count))
+    for k, (points, seen) in enumerate(zip(objects, pixels)):
+        again, J = cv2.fisheye.projectPoints(points, rotations[k], shifts[k], K, D)
+        view_rms.append(math.sqrt(float(((again - seen) ** 2).sum()) / points.shape[1]))
+        columns = np.r_[0:8, 8 + 6 * k : 14 + 6 * k]  # fx, fy, cx, cy, k1 to k4; rotation, shift
+        H[np.ix_(columns, columns)] += J[:, :14].T @ J[:, :14]
+    freedom = max(1, 2 * sum(points.shape[1] for points in objects) - len(H))
+    noise = float(np.square(view_rms) @ [points.shape[1] for points in objects]) / freedom
+    sigmas = np.sqrt(np.maximum(noise * np.diag(np.linalg.pinv(H)), 0.0))
+    return float(rms), K, D, rotations, sigmas, np.array(view_rms)
 
 
 def _verdict(rms_px: float, ratio: float, views: int, cover: float, tilt: float) -> Verdict:

@@ -40,7 +40,7 @@ def calibrate(args: argparse.Namespace) -> int:
         return _from_pictures(args, board)
     from vsx_ros.ros.calibrate_camera import calibrate
 
-    return calibrate(board)
+    return calibrate(board, args.model)
 
 
 def _from_pictures(args: argparse.Namespace, board: Board) -> int:
@@ -62,7 +62,7 @@ def _from_pictures(args: argparse.Namespace, board: Board) -> int:
     if size is None:
         given = ", ".join(map(str, args.input))
         raise InputError(f"there is no picture in {given}; give {' '.join(PICTURES)} or a bag")
-    result = calibrate_camera(board, views, size[1], size[0])
+    result = calibrate_camera(board, views, size[1], size[0], args.model)
     print(f"the board is in {len(views)} of {searched} pictures that were searched", *result.report(), sep="\n  ")
     if not _good_enough(result.verdict, out):
         return FAILED

@@ -133,6 +133,7 @@ def _camera(verbs: Any) -> None:
     size = "inner corners (or circles) across x down x spacing in metres, e.g. 8x6x0.025"
     add("--board", required=True, metavar="CxRxM", help=size)
     add("--pattern", choices=("checkerboard", "circles"), default="checkerboard", help="on the board")
+    add("--model", choices=("radtan", "rational", "fisheye"), default="radtan", help="of the lens (default radtan)")
     add("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
     add("--live", action="store_true", help="from the running node 'camera', which then stores it")
     add("--name", default="camera", metavar="NAME", help="of the camera: NAME.yaml (default camera)")

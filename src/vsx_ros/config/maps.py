@@ -113,10 +113,10 @@ class DriftConfig(Branch, frozen=True):
 
 class ShutterConfig(Branch, frozen=True):
     """How the camera exposes: its rows one after the other (0: all at once), each for so long. With odometry, images
-    are freed from how the camera moves meanwhile. Defaults: the Kinect's colour camera indoors."""
+    are freed from how the camera moves meanwhile. -1: as the calibration says, 0 where that says nothing."""
 
-    readout_s: NonNegative = 0.026
-    exposure_s: NonNegative = 0.015
+    readout_s: Annotated[float, Meta(ge=-1)] = -1.0
+    exposure_s: Annotated[float, Meta(ge=-1)] = -1.0
 
 
 class OdometryNoiseConfig(Branch, frozen=True):

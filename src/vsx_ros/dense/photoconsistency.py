@@ -59,9 +59,7 @@ class KeyframeImages:
             [camera.fx, camera.fy, (camera.cx + 0.5) - 0.5 / factor, (camera.cy + 0.5) - 0.5 / factor]
         ) * factor  # fmt: skip
         self._size = camera.width, camera.height
-        self._maps = cv2.initUndistortRectifyMap(
-            camera.K, np.array(camera.distortion), np.eye(3), camera.K, self._size, cv2.CV_16SC2
-        )
+        self._maps = camera.undistortion()
         table, pixels = layout(camera.height >> shrink, camera.width >> shrink)
         self._table, self._store = table[:, :3].copy(), np.zeros((16, pixels), np.uint8)
         self._slot: dict[int, int] = {}

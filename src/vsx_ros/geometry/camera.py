@@ -1,26 +1,41 @@
-"""Pinhole camera with plumb-bob (Brown) distortion, as ROS camera_info and OpenCV state it, and its mount."""
+"""A camera: intrinsics and lens, as ROS camera_info and OpenCV state them, its shutter, and its mount."""
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, Pixels, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, Pixels, Points3
 from vsx_ros.config import MountConfig
 from vsx_ros.errors import CalibrationError
+from vsx_ros.geometry import lens
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels import lens as array
+from vsx_ros.kernels.geometry import project_points, unproject_pixels
 
 MAX_PIXELS = 2**25  # no image is larger: twice that of a 16 megapixel camera
-VIEW_MIN_DEG, VIEW_MAX_DEG = 10.0, 150.0  # horizontal: what the models of lenses here hold for
-ROUND_TRIP_PX = 1.0  # projected and back, median; distortion that cannot be inverted is off by far more
+VIEW_MIN_DEG, VIEW_MAX_DEG = 10.0, 150.0  # horizontal: what a plane image plane holds
+FISHEYE_VIEW_MAX_DEG = 250.0  # what is sold
+BORDER = 1.1  # times the radius of the farthest corner: how far beyond the image its pixels are still predicted
 MOUNT_REACH_M = 5.0  # farther from its base no camera is: another unit, most likely
 ROTATION_ERROR = 1e-6  # rounding of six digits in a file
 
 
+class Shutter(NamedTuple):
+    """How a camera exposes: its rows one after the other within readout_s (0: all at once), each for exposure_s."""
+
+    readout_s: float
+    exposure_s: float
+
+
 @dataclass(frozen=True, slots=True)
 class PinholeCamera:
-    """Intrinsics [px] and distortion (k1, k2, p1, p2, k3). Integer pixel coordinates are pixel centres.
+    """Intrinsics [px], coefficients of one of the ``lens`` models, and the shutter, None where nobody measured it.
+    Integer pixel coordinates are pixel centres.
 
     Raises CalibrationError when a value cannot be a camera's."""
 
@@ -30,10 +45,12 @@ class PinholeCamera:
     fy: float
     cx: float
     cy: float
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    model: str = lens.PLUMB_BOB
+    shutter: Shutter | None = None
 
     def __post_init__(self) -> None:
-        numbers = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
+        numbers = (self.fx, self.fy, self.cx, self.cy, *self.distortion, *(self.shutter or ()))
         if not all(math.isfinite(n) for n in numbers):
             raise CalibrationError(f"camera calibration holds a number that is not finite: {numbers}")
         if self.width * self.height > MAX_PIXELS:
@@ -46,6 +63,14 @@ class PinholeCamera:
                 f"camera calibration {self.width}x{self.height}, fx {self.fx}, fy {self.fy} cannot be a "
                 "camera's: size must be at least 16x16 and focal lengths positive; calibrate the camera again"
             )
+        if lens.COEFFICIENTS.get(self.model) != len(self.distortion):
+            known = ", ".join(f"{name} ({count})" for name, count in lens.COEFFICIENTS.items())
+            raise CalibrationError(
+                f"camera calibration has the distortion model {self.model!r} with {len(self.distortion)} "
+                f"coefficients; known are {known}: calibrate with one of these"
+            )
+        if min(self.shutter or (0.0,)) < 0.0:
+            raise CalibrationError(f"camera calibration has {self.shutter}; times cannot be negative, remove them")
 
     @property
     def K(self) -> FloatArray:
@@ -53,33 +78,68 @@ class PinholeCamera:
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def parameters(self) -> FloatArray:
-        """(9,) fx, fy, cx, cy, k1, k2, p1, p2, k3: what kernels take."""
+        """fx, fy, cx, cy and the model's coefficients."""
         return np.array([self.fx, self.fy, self.cx, self.cy, *self.distortion])
 
     def project(self, points_cam: Points3) -> Pixels:
-        """(N, 2) pixels of (N, 3) points; NaN where the point is not in front of the camera."""
+        """(N, 2) pixels of (N, 3) points; NaN where the lens does not see the point: behind, or beyond its usable
+        angle."""
         points_cam = np.asarray(points_cam, float).reshape(-1, 3)
         z = np.where(points_cam[:, 2] > 1e-6, points_cam[:, 2], np.nan)
-        x, y = points_cam[:, 0] / z, points_cam[:, 1] / z
-        k1, k2, p1, p2, k3 = self.distortion
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        xd = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-        yd = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-        return np.stack([self.fx * xd + self.cx, self.fy * yd + self.cy], axis=1)
+        plane = points_cam[:, :2] / z[:, None]
+        plane[~((plane**2).sum(axis=1) <= math.tan(lens.usable_angle(self.model, self.distortion)) ** 2)] = np.nan
+        return project_points(kernel_camera(self), plane)
 
     def unproject(self, pixels: Pixels) -> Points3:
-        """(N, 3) points on the plane z = 1 that project to the (N, 2) pixels."""
-        pixels = np.asarray(pixels, float).reshape(-1, 2)
-        if not any(self.distortion) or not len(pixels):
-            x = (pixels[:, 0] - self.cx) / self.fx
-            y = (pixels[:, 1] - self.cy) / self.fy
-            return np.stack([x, y, np.ones_like(x)], axis=1)
-        criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
-        plane = cv2.undistortPointsIter(
-            pixels.reshape(-1, 1, 2), self.K, np.array(self.distortion), np.eye(3), np.eye(3), criteria
-        ).reshape(-1, 2)
-        return np.column_stack([plane, np.ones(len(plane))])
+        """(N, 3) points on the plane z = 1 that project to the (N, 2) pixels; without meaning where these are not
+        ``usable``."""
+        pixels = np.ascontiguousarray(pixels, float).reshape(-1, 2)
+        return np.column_stack([unproject_pixels(kernel_camera(self), pixels), np.ones(len(pixels))])
+
+    def undistortion(self) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
+        """Maps for ``cv2.remap`` to a picture of the same size and K without distortion."""
+        u, v = np.meshgrid(np.arange(self.width, dtype=float), np.arange(self.height, dtype=float))
+        ideal = np.stack([(u - self.cx) / self.fx, (v - self.cy) / self.fy], axis=-1).reshape(-1, 2)
+        seen = self.project(np.column_stack([ideal, np.ones(len(ideal))])).reshape(self.height, self.width, 2)
+        u, v = np.moveaxis(np.nan_to_num(seen, nan=-1e4).astype(np.float32), 2, 0)
+        rounded, fraction = cv2.convertMaps(u, v, cv2.CV_16SC2)
+        return np.asarray(rounded, np.int16), np.asarray(fraction, np.uint16)
+
+
+def kernel_camera(camera: PinholeCamera) -> FloatArray:
+    """(CAMERA,) the kernels' array of a camera that stands."""
+    return _standing(camera).copy()
+
+
+@lru_cache(maxsize=32)
+def _standing(camera: PinholeCamera) -> FloatArray:
+    """Its usable part ends where the lens' does, or a little beyond the farthest corner of the image."""
+    known = camera.model, camera.distortion
+    angles = np.linspace(0.0, lens.usable_angle(*known), 2000)
+    radii = lens.radius(*known, angles)
+    across, down = (max(c, n - 1 - c) / f for c, n, f in (
+        (camera.cx, camera.width, camera.fx), (camera.cy, camera.height, camera.fy)))  # fmt: skip
+    angle = float(np.interp(BORDER * math.hypot(across, down), radii, angles))
+    coefficients = np.zeros(8)
+    coefficients[: len(camera.distortion)] = camera.distortion
+    out = np.zeros(array.CAMERA)
+    out[: array.LENS] = camera.fx, camera.fy, camera.cx, camera.cy
+    out[array.LENS : array.PLANE_R2] = coefficients[:5]
+    out[array.PLANE_R2] = math.tan(angle) ** 2
+    out[array.WIDTH], out[array.HEIGHT] = camera.width, camera.height
+    out[array.RATIONAL : array.RATIONAL + 3] = coefficients[5:]
+    out[array.MODEL] = array.EQUIDISTANT if camera.model == lens.EQUIDISTANT else array.POLYNOMIAL
+    out[array.PICTURE_R2] = float(np.interp(angle, angles, radii)) ** 2
+    return out
+
+
+def usable(camera: FloatArray, pixels: Pixels) -> BoolArray:
+    """(N,) whether the lens holds at the (N, 2) pixels, of a camera array: what is beyond is masked."""
+    plane = (pixels - camera[array.CX : array.CY + 1]) / camera[array.FX : array.FY + 1]
+    return np.asarray((plane**2).sum(axis=1) <= camera[array.PICTURE_R2])
+
+
+KINECT_SHUTTER = Shutter(0.026, 0.015)  # its colour camera at 30 Hz, indoors
 
 
 def nominal_camera(width: int, height: int) -> PinholeCamera:
@@ -107,11 +167,14 @@ def mounted(mount: MountConfig) -> SE3:
 def check_calibration(camera: PinholeCamera, T_base_cam: SE3 | None) -> None:
     """Raises CalibrationError for a field of view, principal point, distortion or mount that cannot be."""
     again = "check the calibration file or calibrate the camera again"
-    view_deg = math.degrees(2.0 * math.atan(0.5 * camera.width / camera.fx))
-    if not VIEW_MIN_DEG <= view_deg <= VIEW_MAX_DEG or not 0.5 <= camera.fx / camera.fy <= 2.0:
+    half = 0.5 * camera.width / camera.fx
+    fisheye = camera.model == lens.EQUIDISTANT
+    view_deg = math.degrees(2.0 * (half if fisheye else math.atan(half)))
+    most_deg = FISHEYE_VIEW_MAX_DEG if fisheye else VIEW_MAX_DEG
+    if not VIEW_MIN_DEG <= view_deg <= most_deg or not 0.5 <= camera.fx / camera.fy <= 2.0:
         raise CalibrationError(
             f"focal lengths fx {camera.fx:g}, fy {camera.fy:g} px make a view of {view_deg:.3g} deg at "
-            f"{camera.width} columns; {VIEW_MIN_DEG:g} to {VIEW_MAX_DEG:g} deg are possible: {again}"
+            f"{camera.width} columns; {VIEW_MIN_DEG:g} to {most_deg:g} deg are possible: {again}"
         )
     if not (0.0 < camera.cx < camera.width and 0.0 < camera.cy < camera.height):
         raise CalibrationError(
@@ -120,10 +183,13 @@ def check_calibration(camera: PinholeCamera, T_base_cam: SE3 | None) -> None:
         )
     u, v = np.linspace(0.0, camera.width - 1.0, 9), np.linspace(0.0, camera.height - 1.0, 9)
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    error = np.abs(camera.project(camera.unproject(pixels)) - pixels).max(axis=1)
     # The outermost pixels of a real lens may lie beyond where its polynomial holds; most of the image may not.
-    if not float(np.median(error)) < ROUND_TRIP_PX:
-        raise CalibrationError(f"the distortion {camera.distortion} cannot be undone over most of the image: {again}")
+    if not usable(kernel_camera(camera), pixels).mean() > 0.5:
+        fold_deg = math.degrees(lens.fold_angle(camera.model, camera.distortion))
+        raise CalibrationError(
+            f"the distortion {camera.distortion} ({camera.model}) holds up to {fold_deg:.0f} deg off the axis, so it "
+            f"cannot be undone over most of the image: {again}"
+        )
     if T_base_cam is not None:
         _check_mount(T_base_cam)
 

@@ -1,6 +1,7 @@
 """Camera calibration on disk: ROS camera_info YAML (as camera_calibration writes it) and the plain camera.json."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,11 +9,14 @@ import numpy as np
 import yaml
 
 from vsx_ros.errors import CalibrationError, explained, reason_of
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry import lens
+from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.io.atomic import write_text
 from vsx_ros.limits import DAMAGE, file_text, json_tree, yaml_tree
 
-_PINHOLE_MODELS = ("plumb_bob", "radtan", "radial-tangential", "pinhole", "rational_polynomial", "")
+_MODELS = dict.fromkeys(("plumb_bob", "radtan", "radial-tangential", "pinhole", ""), lens.PLUMB_BOB)
+_MODELS |= dict.fromkeys(("rational_polynomial", "rational"), lens.RATIONAL)
+_MODELS |= dict.fromkeys(("equidistant", "fisheye", "kannala_brandt"), lens.EQUIDISTANT)
 _FORMATS = "a ROS camera_info YAML or a camera.json"
 
 
@@ -20,20 +24,23 @@ def camera_from_info(
     width: int, height: int, K: Sequence[float], D: Sequence[float], model: str, name: str
 ) -> PinholeCamera | None:
     """The camera of a sensor_msgs/CameraInfo's fields; None when K is all zero, ROS's word for uncalibrated. K: 9
-    numbers, row by row. D: distortion, k1 k2 p1 p2 k3. name: what an error message shall call it. Raises
-    CalibrationError for a lens model this stack cannot use."""
+    numbers, row by row. D: the model's coefficients (``geometry.lens``), zeros at the end may be missing. name: what an
+    error message shall call it. Raises CalibrationError for a lens model this stack cannot use."""
     k, d = [float(value) for value in K], [float(value) for value in D]
     if len(k) != 9:
         raise CalibrationError(f"{name}: the camera matrix needs 9 numbers, got {len(k)}; calibrate the camera again")
     if not any(k):
         return None
-    if model not in _PINHOLE_MODELS or any(d[5:]):
+    known = _MODELS.get(model, "")
+    known = lens.RATIONAL if known == lens.PLUMB_BOB and any(d[5:]) else known
+    count = lens.COEFFICIENTS.get(known, 0)
+    if not known or any(d[count:]):
         raise CalibrationError(
-            f"{name}: distortion model {model!r} with {len(d)} coefficients is not supported; "
-            "calibrate with plumb_bob (k1 k2 p1 p2 k3)"
+            f"{name}: distortion model {model!r} with {len(d)} coefficients is not supported; calibrate with "
+            "plumb_bob (5), rational_polynomial (8) or equidistant (4)"
         )
-    k1, k2, p1, p2, k3 = (d + [0.0] * 5)[:5]
-    return PinholeCamera(int(width), int(height), k[0], k[4], k[2], k[5], (k1, k2, p1, p2, k3))
+    coefficients = tuple((d + [0.0] * count)[:count])
+    return PinholeCamera(int(width), int(height), k[0], k[4], k[2], k[5], coefficients, known)
 
 
 def read_calibration(path: Path) -> PinholeCamera:
@@ -65,24 +72,31 @@ def _camera_of(tree: dict[str, Any], name: str) -> PinholeCamera | None:
     if "camera_matrix" in tree:
         size = int(tree["image_width"]), int(tree["image_height"])
         K, D = tree["camera_matrix"]["data"], tree["distortion_coefficients"]["data"]
-        return camera_from_info(*size, K, D, str(tree.get("distortion_model", "plumb_bob")), name)
-    K = [tree["fx"], 0.0, tree["cx"], 0.0, tree["fy"], tree["cy"], 0.0, 0.0, 1.0]
-    size = int(tree["width"]), int(tree["height"])
-    return camera_from_info(*size, K, tree.get("dist", []), str(tree.get("model", "pinhole")), name)
+        camera = camera_from_info(*size, K, D, str(tree.get("distortion_model", "plumb_bob")), name)
+    else:
+        K = [tree["fx"], 0.0, tree["cx"], 0.0, tree["fy"], tree["cy"], 0.0, 0.0, 1.0]
+        size = int(tree["width"]), int(tree["height"])
+        camera = camera_from_info(*size, K, tree.get("dist", []), str(tree.get("model", "pinhole")), name)
+    if camera is None or "shutter" not in tree:
+        return camera
+    times = tree["shutter"]
+    return replace(camera, shutter=Shutter(float(times["readout_s"]), float(times["exposure_s"])))
 
 
 def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "camera", remark: str = "") -> None:
-    """A camera_info YAML that ROS's own tools read. remark: comment on top of it."""
+    """A camera_info YAML that ROS's own tools read; the shutter is ours, and nobody else's. remark: comment on top."""
     tree = {
         "image_width": camera.width,
         "image_height": camera.height,
         "camera_name": camera_name,
         "camera_matrix": _matrix(camera.K),
-        "distortion_model": "plumb_bob",
+        "distortion_model": camera.model,
         "distortion_coefficients": _matrix(np.array([camera.distortion])),
         "rectification_matrix": _matrix(np.eye(3)),
         "projection_matrix": _matrix(np.column_stack([camera.K, np.zeros(3)])),
     }
+    if camera.shutter is not None:
+        tree["shutter"] = camera.shutter._asdict()
     comment = "".join(f"# {line}\n" for line in remark.splitlines())
     write_text(path, comment + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.errors import InputError, explained
 from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.lens import EQUIDISTANT
 from vsx_ros.io.atomic import write_bytes, write_text
 from vsx_ros.limits import DATA_BYTES, file_bytes
 from vsx_ros.slam.snapshot import MapSnapshot
@@ -79,9 +80,11 @@ def write_colmap(folder: Path, camera: PinholeCamera, snapshot: MapSnapshot) -> 
 
 
 def _camera_text(camera: PinholeCamera) -> str:
-    """OPENCV has four coefficients; a fifth needs FULL_OPENCV, whose last three divide and are zero here."""
-    k1, k2, p1, p2, k3 = camera.distortion
-    model, lens = ("OPENCV", [k1, k2, p1, p2]) if k3 == 0.0 else ("FULL_OPENCV", [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0])
+    """OPENCV has four coefficients, FULL_OPENCV eight, of which the last three divide."""
+    model, lens = "OPENCV_FISHEYE", [*camera.distortion]
+    if camera.model != EQUIDISTANT:
+        model = "FULL_OPENCV" if any(camera.distortion[4:]) else "OPENCV"
+        lens = [*camera.distortion, 0.0, 0.0, 0.0][: 8 if model == "FULL_OPENCV" else 4]
     numbers = [camera.fx, camera.fy, camera.cx + _CORNER_PX, camera.cy + _CORNER_PX, *lens]
     text = " ".join(f"{number:.12g}" for number in numbers)
     return f"# CAMERA_ID MODEL WIDTH HEIGHT PARAMS\n{_CAMERA} {model} {camera.width} {camera.height} {text}\n"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.lens import MOTION
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.keyframe import VIEWS, Anchor, MapView
 from vsx_ros.vision.pyramid import LEVELS
@@ -38,7 +39,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] =
     "map_id": ("<i8", ("K",), lambda v: [k.map_id for k in v.keyframes]),
     "has_odometry": ("|b1", ("K",), lambda v: [k.data.T_odom_base is not None for k in v.keyframes]),
     "odometry": ("<f8", ("K", 3), lambda v: [_pose(k.data.T_odom_base) for k in v.keyframes]),
-    "readout_motion": ("<f8", ("K", 6), lambda v: [k.data.camera[-6:] for k in v.keyframes]),
+    "readout_motion": ("<f8", ("K", 6), lambda v: [k.data.camera[MOTION : MOTION + 6] for k in v.keyframes]),
     "anchor": ("<i8", ("K",), lambda v: [a.keyframe for a in _anchors(v)]),
     "anchor_rotation": ("<f8", ("K", 3, 3), lambda v: [a.T_keyframe_this.rotation for a in _anchors(v)]),
     "anchor_translation": ("<f8", ("K", 3), lambda v: [a.T_keyframe_this.translation for a in _anchors(v)]),

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from vsx_ros import __version__
 from vsx_ros.arrays import GrayImage
 from vsx_ros.errors import MapFileError, explained, reason_of
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import PinholeCamera, Shutter, kernel_camera
+from vsx_ros.geometry.lens import PLUMB_BOB
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import write_bytes
@@ -28,7 +29,7 @@ from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes, json_
 from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, MapView, Observations, Templates
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.vision.corners import indexed
-from vsx_ros.vision.patch_search import kernel_camera, moving
+from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import build_pyramid, small_image
 
 FORMAT, VERSION = "vsx_ros slam map", 1  # raised when an older vsx_ros could not read the file
@@ -104,9 +105,10 @@ def _manifest(entries: Mapping[str, bytes]) -> dict[str, Any]:
 
 def _camera(manifest: Mapping[str, Any]) -> PinholeCamera:
     tree = manifest["camera"]
-    k1, k2, p1, p2, k3 = (float(k) for k in tree["distortion"])
+    lens = tuple(float(k) for k in tree["distortion"]), str(tree.get("model", PLUMB_BOB))
     fx, fy, cx, cy = (float(tree[name]) for name in ("fx", "fy", "cx", "cy"))
-    return PinholeCamera(int(tree["width"]), int(tree["height"]), fx, fy, cx, cy, (k1, k2, p1, p2, k3))
+    shutter = None if tree.get("shutter") is None else Shutter(*(float(t) for t in tree["shutter"]))
+    return PinholeCamera(int(tree["width"]), int(tree["height"]), fx, fy, cx, cy, *lens, shutter)
 
 
 def _mount(manifest: Mapping[str, Any]) -> SE3 | None:

@@ -1,8 +1,7 @@
 """Rigid motions (tangent vectors are xi = (rho, omega)), and points into pixels and back, one point or many.
 
-Camera arrays are (18,): fx, fy, cx, cy, k1, k2, p1, p2, k3, largest valid squared radius on the plane z = 1, width,
-height; then the rotation vector [rad] by which the camera turns and the way [m] it goes, in its own frame, while the
-rows of the image are read out from top to bottom.
+Camera arrays are (CAMERA,), laid out in ``lens``. Their motion is the rotation vector [rad] by which the camera turns
+and the way [m] it goes, in its own frame, while the rows of the image are read out from top to bottom.
 
 A row is seen from where the camera was at that row's own time; all else refers to the middle row. At 15 deg/s and 26 ms
 that is 1.8 px at the edges, much more than what patches are located to. The way matters less (0.3 px at 0.3 m/s and
@@ -14,6 +13,7 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels import kernel, part
+from vsx_ros.kernels.lens import CX, CY, FX, FY, HEIGHT, MOTION, PLANE_R2, WIDTH, distort, undistort
 
 
 @kernel
@@ -110,57 +110,41 @@ def log_se3(R: FloatArray, t: FloatArray) -> FloatArray:
 @kernel
 def row_share(camera: FloatArray, v: float) -> float:
     """What part of the readout after the middle row, in [-0.5, 0.5], the row v [px] is exposed."""
-    return float((v + 0.5) / camera[11] - 0.5)
+    return float((v + 0.5) / camera[HEIGHT] - 0.5)
 
 
 @kernel
 def project_normalized(camera: FloatArray, x: float, y: float) -> tuple[float, float]:
-    """(u, v) [px] of the point (x, y, 1), with plumb-bob distortion and the turn of its row, which is guessed
-    before the distortion: good to half a pixel at 0.6 rad/s, for looking there."""
-    wx, wy, wz = camera[12], camera[13], camera[14]
+    """(u, v) [px] of the point (x, y, 1), as its row sees it, which is guessed from where the standing camera would:
+    good to half a pixel at 0.6 rad/s, for looking there."""
+    xd, yd = distort(camera, x, y)
+    wx, wy, wz = camera[MOTION], camera[MOTION + 1], camera[MOTION + 2]
     if wx != 0.0 or wy != 0.0 or wz != 0.0:
-        share = row_share(camera, camera[1] * y + camera[3])
+        share = row_share(camera, camera[FY] * yd + camera[CY])
         z = 1.0 - share * (wx * y - wy * x)
-        x, y = (x - share * (wy - wz * y)) / z, (y - share * (wz * x - wx)) / z
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (camera[4] + r2 * (camera[5] + r2 * camera[8]))
-    xd = x * radial + 2.0 * camera[6] * x * y + camera[7] * (r2 + 2.0 * x * x)
-    yd = y * radial + camera[6] * (r2 + 2.0 * y * y) + 2.0 * camera[7] * x * y
-    return camera[0] * xd + camera[2], camera[1] * yd + camera[3]
+        xd, yd = distort(camera, (x - share * (wy - wz * y)) / z, (y - share * (wz * x - wx)) / z)
+    return camera[FX] * xd + camera[CX], camera[FY] * yd + camera[CY]
 
 
 @kernel
 def unproject_pixel(camera: FloatArray, u: float, v: float) -> tuple[float, float]:
-    """(x, y) on the plane z = 1 that projects to the pixel: Newton steps on the distortion, then the row's turn."""
-    k1, k2, p1, p2, k3 = camera[4], camera[5], camera[6], camera[7], camera[8]
-    xd = (u - camera[2]) / camera[0]
-    yd = (v - camera[3]) / camera[1]
-    x, y = xd, yd
-    for _ in range(20):
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        ex = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) - xd
-        ey = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y - yd
-        if abs(ex) + abs(ey) < 1e-13:
-            break
-        slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
-        jxx = radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x
-        jxy = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
-        jyy = radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x
-        det = jxx * jyy - jxy * jxy
-        if det < 0.05:
-            # Beyond where the model is one to one: the slower fixed-point step stays on its near side.
-            x -= ex / max(radial, 0.1)
-            y -= ey / max(radial, 0.1)
-            continue
-        x -= (jyy * ex - jxy * ey) / det
-        y -= (jxx * ey - jxy * ex) / det
-    wx, wy, wz = camera[12], camera[13], camera[14]
+    """(x, y) on the plane z = 1 that projects to the pixel: the lens undone, then the row's turn."""
+    x, y = undistort(camera, (u - camera[CX]) / camera[FX], (v - camera[CY]) / camera[FY])
+    wx, wy, wz = camera[MOTION], camera[MOTION + 1], camera[MOTION + 2]
     if wx != 0.0 or wy != 0.0 or wz != 0.0:
         share = row_share(camera, v)
         z = 1.0 + share * (wx * y - wy * x)
         x, y = (x + share * (wy - wz * y)) / z, (y + share * (wz * x - wx)) / z
     return x, y
+
+
+@kernel
+def project_points(camera: FloatArray, plane: FloatArray) -> FloatArray:
+    """(N, 2) pixels of (N, 2) points on the plane z = 1."""
+    out = np.empty((plane.shape[0], 2))
+    for i in range(plane.shape[0]):
+        out[i, 0], out[i, 1] = project_normalized(camera, plane[i, 0], plane[i, 1])
+    return out
 
 
 @kernel
@@ -180,9 +164,9 @@ def ideal_pixels(camera: FloatArray, pixels: FloatArray, depth: FloatArray) -> F
     for i in range(pixels.shape[0]):
         x, y = unproject_pixel(camera, pixels[i, 0], pixels[i, 1])
         share = row_share(camera, pixels[i, 1]) / depth[i]
-        z = 1.0 + share * camera[17]
-        out[i, 0] = (x + share * camera[15]) / z * camera[0] + camera[2]
-        out[i, 1] = (y + share * camera[16]) / z * camera[1] + camera[3]
+        z = 1.0 + share * camera[MOTION + 5]
+        out[i, 0] = (x + share * camera[MOTION + 3]) / z * camera[FX] + camera[CX]
+        out[i, 1] = (y + share * camera[MOTION + 4]) / z * camera[FY] + camera[CY]
     return out
 
 
@@ -195,10 +179,10 @@ def project_rows(
     n = rows.shape[0]
     uv = np.zeros((n, 2))
     inside = np.zeros(n, np.bool_)
-    right, bottom = camera[10] - 1 - margin_px, camera[11] - 1 - margin_px
+    right, bottom = camera[WIDTH] - 1 - margin_px, camera[HEIGHT] - 1 - margin_px
     for i in range(n):
         x, y, z = transform(R, t, points[rows[i], 0], points[rows[i], 1], points[rows[i], 2])
-        if z < 1e-3 or (x / z) * (x / z) + (y / z) * (y / z) > camera[9]:
+        if z < 1e-3 or (x / z) * (x / z) + (y / z) * (y / z) > camera[PLANE_R2]:
             continue
         u, v = project_normalized(camera, x / z, y / z)
         uv[i, 0], uv[i, 1] = u, v

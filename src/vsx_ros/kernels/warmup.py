@@ -68,7 +68,7 @@ def _ground_map() -> None:
 
 
 def _tracking() -> None:
-    camera = np.array([100.0, 100.0, 31.5, 31.5, 0.0, 0.0, 0.0, 0.0, 0.0, 10.0, 64.0, 64.0, *np.zeros(6)])
+    camera = np.array([100.0, 100.0, 31.5, 31.5, *np.zeros(5), 10.0, 64.0, 64.0, *np.zeros(10), 10.0])
     target = _image()
     templates = np.zeros((1, 24, 24), np.uint8)
     eye, zero = np.eye(3), np.zeros(3)
@@ -78,6 +78,7 @@ def _tracking() -> None:
     basis = np.array([[0.01, 0.0, 0.0, 0.01]])
     one = np.zeros(1, np.int64)
     geometry.unproject_pixels(camera, np.zeros((1, 2)))
+    geometry.project_points(camera, np.zeros((1, 2)))
     geometry.ideal_pixels(camera, np.zeros((1, 2)), np.ones(1))
     geometry.project_rows(camera, eye, zero, points, one, 8.0)
     of_point, R_world_cam, centres = np.zeros((1, 5), np.int64), np.zeros((1, 3, 3)), np.zeros((1, 3))

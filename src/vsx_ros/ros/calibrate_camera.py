@@ -64,7 +64,7 @@ class BoardWatcher:
 
 
 @operator_command.command
-def calibrate(board: Board) -> int:
+def calibrate(board: Board, model: str) -> int:
     """Collect until nothing is missing or Ctrl-C; calibrate, and let the camera node store it."""
     operator_command.join("calibrate")
     ended = SignalFlag(signal.SIGINT, signal.SIGTERM)
@@ -82,7 +82,7 @@ def calibrate(board: Board) -> int:
             break
     if watcher.chooser is None or len(watcher.chooser.views) < MIN_VIEWS:
         raise InputError(f"ended with too few views of the board, {MIN_VIEWS} are needed; nothing is stored")
-    result = calibrate_camera(board, watcher.chooser.views, *watcher.size)
+    result = calibrate_camera(board, watcher.chooser.views, *watcher.size, model)
     sys.stdout.write("\n  ".join([f"{len(watcher.chooser.views)} views", *result.report()]) + f"\n{result.verdict}\n")
     if result.verdict.grade is Grade.BAD:
         sys.stdout.write("  it is not stored\n")

@@ -2,19 +2,20 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import rospy
 
-from vsx_hw.cameras import V4lCamera
 from vsx_hw.kinect.driver import KinectCamera, KinectTransport
 from vsx_hw.kinect.protocol import MODES
 from vsx_hw.kinect.socket_transport import SocketTransport
 from vsx_hw.kinect.usb_transport import UsbTransport
 from vsx_hw.readings import ImageReading, LinkStatus
+from vsx_hw.v4l import V4lCamera, V4lMode
 from vsx_ros.errors import CalibrationError, ConfigError
-from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
+from vsx_ros.geometry.camera import KINECT_SHUTTER, PinholeCamera, nominal_camera
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.registry import Registry
 from vsx_ros.ros.topic_drivers import TopicCamera
@@ -37,12 +38,13 @@ class Camera(Protocol):
 
 
 class CameraSettings(NamedTuple):
-    """name: what stands behind the colon of ~device. mode, lock_exposure: of a Kinect."""
+    """name: what stands behind the colon of ~device. latency_s: of a kernel camera."""
 
     name: str
     on_image: Callable[[ImageReading], None]
     mode: str = "vga"
     lock_exposure: bool = False
+    latency_s: float = 0.0
 
 
 def _kinect(device: str, transport: Callable[[], KinectTransport], wanted: CameraSettings) -> Camera:
@@ -65,7 +67,11 @@ def _emulated(wanted: CameraSettings) -> Camera:
 def _v4l(wanted: CameraSettings) -> Camera:
     if not wanted.name.isdigit():
         raise ConfigError(f"camera v4l:{wanted.name}: give the number N of /dev/videoN, e.g. v4l:0")
-    return V4lCamera(int(wanted.name), wanted.on_image)
+    mode = V4lMode() if wanted.mode == "vga" else V4lMode.parse(wanted.mode)
+    if mode is None:
+        raise ConfigError(f"camera ~mode {wanted.mode!r}: give size, rate and format, e.g. 1280x720@30/mjpeg")
+    locked, latency_s = wanted.lock_exposure, wanted.latency_s
+    return V4lCamera(int(wanted.name), wanted.on_image, mode=mode, lock_exposure=locked, latency_s=latency_s)
 
 
 CAMERAS: Registry[Callable[[CameraSettings], Camera]] = Registry(
@@ -80,12 +86,16 @@ CAMERAS: Registry[Callable[[CameraSettings], Camera]] = Registry(
 
 
 def open_camera(
-    device: str, on_image: Callable[[ImageReading], None], mode: str = "vga", lock_exposure: bool = False
+    device: str,
+    on_image: Callable[[ImageReading], None],
+    mode: str = "vga",
+    lock_exposure: bool = False,
+    latency_s: float = 0.0,
 ) -> Camera:
     """The driver of a ~device, KIND or KIND:NAME; it connects when started. Raises ConfigError for one without
     meaning."""
     kind, _, name = device.partition(":")
-    return CAMERAS[kind](CameraSettings(name, on_image, mode, lock_exposure))
+    return CAMERAS[kind](CameraSettings(name, on_image, mode, lock_exposure, latency_s))
 
 
 class CameraCalibration:
@@ -105,12 +115,16 @@ class CameraCalibration:
         if (camera.width, camera.height) != (width, height):
             rospy.logwarn("calibration is of %dx%d, images are %dx%d", camera.width, camera.height, width, height)
             camera, self.known = nominal(self._device, width, height), False
+        if camera.shutter is None and self._device.startswith(("kinect", "emulator")):
+            camera = replace(camera, shutter=KINECT_SHUTTER)
         self._camera = camera
         return camera
 
     def store(self, source: Camera, camera: PinholeCamera) -> Path:
         """Keep a new one where the node reads it. Raises OSError."""
         path = self._file(source)
+        if self._camera is not None:
+            camera = replace(camera, shutter=camera.shutter or self._camera.shutter)  # a message has no place for it
         path.parent.mkdir(parents=True, exist_ok=True)
         write_calibration(path, camera, path.stem)
         self._camera, self.known = camera, True

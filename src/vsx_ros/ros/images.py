@@ -6,11 +6,12 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from vsx_ros.arrays import ColorImage, GrayImage
-from vsx_ros.errors import CalibrationError
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.errors import CalibrationError, explained
+from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.io.calibration_file import camera_from_info
 from vsx_ros.io.image_encoding import gray_image
 from vsx_ros.robot import Frame
+from vsx_ros.ros import topics
 
 
 def frame(msg: Image) -> Frame:
@@ -40,9 +41,28 @@ def camera(msg: CameraInfo) -> PinholeCamera:
     return found
 
 
+def tell_shutter(shutter: Shutter | None) -> None:
+    """Say what camera_info has no place for; before the first of these."""
+    if shutter is not None:
+        rospy.set_param(topics.SHUTTER, shutter._asdict())
+    elif rospy.has_param(topics.SHUTTER):
+        rospy.delete_param(topics.SHUTTER)
+
+
+def shutter() -> Shutter | None:
+    """What the camera node told. Raises CalibrationError for anything but two times."""
+    told = rospy.get_param(topics.SHUTTER, None)
+    if told is None:
+        return None
+    with explained(
+        CalibrationError, f"parameter {topics.SHUTTER} is {told!r}", "remove it", (KeyError, TypeError, ValueError)
+    ):
+        return Shutter(float(told["readout_s"]), float(told["exposure_s"]))
+
+
 def camera_info(camera: PinholeCamera, stamp_ns: int, frame_id: str) -> CameraInfo:
     """The message of a calibration, unrectified (R = identity, P = K)."""
-    msg = CameraInfo(height=camera.height, width=camera.width, distortion_model="plumb_bob")
+    msg = CameraInfo(height=camera.height, width=camera.width, distortion_model=camera.model)
     msg.header = Header(stamp=rospy.Time(0, stamp_ns), frame_id=frame_id)
     msg.D, msg.K, msg.R = list(camera.distortion), camera.K.ravel().tolist(), np.eye(3).ravel().tolist()
     msg.P = np.column_stack([camera.K, np.zeros(3)]).ravel().tolist()

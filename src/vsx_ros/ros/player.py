@@ -104,6 +104,8 @@ class Player:
     def _show(self, frame: Frame) -> None:
         camera, optical = self._recording.camera, headers.own(topics.OPTICAL_FRAME)
         assert camera is not None
+        if not self.sent:
+            images.tell_shutter(camera.shutter)
         self._info_pub.publish(images.camera_info(camera, frame.stamp_ns, optical))
         if not self.sent:
             time.sleep(_CALIBRATION_LEAD_S)

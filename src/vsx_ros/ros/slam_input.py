@@ -3,6 +3,7 @@
 import threading
 import time
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 import rospy
@@ -65,7 +66,10 @@ class SlamInput:
             try:
                 camera = images.camera(rospy.wait_for_message(topics.CAMERA_INFO, CameraInfo, timeout=_SILENCE_S))
                 self._used_s = time.monotonic()
-                return camera
+                shutter = images.shutter()
+                if shutter is None:
+                    rospy.logwarn("the camera's shutter is not known: its rows are taken to be exposed at once")
+                return replace(camera, shutter=shutter)
             except rospy.ROSInterruptException:
                 raise
             except rospy.ROSException:

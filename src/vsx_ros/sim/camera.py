@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, GrayImage, IntArray
 from vsx_ros.config import MountConfig
-from vsx_ros.geometry.camera import PinholeCamera, mounted
+from vsx_ros.geometry.camera import PinholeCamera, Shutter, mounted
 from vsx_ros.kernels.sim.raycast_cull import Scene
 from vsx_ros.kernels.sim.raycast_pixels import expose
 from vsx_ros.sim.body import NonNegative, Positive
-from vsx_ros.sim.renderer import Picture, Renderer
+from vsx_ros.sim.renderer import Picture, Renderer, lit
 
 PosesAt = Callable[[IntArray], FloatArray]
 """(N,) stamps [ns] to (N, 4) x, y [m], theta [rad] and travelled path [m] of the base, as ``Body.poses_at``."""
@@ -29,8 +29,10 @@ VIBRATION_WAVES_PER_M = np.array([7.0, 13.0, 23.0, 41.0])  # incommensurable: jo
 
 
 class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A Kinect's colour camera: rolling shutter of 26 ms, indoor exposure, noise of its small pixels."""
+    """A Kinect's colour camera: rolling shutter of 26 ms, indoor exposure, noise of its small pixels. lens: any other
+    in its place."""
 
+    lens: PinholeCamera = KINECT
     readout_ns: Annotated[int, Meta(ge=0)] = 26_000_000
     exposure_ns: Annotated[int, Meta(ge=0)] = 15_000_000
     shot_noise: NonNegative = 1.2e-4
@@ -58,15 +60,10 @@ class EmulatedCamera:
     """Pictures from a moving base. camera_true and T_base_cam_true are the truth; the stack gets the _given ones."""
 
     def __init__(
-        self,
-        scene: Scene,
-        mount: MountConfig,
-        settings: CameraSettings,
-        rng: np.random.Generator,
-        threads: int = 1,
-        camera: PinholeCamera = KINECT,
+        self, scene: Scene, mount: MountConfig, settings: CameraSettings, rng: np.random.Generator, threads: int = 1
     ) -> None:
-        self.camera_true = camera
+        shutter = Shutter(1e-9 * settings.readout_ns, 1e-9 * settings.exposure_ns)
+        self.camera_true = camera = dataclasses.replace(settings.lens, shutter=shutter)
         self.camera_given = perturbed_calibration(camera, settings, rng)
         errors = rng.uniform(-1.0, 1.0, 2) * np.array([settings.pitch_error_rad, settings.height_error_m])
         pitch_down_rad, height_m = (np.array([mount.pitch_down_rad, mount.height_m]) + errors).tolist()
@@ -129,7 +126,8 @@ class Sensor:
         self._rng = rng
         v, u = np.mgrid[0 : camera.height, 0 : camera.width]
         r2 = ((u - camera.cx) / camera.fx) ** 2 + ((v - camera.cy) / camera.fy) ** 2
-        self._vignette = (1.0 / (1.0 + settings.vignetting * r2)).astype(np.float32)
+        inside = lit(camera, np.column_stack([u.ravel(), v.ravel()])).reshape(u.shape)
+        self._vignette = (inside / (1.0 + settings.vignetting * r2)).astype(np.float32)
         self._noise = rng.standard_normal(NOISE_DRAWS).astype(np.float32)
         signal = np.linspace(0.0, 1.0, 4096) ** settings.response_exponent
         self._response = np.rint(255.0 * signal).astype(np.uint8)

@@ -8,18 +8,20 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, Points3
 from vsx_ros.errors import CalibrationError
-from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.kernels.geometry import unproject_pixels
+from vsx_ros.geometry import lens
+from vsx_ros.geometry.camera import PinholeCamera, kernel_camera, usable
+from vsx_ros.kernels.geometry import project_points, unproject_pixels
+from vsx_ros.kernels.lens import PICTURE_R2, PLANE_R2
 from vsx_ros.kernels.sim.raycast_cull import Scene, plane_forms
 from vsx_ros.kernels.sim.raycast_pixels import View
 from vsx_ros.kernels.sim.raycast_render import render_tile_rows
 from vsx_ros.kernels.sim.raycast_shade import TILE
-from vsx_ros.vision.patch_search import kernel_camera
 
 BLUR_STEP_PX = 1.2  # between sub-frames, so that blur looks even
 MAX_SUB_FRAMES = 16  # for time
+MOST_OFF_AXIS_RAD = math.radians(85.0)  # rays lie on the plane z = 1; beyond, the picture is black
 
 
 class Picture(NamedTuple):
@@ -32,13 +34,34 @@ class Picture(NamedTuple):
     ident: NDArray[np.int32]
 
 
-def exact_rays(camera: PinholeCamera, pixels: FloatArray) -> Points3:
-    """(N, 3) rays with z = 1 through (N, 2) pixels, to rounding error. Raises CalibrationError when the distortion
-    cannot be inverted there."""
-    rays = np.column_stack([unproject_pixels(kernel_camera(camera), pixels), np.ones(len(pixels))])
-    if not np.abs(camera.project(rays) - pixels).max() <= 1e-6:
+def lit(camera: PinholeCamera, pixels: FloatArray) -> BoolArray:
+    """(N,) whether light falls on the (N, 2) pixels: up to ``MOST_OFF_AXIS_RAD`` off the axis. Raises CalibrationError
+    when the distortion cannot be inverted at all of these."""
+    known, array = (camera.model, camera.distortion), kernel_camera(camera)
+    holds = lens.FOLD_SHARE * lens.fold_angle(*known)
+    within = (holds, min(holds, MOST_OFF_AXIS_RAD))
+    invertible, inside = (_nearer(array, pixels, float(r)) for r in lens.radius(*known, np.array(within)))
+    if holds < MOST_OFF_AXIS_RAD and not invertible.all():
         raise CalibrationError(f"the distortion {camera.distortion} cannot be inverted over the whole image")
-    return rays
+    return inside
+
+
+def _nearer(array: FloatArray, pixels: FloatArray, radius: float) -> BoolArray:
+    """Which pixels are nearer to the centre than so many focal lengths."""
+    array[PICTURE_R2] = radius**2
+    return usable(array, pixels)
+
+
+def exact_rays(camera: PinholeCamera, pixels: FloatArray) -> Points3:
+    """(N, 3) rays with z = 1 through (N, 2) pixels, to rounding error; where no light falls, those of the rim. Raises
+    CalibrationError when the distortion cannot be inverted where some does."""
+    array, inside = kernel_camera(camera), lit(camera, pixels)
+    array[PLANE_R2] = math.tan(MOST_OFF_AXIS_RAD) ** 2
+    plane = unproject_pixels(array, pixels)
+    if not np.abs(project_points(array, plane) - pixels)[inside].max(initial=0.0) <= 1e-6:
+        raise CalibrationError(f"the distortion {camera.distortion} cannot be inverted over the whole image")
+    plane[~inside] *= (math.tan(MOST_OFF_AXIS_RAD) / np.linalg.norm(plane[~inside], axis=1))[:, None]
+    return np.column_stack([plane, np.ones(len(plane))])
 
 
 class Renderer:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels, Points3
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.lens import CAMERA
 from vsx_ros.kernels.vision.patches import PATCH, Target
 from vsx_ros.vision.corners import Corners, no_corners
 from vsx_ros.vision.patch_search import target_of
@@ -48,7 +49,7 @@ class Observations(NamedTuple):
 
 
 class FrameData(NamedTuple):
-    """An image taken apart once, used by tracker, mapper and relocaliser. camera (18,): the kernels' array, with
+    """An image taken apart once, used by tracker, mapper and relocaliser. camera (CAMERA,): the kernels' array, with
     the motion during its readout. T_odom_base: by odometry when its middle row was exposed, None when not known.
     blurred: much less sharp than the frames before; good enough to track, not to make a map of."""
 
@@ -70,7 +71,7 @@ class FrameData(NamedTuple):
         """The instant and odometry alone."""
         nothing = Pyramid(np.zeros(0, np.uint8), np.zeros((LEVELS, 4), np.int64))
         return FrameData(
-            stamp_ns, nothing, no_corners(nothing), np.zeros((0, 0), np.float32), T_odom_base, np.zeros(18)
+            stamp_ns, nothing, no_corners(nothing), np.zeros((0, 0), np.float32), T_odom_base, np.zeros(CAMERA)
         )
 
 

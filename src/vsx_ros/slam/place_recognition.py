@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.config.maps import RecognitionConfig
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations
 from vsx_ros.slam.local_map import LocalMap
 from vsx_ros.slam.tracker import Track, Tracker
 from vsx_ros.vision.corners import Features, describe, match
-from vsx_ros.vision.patch_search import kernel_camera
 from vsx_ros.vision.pyramid import SmallImage
 
 REMEMBERED = 400  # keyframes whose descriptors are kept; the oldest go, for memory

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
+from vsx_ros.geometry.camera import usable
 from vsx_ros.geometry.epipolar import reprojection_error, triangulate
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry import ideal_pixels, unproject_pixels
+from vsx_ros.kernels.lens import HEIGHT, WIDTH
 from vsx_ros.kernels.slam.epipolar import search_rays
 from vsx_ros.kernels.vision.patches import CENTRE
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, NewTemplates, Observations
@@ -61,7 +63,7 @@ def candidates_in(keyframe: KeyFrame, budget: int) -> Candidates:
     parts, pyramid, observed = [], keyframe.data.pyramid, keyframe.observations
     for level in range(LEVELS):
         image, radius = pyramid.level(level), _SPACING_PX[level]
-        occupied = np.zeros(image.shape, np.bool_)
+        occupied = masked(keyframe.data.camera, level, image.shape)
         near = observed.uv[(observed.level == level) | (observed.level == level + 1)]
         for x, y in np.rint(to_level(near, level)).astype(int):
             occupied[max(0, y - radius) : y + radius + 1, max(0, x - radius) : x + radius + 1] = True
@@ -70,6 +72,15 @@ def candidates_in(keyframe: KeyFrame, budget: int) -> Candidates:
         rays, patches = cast_rays(keyframe.data.camera, corners, level), cut_patches(pyramid, corners, level)
         parts.append((uv, levels, *rays, patches))
     return Candidates(*(np.concatenate(column) for column in zip(*parts)))
+
+
+def masked(camera: FloatArray, level: int, shape: tuple[int, ...]) -> BoolArray:
+    """(H, W) the pixels of a level at which the lens does not hold."""
+    right, bottom = camera[[WIDTH, HEIGHT]] - 1.0
+    if usable(camera, np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])).all():
+        return np.zeros(shape, np.bool_)
+    v, u = np.mgrid[: shape[0], : shape[1]]
+    return ~usable(camera, from_level(np.column_stack([u.ravel(), v.ravel()]), level)).reshape(shape)
 
 
 def match_in_target(

@@ -8,13 +8,13 @@ import numpy as np
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config.maps import ShutterConfig, SlamConfig
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.camera import PinholeCamera, check_calibration
+from vsx_ros.geometry.camera import PinholeCamera, Shutter, check_calibration, kernel_camera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.vision.corners import CornerDetector, no_corners
-from vsx_ros.vision.patch_search import kernel_camera, moving
+from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import LEVELS, BlurDetector, Pyramid, build_pyramid, small_image
 
 GAP_S, MAX_AGE_S = 1.0, 0.25  # between frames, told: something hangs; of odometry to its image
@@ -30,13 +30,15 @@ class RollingShutter:
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: ShutterConfig) -> None:
         self._standing = kernel_camera(camera)
         self._T_base_cam = T_base_cam
-        self._readout_s = config.readout_s
-        self._middle_s = 0.5 * (config.exposure_s + config.readout_s)
+        readout_s, exposure_s = camera.shutter or Shutter(0.0, 0.0)
+        self._readout_s = readout_s if config.readout_s < 0.0 else config.readout_s
+        exposure_s = exposure_s if config.exposure_s < 0.0 else config.exposure_s
+        self._middle_s = 0.5 * (exposure_s + self._readout_s)
         self.middle_ns = round(1e9 * self._middle_s)
 
     def exposure(self, odometry: Odometry | None) -> tuple[FloatArray, SE3]:
-        """Of an image taken at the speed of an odometry reading; without one, standing still: the kernels' array (18,)
-        of the image, and the camera at its stamp, the start of its first row, as seen from the middle."""
+        """Of an image taken at the speed of an odometry reading; without one, standing still: the kernels' array
+        (CAMERA,) of the image, and the camera at its stamp, the start of its first row, as seen from the middle."""
         if odometry is None or self._T_base_cam is None:
             return self._standing, SE3.identity()
         back = SE2.exp(-odometry.v * self._middle_s, -odometry.omega * self._middle_s)

@@ -89,7 +89,8 @@ class SlamMap:
         """The map to go on with. T_base_cam: None for a session without odometry, which any map accepts.
 
         Raises CalibrationError when the session's calibration or mount is not the map's."""
-        if not np.allclose(_numbers(camera), _numbers(self.camera), rtol=_SAME, atol=_SAME):
+        same = camera.model == self.camera.model
+        if not same or not np.allclose(_numbers(camera), _numbers(self.camera), rtol=_SAME, atol=_SAME):
             raise CalibrationError(
                 f"the map was made with the calibration {_camera_text(self.camera)}, this camera has "
                 f"{_camera_text(camera)}; use the map's calibration or start a new map"
@@ -115,7 +116,7 @@ def _numbers(camera: PinholeCamera) -> list[float]:
 def _camera_text(camera: PinholeCamera) -> str:
     lens = ", ".join(f"{k:.6g}" for k in camera.distortion)
     focal = f"fx {camera.fx:.7g}, fy {camera.fy:.7g}, cx {camera.cx:.7g}, cy {camera.cy:.7g}"
-    return f"{camera.width}x{camera.height}, {focal}, distortion [{lens}]"
+    return f"{camera.width}x{camera.height}, {focal}, {camera.model} [{lens}]"
 
 
 def _mount_text(T_base_cam: SE3) -> str:

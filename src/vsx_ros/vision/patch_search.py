@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
-from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.kernels.geometry import unproject_pixels
+from vsx_ros.kernels.lens import MOTION
 from vsx_ros.kernels.vision.patches import CENTRE, PATCH, Target
 from vsx_ros.kernels.vision.search import search, warp_templates
 from vsx_ros.vision.corners import Corners
@@ -56,25 +56,16 @@ def cut_patches(pyramid: Pyramid, positions: NDArray[np.int32], level: int) -> N
     return windows[positions[:, 1] - CENTRE, positions[:, 0] - CENTRE].copy()
 
 
-def kernel_camera(camera: PinholeCamera) -> FloatArray:
-    """(18,) the kernels' array of a camera that stands, with the largest squared radius in the image (plus 10 %)."""
-    parameters = camera.parameters()
-    w, h = camera.width - 1.0, camera.height - 1.0
-    standing = np.zeros(6)
-    border = np.array([[0, 0], [w, 0], [0, h], [w, h], [w / 2, 0], [w / 2, h], [0, h / 2], [w, h / 2]])
-    plane = unproject_pixels(np.concatenate([parameters, [np.inf, w, h], standing]), border)
-    r2_max = 1.21 * float((plane**2).sum(axis=1).max())
-    return np.concatenate([parameters, [r2_max, camera.width, camera.height], standing])
-
-
 def moving(camera: FloatArray, motion: FloatArray) -> FloatArray:
     """The same of a camera that moved during readout: motion (6,), rotation vector [rad] and way [m] in its frame."""
-    return np.concatenate([camera[:-6], motion])
+    moved = camera.copy()
+    moved[MOTION : MOTION + 6] = motion
+    return moved
 
 
 def cast_rays(camera: FloatArray, positions: NDArray[np.int32], level: int) -> tuple[FloatArray, FloatArray]:
     """Viewing rays (N, 2) on the plane z = 1 of integer level positions (N, 2), and their change (N, 4) by one level
-    pixel right and down. camera (18,): as ``kernel_camera`` gives it."""
+    pixel right and down. camera (CAMERA,): as ``kernel_camera`` gives it."""
     offsets = [np.array([0.0, 0.0]), np.array([1.0, 0.0]), np.array([0.0, 1.0])]
     at, right, down = (
         unproject_pixels(camera, np.ascontiguousarray(from_level(positions + offset, level))) for offset in offsets

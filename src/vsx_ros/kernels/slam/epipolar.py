@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.geometry import project_normalized
+from vsx_ros.kernels.lens import HEIGHT, PLANE_R2, WIDTH
 from vsx_ros.kernels.vision.patches import MAX_SHARE, NOISE_FLOOR, TEMPLATE, Target, best_corner, quantize
 from vsx_ros.kernels.vision.search import aligned, inverted_warp, level_of, warp_template
 
@@ -29,7 +30,7 @@ def _at_inverse_depth(
     if Z < 0.05:
         return False, 0.0, 0.0
     a, b = X / Z, Y / Z
-    if a * a + b * b > camera[9]:
+    if a * a + b * b > camera[PLANE_R2]:
         return False, 0.0, 0.0
     u, v = project_normalized(camera, a, b)
     for step in range(2):
@@ -80,7 +81,7 @@ def _search_ray(
         scale = 2.0**level
         speed = np.sqrt((u2 - u) * (u2 - u) + (v2 - v) * (v2 - v)) / delta
         rho += min(max(delta * 0.05, STEP_PX * scale / max(speed, 1e-9)), near - far + 1e-12)
-        if not 0.25 <= left <= 3.0 or u < 0 or v < 0 or u > camera[10] - 1 or v > camera[11] - 1:
+        if not 0.25 <= left <= 3.0 or u < 0 or v < 0 or u > camera[WIDTH] - 1 or v > camera[HEIGHT] - 1:
             continue
         if level != last_level or left > 1.12 * last_left or left < last_left / 1.12:
             w[0], w[1], w[2], w[3] = inverted_warp(A, determinant, level)

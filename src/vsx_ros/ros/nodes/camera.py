@@ -7,8 +7,10 @@ Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or emulator:SOCKET.
     ~camera_info_url (""): file with the calibration; without one $ROS_HOME/camera_info/rgb_SERIAL.yaml, for an emulated
     camera SOCKET.yaml, and if that is missing too nominal values with a warning.
     ~frame_id (camera_rgb_optical_frame). ~mode (vga): of a Kinect, vga (30 Hz), uyvy (15 Hz) or sxga (1280x1024,
-    10 Hz). ~lock_exposure (true): a Kinect keeps exposure and white balance as they are after two seconds; give false
-    where the light changes much from room to room."""
+    10 Hz); of v4l:N size, rate and format, e.g. 1280x720@30/mjpeg or 640x480/yuyv. ~lock_exposure (true): a Kinect or
+    v4l:N keeps exposure and white balance as they are after two seconds; give false where the light changes much from
+    room to room. ~latency_s (0): of v4l:N, from the start of exposure to the driver's stamp.
+    Sets camera/rgb/shutter {readout_s, exposure_s}, which camera_info has no place for; removes it where not known."""
 
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
@@ -17,6 +19,7 @@ from sensor_msgs.srv import SetCameraInfo, SetCameraInfoRequest, SetCameraInfoRe
 from vsx_hw.readings import ImageReading
 from vsx_ros.config import Config
 from vsx_ros.errors import CalibrationError
+from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.ros import headers, images, node, threads, topics
 from vsx_ros.ros.cameras import CameraCalibration, open_camera
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
@@ -34,7 +37,9 @@ class CameraNode:
         self._info_pub = rospy.Publisher(topics.CAMERA_INFO, CameraInfo, queue_size=5, tcp_nodelay=True)
         rospy.Service(topics.SET_CAMERA_INFO, SetCameraInfo, self._on_set_camera_info)
         mode, lock_exposure = str(rospy.get_param("~mode", "vga")), bool(rospy.get_param("~lock_exposure", True))
-        self._source = open_camera(self._device, self._on_image, mode, lock_exposure)
+        latency_s = float(rospy.get_param("~latency_s", 0.0))
+        self._told: PinholeCamera | None = None
+        self._source = open_camera(self._device, self._on_image, mode, lock_exposure, latency_s)
         self._diagnostics = Diagnostics(self._device)
         threads.every(1.0, "health", self._report)
         self._source.start()
@@ -42,6 +47,9 @@ class CameraNode:
     def _on_image(self, reading: ImageReading) -> None:
         height, width = reading.image.shape
         camera = self._calibration.of(self._source, width, height)
+        if camera != self._told:
+            self._told = camera
+            images.tell_shutter(camera.shutter)
         self._info_pub.publish(images.camera_info(camera, reading.stamp_ns, self._frame_id))
         self._image_pub.publish(images.image_msg(reading.stamp_ns, reading.image, reading.encoding, self._frame_id))
 
@@ -61,6 +69,8 @@ class CameraNode:
         self._diagnostics.device("stream", status, rate_hz=rate_hz)
         known = self._calibration.known
         remedy = "calibrated" if known else "not calibrated; run 'vsx calibrate camera --live'"
+        if self._told is not None and self._told.shutter is None:
+            remedy += "; its shutter is not known and taken as global, write it into the calibration file"
         self._diagnostics.set("calibration", OK if known else WARN, remedy)
 
     def close(self) -> None:

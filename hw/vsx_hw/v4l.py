@@ -1,0 +1,158 @@
+"""Cameras that the kernel knows as /dev/videoN, webcams above all: size, rate and format, when an image was taken, and
+exposure that stays.
+
+Sources: Linux media documentation, "Buffers" (timestamps) and "Camera control reference"; OpenCV, cap_v4l.cpp."""
+
+import re
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_hw.cameras import FROZEN, FrozenImageDetector
+from vsx_hw.connection_thread import ConnectionThread
+from vsx_hw.errors import DeviceError, DeviceNotFound
+from vsx_hw.readings import ImageReading, LinkStatus
+
+GRBG, YUYV, MJPG = (cv2.VideoWriter.fourcc(*name) for name in ("GRBG", "YUYV", "MJPG"))
+FORMATS = {"": GRBG, "bayer": GRBG, "yuyv": YUYV, "mjpeg": MJPG}
+BACKOFF_S = (0.5, 2.0)  # between tries to open it
+OLDEST_S = 5.0  # no buffer waits so long: its time is another clock's
+LOCK_AFTER_S = 2.0  # automatic exposure has settled by then
+MANUAL_EXPOSURE = 1  # V4L2_EXPOSURE_MANUAL
+
+
+class V4lMode(NamedTuple):
+    """width, height [px]; rate_hz: 0 leaves it to the camera. fourcc: a wish; a camera without it gives another."""
+
+    width: int = 640
+    height: int = 480
+    rate_hz: float = 0.0
+    fourcc: int = GRBG
+
+    @staticmethod
+    def parse(text: str) -> "V4lMode | None":
+        """Of a text like 1280x720, 640x480@60 or 1280x720@30/mjpeg; None for anything else."""
+        match = re.fullmatch(r"(\d{2,4})x(\d{2,4})(?:@(\d+(?:\.\d+)?))?(?:/(bayer|yuyv|mjpeg))?", text)
+        if match is None:
+            return None
+        return V4lMode(int(match[1]), int(match[2]), float(match[3] or 0.0), FORMATS[match[4] or ""])
+
+
+def open_video(number: int, mode: V4lMode = V4lMode()) -> Any:  # noqa: B008 (immutable)
+    """The capture device in that mode. Raises DeviceNotFound, or DeviceError for another size, with the remedy."""
+    capture = cv2.VideoCapture(number, cv2.CAP_V4L2)
+    if not capture.isOpened():
+        raise DeviceNotFound(f"/dev/video{number} cannot be opened; check 'ls /dev/video*' and the group video")
+    set_up(capture, number, mode)
+    return capture
+
+
+def set_up(capture: Any, number: int, mode: V4lMode) -> None:
+    """Ask an opened device for the mode. Raises DeviceError when it gives another size."""
+    wanted: list[tuple[int, float]] = [(cv2.CAP_PROP_FOURCC, mode.fourcc), (cv2.CAP_PROP_FRAME_WIDTH, mode.width)]
+    wanted += [(cv2.CAP_PROP_FRAME_HEIGHT, mode.height), (cv2.CAP_PROP_BUFFERSIZE, 1)]
+    wanted += [(cv2.CAP_PROP_FPS, mode.rate_hz)] if mode.rate_hz else []
+    for name, value in wanted:
+        capture.set(name, value)
+    if int(capture.get(cv2.CAP_PROP_FOURCC)) in (GRBG, YUYV):
+        capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # grey is in it, exactly
+    size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+    if size != (mode.width, mode.height):
+        capture.release()
+        raise DeviceError(
+            f"/dev/video{number} gives {size[0]}x{size[1]} instead of {mode.width}x{mode.height}; "
+            f"'v4l2-ctl -d /dev/video{number} --list-formats-ext' lists what it has, set ~mode to one of these"
+        )
+
+
+def buffer_ns(buffer_ms: float, wall_ns: int, monotonic_ns: int) -> int | None:
+    """Wall time [ns] of a kernel buffer's time [ms], which counts from the boot (most drivers) or from 1970; None where
+    it is neither."""
+    for clock_ns in (monotonic_ns, wall_ns):
+        age_ns = clock_ns - round(buffer_ms * 1e6)
+        if buffer_ms > 0.0 and 0 <= age_ns < OLDEST_S * 1e9:
+            return wall_ns - age_ns
+    return None
+
+
+def grey(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], str]:
+    """(picture (H, W), its encoding) of what a device gives: raw Bayer, YUYV (H, W, 2) or colour (H, W, 3)."""
+    if image.ndim == 2:
+        return image, "bayer_grbg8"
+    if image.shape[2] == 2:
+        return np.ascontiguousarray(image[..., 0]), "mono8"
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8), "mono8"
+
+
+class V4lCamera(ConnectionThread):
+    """Images to ``on_image`` on a thread of its own, none that repeats itself; opens the device again when it fails.
+    Stamps are the kernel's times of the buffers, or, of a driver without such, when the image was read; latency_s, from
+    the start of exposure until then, is taken off either. lock_exposure: exposure and white balance stay as they are
+    after two seconds. With gspca_kinect also images of a Kinect, without its clock."""
+
+    def __init__(
+        self,
+        number: int,
+        on_image: Callable[[ImageReading], None],
+        open_capture: Callable[[int], Any] | None = None,
+        *,
+        mode: V4lMode = V4lMode(),  # noqa: B008 (immutable)
+        lock_exposure: bool = False,
+        latency_s: float = 0.0,
+    ) -> None:
+        opened = open_capture or (lambda number: open_video(number, mode))
+        super().__init__(f"/dev/video{number}", lambda: opened(number), BACKOFF_S)
+        self.serial = f"video{number}"
+        self._on_image = on_image
+        self._lock_exposure, self._latency_ns = lock_exposure, round(1e9 * latency_s)
+        self._frames = self._frozen_frames = self._unstamped_frames = self._waited_us = 0
+        self._frozen_detector = FrozenImageDetector()
+
+    def status(self) -> LinkStatus:
+        """Health for diagnostics. waited_us: from the last buffer's time until it was read."""
+        told = {"frames": self._frames, "frozen_frames": self._frozen_frames}
+        return self._status(
+            self.serial, told | {"unstamped_frames": self._unstamped_frames, "waited_us": self._waited_us}
+        )
+
+    def _serve(self, capture: Any) -> None:
+        lock_at_s = time.monotonic() + LOCK_AFTER_S if self._lock_exposure else float("inf")
+        locked = ""
+        while not self.closing.is_set():
+            ok, image = capture.read()
+            if not ok:
+                raise DeviceError(f"{self._name}: no image; check the cable")
+            stamp_ns = self._stamp_ns(capture.get(cv2.CAP_PROP_POS_MSEC))
+            self._frames += 1
+            if self._frozen_detector.is_frozen(image):
+                self._frozen_frames += 1
+                self.report(False, f"{self._name}: {FROZEN}")
+                continue
+            if time.monotonic() >= lock_at_s:
+                lock_at_s, locked = float("inf"), lock(capture)
+            self.report(True, f"streaming{locked}")
+            self._on_image(ImageReading(stamp_ns, *grey(image)))
+
+    def _stamp_ns(self, buffer_ms: float) -> int:
+        wall_ns = time.time_ns()
+        taken_ns = buffer_ns(buffer_ms, wall_ns, time.monotonic_ns())
+        if taken_ns is None:
+            self._unstamped_frames += 1
+            taken_ns = wall_ns
+        self._waited_us = (wall_ns - taken_ns) // 1000
+        return taken_ns - self._latency_ns
+
+    def _let_go(self, capture: Any) -> None:
+        capture.release()
+
+
+def lock(capture: Any) -> str:
+    """Keep exposure and white balance as they are; what came of it, in words behind "streaming"."""
+    exposure = capture.get(cv2.CAP_PROP_EXPOSURE)
+    kept = capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL_EXPOSURE) and capture.set(cv2.CAP_PROP_EXPOSURE, exposure)
+    capture.set(cv2.CAP_PROP_AUTO_WB, 0)  # many have none
+    return ", exposure locked" if kept else ", exposure cannot be locked"
