@@ -75,7 +75,7 @@ class ConnectionThread(ABC):
 
     def _status(self, device: str, counters: dict[str, int]) -> LinkStatus:
         told = {"connections": self.connections, **counters}
-        return LinkStatus(self.connected, self.message, device, told, self.alive)
+        return LinkStatus(self.connected, self.message, device, told, alive=self.alive)
 
     def _run(self) -> None:
         try:

@@ -57,7 +57,9 @@ class Odometry(NamedTuple):
         pose = self.T_odom_base.interpolate(later.T_odom_base, ratio)
         v = self.v + ratio * (later.v - self.v)
         omega = self.omega + ratio * (later.omega - self.omega)
-        return Odometry(stamp_ns, pose, v, omega, self.trusted and later.trusted, self.odom_epoch)
+        return self._replace(
+            stamp_ns=stamp_ns, T_odom_base=pose, v=v, omega=omega, trusted=self.trusted and later.trusted
+        )
 
     @property
     def impossible(self) -> str:

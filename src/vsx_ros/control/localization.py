@@ -168,7 +168,11 @@ class Localization:
     def at(self, now_ns: int) -> LocalizationState:
         """What is known now."""
         newest, stuck = self._odometry[-1] if self._odometry else None, self._stuck_detector.stuck
-        return LocalizationState(self.pose(), newest, *self._slam, self.slam_age_s(now_ns), stuck)
+        state, reason = self._slam
+        return LocalizationState(
+            T_map_base=self.pose(), odometry=newest, slam_state=state, slam_reason=reason,
+            slam_age_s=self.slam_age_s(now_ns), stuck=stuck,
+        )  # fmt: skip
 
     def pose(self, stamp_ns: int | None = None) -> SE2 | None:
         """T_world_base at an instant, or the newest known; None before the first SLAM pose.
@@ -227,5 +231,8 @@ class Localization:
         return SE2(believed.x + float(change[0]), believed.y + float(change[1]), believed.theta + float(change[2]))
 
 
-UNLOCALIZED = LocalizationState(None, None, TrackingState.NOT_INITIALISED, "", math.inf, None)
+UNLOCALIZED = LocalizationState(
+    T_map_base=None, odometry=None, slam_state=TrackingState.NOT_INITIALISED, slam_reason="", slam_age_s=math.inf,
+    stuck=None,
+)  # fmt: skip
 """What is known before anything came."""

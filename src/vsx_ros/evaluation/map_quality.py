@@ -131,10 +131,15 @@ def obstacle_quality(grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray
     precision = 1.0 - float(wrong.sum()) / float(occupied.sum()) if occupied.any() else None
     recall = _share(metres_to(occupied, truth)[faces] <= TOLERANCE_M)
     p, r = precision or 0.0, recall or 0.0
-    f1 = 2.0 * p * r / (p + r) if p + r > 0.0 else None
-    free_inside, phantom_m2 = _share(to_free[free] > TOLERANCE_M), float(wrong.sum()) * truth.resolution**2
-    gaps_free = _share(in_gaps[in_gaps != UNKNOWN] == FREE)
-    return ObstacleQuality(precision, recall, f1, _share(free[faces]), free_inside, phantom_m2, gaps_free)
+    return ObstacleQuality(
+        precision=precision,
+        recall=recall,
+        f1=2.0 * p * r / (p + r) if p + r > 0.0 else None,
+        surface_free=_share(free[faces]),
+        free_inside=_share(to_free[free] > TOLERANCE_M),
+        phantom_m2=float(wrong.sum()) * truth.resolution**2,
+        gaps_free=_share(in_gaps[in_gaps != UNKNOWN] == FREE),
+    )
 
 
 def narrow_gaps(truth: OccupancyGrid) -> BoolArray:

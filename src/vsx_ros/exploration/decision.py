@@ -120,13 +120,13 @@ class MissionLog:
 
     def answer(self, action: Action, reason: str) -> Decision:
         """Anything but a new goal."""
-        return Decision(action, None, "map", self.state.value, reason)
+        return Decision(action, goal=None, frame="map", state=self.state.value, reason=reason)
 
     def go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
         """A new goal."""
         self._purpose = reason
         self.note(now_ns, reason)
-        return Decision(Action.GO, goal, frame, self.state.value, reason)
+        return Decision(Action.GO, goal=goal, frame=frame, state=self.state.value, reason=reason)
 
     def on_the_way(self) -> Decision:
         """Leave whoever drives to the last goal alone."""
@@ -185,8 +185,8 @@ class SavedMission(NamedTuple):
             blacklist = [_failure(row) for row in tree["given_up"]]
             looked_from, trail = ([_pose(row) for row in tree[name]] for name in ("looked_from", "trail"))
             home = None if tree.get("home") is None else _pose(tree["home"])
-            asked = bool(tree["going_home"]), home, bool(tree.get("paused"))
-            return SavedMission(looked_from, blacklist, trail, *asked)
+            going_home, paused = bool(tree["going_home"]), bool(tree.get("paused"))
+            return SavedMission(looked_from, blacklist, trail, going_home=going_home, home=home, paused=paused)
         except (KeyError, OverflowError, TypeError, ValueError, IndexError) as error:
             raise InputError(f"{path} holds no memory of a mission ({error}); start a new run") from error
 

@@ -95,7 +95,8 @@ class Mission:
         trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
         looked_from, blacklist = list(self.view_selector.looked_from), self.view_selector.blacklist.left(now_ns)
         paused, over = self.state is MissionState.PAUSED, self.state is MissionState.DONE
-        return SavedMission(looked_from, blacklist, trail, self._home.asked and not over, self._home.pose, paused)
+        going_home, home = self._home.asked and not over, self._home.pose
+        return SavedMission(looked_from, blacklist, trail, going_home=going_home, home=home, paused=paused)
 
     def restore(self, now_ns: int, saved: SavedMission, T_odom_base: SE2) -> None:
         """Go on with the map of a session before, standing where its trail ended: first the camera must recognise

@@ -193,8 +193,8 @@ def _with_landmarks(
         seen = count_landmarks(opaque, candidates[chosen], asked.landmarks_world, config)
         for i, count in zip(chosen.tolist(), seen.tolist(), strict=True):
             utility = float(hopes[i]) * min(1.0, count / config.good_landmarks)
-            pose = SE2(*map(float, candidates[i]))
-            views.append(View(pose, float(gains[i]), float(distances[i]), count, utility))
+            pose, gain_m2, distance_m = SE2(*map(float, candidates[i])), float(gains[i]), float(distances[i])
+            views.append(View(pose, gain_m2=gain_m2, distance_m=distance_m, landmarks=count, utility=utility))
     return views
 
 

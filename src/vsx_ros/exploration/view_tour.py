@@ -124,7 +124,7 @@ class ViewTour:
         if self._home.asked and self._home.pose is not None:
             if self._home.out_of_reach:
                 return self._log.finish(now_ns, Outcome.STRANDED, self._home.out_of_reach)
-            self._goal = View(self._home.pose, 0.0, 0.0, 0, 0.0)
+            self._goal = View(self._home.pose, gain_m2=0.0, distance_m=0.0, landmarks=0, utility=0.0)
             return self._go(now_ns, self._goal.pose, "map", "driving home")
         views = self._view_selector.rank(now_ns, T_map_base, grid, situation.landmarks_world).views
         if not views:

@@ -37,7 +37,8 @@ _JOINTS = ["wheel_left_joint", "wheel_right_joint"]
 def odometry(reading: OdometryReading) -> Odometry:
     """Of a base, as all others know it."""
     T_odom_base = SE2(reading.x_m, reading.y_m, reading.heading_rad)
-    return Odometry(reading.stamp_ns, T_odom_base, reading.v_m_s, reading.omega_rad_s, reading.trusted)
+    v, omega = reading.v_m_s, reading.omega_rad_s
+    return Odometry(reading.stamp_ns, T_odom_base, v=v, omega=omega, trusted=reading.trusted)
 
 
 def dead_reckoning(moved: Odometry) -> OdometryMsg:

@@ -127,7 +127,7 @@ def odometry(msg: OdometryMsg) -> Odometry:
     if not (math.isfinite(v) and math.isfinite(omega)):
         raise InputError(f"odometry message holds speeds {v} m/s, {omega} rad/s; they must be finite")
     trusted = msg.pose.covariance[35] < UNSURE_HEADING_RAD2
-    return Odometry(msg.header.stamp.to_nsec(), se2(msg.pose.pose), v, omega, trusted)
+    return Odometry(msg.header.stamp.to_nsec(), se2(msg.pose.pose), v=v, omega=omega, trusted=trusted)
 
 
 def odometry_msg(reading: Odometry, frame_id: str, child_frame_id: str) -> OdometryMsg:

@@ -68,8 +68,10 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
     def result(self) -> TrackingResult:
         """The frame as it was tracked, but for its place in maps not joined with the first."""
         T = None if self.T_world_cam is None else unflat(self.T_world_cam)
-        counts = self.searched, self.found, self.keyframe_added
-        return TrackingResult(self.stamp_ns, self.state, T, *counts, self.reason, corrected=self.corrected)
+        return TrackingResult(
+            self.stamp_ns, self.state, T, searched=self.searched, found=self.found,
+            keyframe_added=self.keyframe_added, reason=self.reason, corrected=self.corrected,
+        )  # fmt: skip
 
 
 class TruthLine(Struct, frozen=True, tag="truth"):

@@ -32,7 +32,8 @@ class Lattice(NamedTuple):
         low = np.floor((points.min(axis=0) - _MARGIN_M) / resolution).astype(int)
         high = np.ceil((points.max(axis=0) + _MARGIN_M) / resolution).astype(int)
         columns, rows = (high - low).tolist()
-        return Lattice(rows, columns, resolution, float(low[0] * resolution), float(low[1] * resolution))
+        origin_x, origin_y = (low * resolution).tolist()
+        return Lattice(rows, columns, resolution, origin_x=origin_x, origin_y=origin_y)
 
     def centres(self) -> tuple[FloatArray, FloatArray]:
         """x of each column (1, columns) and y of each row (rows, 1) [m]."""

@@ -93,8 +93,8 @@ class MoveBaseNode:
             self._server.publish_feedback(MoveBaseFeedback(convert.pose_stamped(frame, now_ns, pose)))
         client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
         gone = LEASE_S < self._clients.age_s(client) < math.inf
-        follower = self._follower
-        return ExecutionInput(where, self._planner.grid, follower.report, follower.age_s, client if gone else "")
+        silent, told, age_s = client if gone else "", self._follower.report, self._follower.age_s
+        return ExecutionInput(where, self._planner.grid, told, follower_age_s=age_s, silent_client=silent)
 
     def _do(self, now_ns: int, act: Act) -> None:
         if isinstance(act, PlanRequest):
