@@ -22,7 +22,7 @@ STALE_NS = 110_000_000
 TOLD_NS = 250_000_000  # So long a silence is told
 ROW, ROW_NS = 3, 60_000_000
 """Good reports after a silence before the wheels may turn, and the longest time between two of them."""
-SILENT_NS = 2_000_000_000  # then the connection is opened anew
+SILENT_NS = 2_000_000_000  # then the connection is opened again
 BACKOFF_S = (0.2, 0.5, 1.0, 2.0)  # between tries to open it
 COARSEST_RAD_S = 0.02  # The widest step of the wires: more than this is a limit that was met, not rounding
 

@@ -19,7 +19,7 @@ from vsx_hw.readings import DeviceClock, ImageReading, LinkStatus
 logger = logging.getLogger(__name__)
 
 REPLY_TIMEOUT_S = 0.5  # of a control message
-REVIVE_AFTER_S = 5.0  # without a picture: the stream is started anew
+REVIVE_AFTER_S = 5.0  # without a picture: the stream is started again
 LOCK_AFTER_S = 2.0  # of pictures: the automatic exposure has settled
 BACKOFF_S = (0.5, 1.0, 2.0)  # between tries to open it
 

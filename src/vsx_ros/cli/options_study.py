@@ -64,7 +64,7 @@ def report(parser: argparse.ArgumentParser) -> None:
 
 
 def reproduce(parser: argparse.ArgumentParser) -> None:
-    """make the paper's table and figures anew
+    """make the paper's table and figures again
 
     table1: drives of many worlds to goals that look elsewhere, by the constrained planner, by one that turns on the
     spot and by the paper's own, tracked as in the paper and by the full tracker. fig2, fig6: their paths, planned and

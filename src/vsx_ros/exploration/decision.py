@@ -1,5 +1,5 @@
 """The words between the mission and whoever drives: what is known, what to do, how it ended; a mission's log, and what
-it keeps of an interrupted run, so that it goes on instead of beginning anew."""
+it keeps of an interrupted run, so that it goes on instead of beginning again."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ class SavedMission(NamedTuple):
         """For a file; ``of`` reads it back."""
         return {
             "looked_from": [pose.as_array().tolist() for pose in self.looked_from],
-            "given_up": [[*pose.as_array().tolist(), seconds, times] for pose, seconds, times in self.blacklist],
+            "blacklist": [[*pose.as_array().tolist(), seconds, times] for pose, seconds, times in self.blacklist],
             "trail": [pose.as_array().tolist() for pose in self.trail],
             "going_home": self.going_home,
             "home": None if self.home is None else self.home.as_array().tolist(),
@@ -182,7 +182,7 @@ class SavedMission(NamedTuple):
     def of(tree: Mapping[str, Any], path: Path) -> SavedMission:
         """Raises InputError when the tree, of this file, is not one of ``tree``, of this version or one before."""
         try:
-            blacklist = [_failure(row) for row in tree["given_up"]]
+            blacklist = [_failure(row) for row in tree["blacklist" if "blacklist" in tree else "given_up"]]
             looked_from, trail = ([_pose(row) for row in tree[name]] for name in ("looked_from", "trail"))
             home = None if tree.get("home") is None else _pose(tree["home"])
             going_home, paused = bool(tree["going_home"]), bool(tree.get("paused"))

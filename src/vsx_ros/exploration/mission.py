@@ -174,7 +174,7 @@ class Mission:
 
     def _lose(self, now_ns: int, situation: Situation) -> Decision:
         """Stand still: the camera may find itself again."""
-        self._tour.give_up_goal(now_ns, "tracking was lost on the way")
+        self._tour.goal_failed(now_ns, "tracking was lost on the way")
         self._recovery.begin(now_ns)
         self._log.wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
         self._log.enter(now_ns, MissionState.RECOVERING, f"tracking lost: {situation.slam_reason}")

@@ -52,7 +52,7 @@ class Rejection(Enum):
 
     NO_ROOM = "no standing room"
     NO_GAIN = "gain too small"
-    BLACKLISTED = "given up for a while"
+    BLACKLISTED = "blacklisted"
     LOOKED = "looked from already"
     UNREACHABLE = "unreachable"
     NOT_WORTH = "not worth the way"

@@ -16,7 +16,7 @@ from vsx_ros.occupancy.unknown_ground import Frontier, find_frontiers
 
 _SECOND_NS = 1_000_000_000
 _NEAR_RAD = 0.8  # a goal this like one that failed, within the base's radius, is the same one
-_MOST_FAILURES = 3  # after so many a goal stays given up
+_MOST_FAILURES = 3  # after so many a goal stays blacklisted
 _MOST_DOUBLINGS = 7  # of blacklist_s: two hours, longer than a run
 _MAPS_AGREE = 3  # So many maps in a row say that it has been seen: what is a wall to one may be a gap to the next
 
@@ -53,7 +53,7 @@ def pose_rows(poses: Sequence[SE2]) -> FloatArray:
 
 
 class ViewSelector:
-    """``rank`` the views anew. looked_from: where the camera has looked from. blacklist: goals that failed. ranking: as
+    """``rank`` the views again. looked_from: where the camera has looked from. blacklist: goals that failed. ranking: as
     found last."""
 
     def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:

@@ -70,7 +70,7 @@ class ViewTour:
         if situation.navigation is NavigationState.ACTIVE:
             return self._supervise(now_ns, situation)
         if situation.navigation is NavigationState.ABORTED and (self._goal is not None or self.backing_off):
-            self.give_up_goal(now_ns, self._stopped_for or situation.navigation_reason)
+            self.goal_failed(now_ns, self._stopped_for or situation.navigation_reason)
             self._log.wait_until_ns = now_ns + (_HOME_AGAIN_NS if self._home.asked else _SETTLE_NS)
             return self._log.answer(Action.WAIT, "coming to rest")
         if now_ns < self._log.wait_until_ns:
@@ -96,16 +96,16 @@ class ViewTour:
         return self._log.answer(Action.CANCEL if active else Action.WAIT, reason)
 
     def forget_goal(self) -> None:
-        """Choose anew when it is time to."""
+        """Choose again when it is time to."""
         self._goal = self._gain = None
 
-    def give_up_goal(self, now_ns: int, reason: str) -> None:
+    def goal_failed(self, now_ns: int, reason: str) -> None:
         """The goal, if there is one, has failed."""
         if self._goal is not None and self._home.asked:
             self._log.note(now_ns, self._home.failed(reason))
         elif self._goal is not None:
             seconds = self._view_selector.blacklist.add(now_ns, self._goal.pose)
-            self._log.note(now_ns, f"goal given up for {seconds:.0f} s: {reason}")
+            self._log.note(now_ns, f"goal blacklisted for {seconds:.0f} s: {reason}")
         self.forget_goal()
         self.backing_off = False
 
@@ -142,8 +142,8 @@ class ViewTour:
         self._empty_rankings += 1
         self._log.wait_until_ns = now_ns + _EMPTY_WAIT_NS
         if ranking.rejected[Rejection.BLACKLISTED] and blacklist.release(now_ns):
-            self._log.note(now_ns, f"no other view found ({why}): what was given up is tried again")
-            return self._log.answer(Action.WAIT, "trying again what was given up")
+            self._log.note(now_ns, f"no other view found ({why}): blacklisted goals are tried again")
+            return self._log.answer(Action.WAIT, "trying blacklisted goals again")
         if self._empty_rankings > (self._config.retries_boxed_in if boxed_in else self._config.retries_without_view):
             if boxed_in and not self.has_gone:
                 return self._log.finish(now_ns, Outcome.BOXED_IN, f"no view can be driven to from the start ({why})")

@@ -218,7 +218,7 @@ def _told_by_truth(monitor: Monitor, journal: MonitorJournal, truth: Sequence[St
 
 
 def all_events(folder: RunFolder, journal: MonitorJournal, monitor: Monitor) -> list[RunEvent]:
-    """SLAM's from the folder, all else from who watched: where SLAM never began anew, the folder still holds both from
+    """SLAM's from the folder, all else from who watched: where SLAM never began again, the folder still holds both from
     the session before."""
     slam = [event for event in folder.read_events() if event.source == "slam"]
     return [*slam, *journal.events(), *monitor.events]

@@ -96,7 +96,7 @@ class RunFolder:
         return RunFolder(path)
 
     def write_what_fits(self, *writes: Callable[[], object]) -> str:
-        """Try each, the folder made anew where it was deleted meanwhile; what kept the first one that failed from it in
+        """Try each, the folder made again where it was deleted meanwhile; what kept the first one that failed from it in
         a sentence, nothing when all is written."""
         said = ""
         for write in writes:

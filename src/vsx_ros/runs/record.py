@@ -104,7 +104,7 @@ class RunRecord:
                 keyframe_added=r.keyframe_added,
                 track_ms=ms,
                 u2_frames=u2,
-            )  # fmt: skip
+            )
             for r, ms, u2 in zip(self.results, self.track_ms, self.u2_frames, strict=True)
         )
         if self._odometry:

@@ -58,7 +58,7 @@ class MoveBaseNode:
         with self._pursuing:
             done = self._pursue(goal.target_pose)
             self._lease.promise(0.0)
-            rospy.loginfo("goal %s: %s", "reached" if done.arrived else "given up", done.reason)
+            rospy.loginfo("goal %s: %s", "reached" if done.arrived else "failed", done.reason)
             self._diagnostics.set("goal", OK if done.arrived else WARN, done.reason)
             gave_up = self._server.set_preempted if self._server.is_preempt_requested() else self._server.set_aborted
             (self._server.set_succeeded if done.arrived else gave_up)(text=done.reason)
@@ -106,7 +106,7 @@ class MoveBaseNode:
             self._follower.brake(now_ns, act.a_m_s2)
 
     def close(self) -> None:
-        """A last word to the follower, or to one that starts anew; and the goal's end is told while topics are open."""
+        """A last word to the follower, or to one that starts again; and the goal's end is told while topics are open."""
         self._follower.brake(headers.now_ns(), math.inf)
         self._pursuing.acquire(timeout=0.5)
         self._server.action_server.status_timer.shutdown()
