@@ -8,7 +8,7 @@ worth less, for the tracker has to live there."""
 import math
 from collections.abc import Callable
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -100,7 +100,11 @@ class RankingInput(NamedTuple):
     config: ExplorationConfig
 
 
-Ranker = Callable[[RankingInput], Ranking]  # A strategy: which view to drive to next
+class Ranker(Protocol):
+    """A strategy: which view to drive to next."""
+
+    def __call__(self, asked: RankingInput, /) -> Ranking:
+        """Views by falling utility, and what fell out for which reason."""
 
 
 def traversable_cells(grid: OccupancyGrid, radius_m: float) -> BoolArray:

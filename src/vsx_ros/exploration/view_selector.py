@@ -53,7 +53,7 @@ def pose_rows(poses: Sequence[SE2]) -> FloatArray:
 
 
 class ViewSelector:
-    """``rank`` the views again. looked_from: where the camera has looked from. blacklist: goals that failed. ranking: as
+    """``rank`` the views. looked_from: where the camera has looked from. blacklist: goals that failed. ranking: as
     found last."""
 
     def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:

@@ -96,8 +96,8 @@ class RunFolder:
         return RunFolder(path)
 
     def write_what_fits(self, *writes: Callable[[], object]) -> str:
-        """Try each, the folder made again where it was deleted meanwhile; what kept the first one that failed from it in
-        a sentence, nothing when all is written."""
+        """Try each, in a new folder where it was deleted meanwhile; what kept the first one that failed from it in a
+        sentence, nothing when all is written."""
         said = ""
         for write in writes:
             try:

@@ -8,8 +8,9 @@ Services: move_base/make_plan.
 Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
     odometry alone: straight or along the trail, without a map. Plans keep the map points in view, drive slowly where
     they cannot, and are refused where that would be long; points much older or newer than the map do not count.
-Parameters: ~config (tree of 'vsx config'), ~planner (fov or unconstrained; fov), ~seed (int, 0). While it runs, for the
-    plans to come, by dynamic_reconfigure: ~v_m_s and ~omega_rad_s (up to the configured limits), ~phi_rad_m.
+Parameters: ~config (tree of 'vsx config'), ~planner (fov, unconstrained, paper or a plug-in's; fov), ~seed (int, 0).
+    While it runs, for the plans to come, by dynamic_reconfigure: ~v_m_s and ~omega_rad_s (up to the configured limits),
+    ~phi_rad_m.
 
 A client that ever renewed move_base/lease must go on doing so while its goal is pursued."""
 
@@ -106,7 +107,7 @@ class MoveBaseNode:
             self._follower.brake(now_ns, act.a_m_s2)
 
     def close(self) -> None:
-        """A last word to the follower, or to one that starts again; and the goal's end is told while topics are open."""
+        """A last word to the follower, or to its successor; and the goal's end is told while topics are open."""
         self._follower.brake(headers.now_ns(), math.inf)
         self._pursuing.acquire(timeout=0.5)
         self._server.action_server.status_timer.shutdown()
