@@ -19,8 +19,8 @@ _MEMORY = 400  # readings of odometry: 8 s at 50 Hz, more than SLAM is ever late
 _JUMP_M, _JUMP_RAD = 0.3, 0.35  # a loop closed or a place recognised: taken at once, not smeared by a filter
 # Standard deviations: of a SLAM pose; of odometry per square root of a metre; of the bend at first and its drift.
 _SLAM_M, _SLAM_RAD = 0.01, 0.008
-_DRIFT_M, _DRIFT_RAD, _STANDING_VARIANCE = 0.02, 0.03, 1e-8
-_BEND_RAD_M, _BEND_DRIFT = 0.15, 0.05
+_DRIFT_M, _DRIFT_RAD, _STANDING_VARIANCE = 0.02, 0.03, 1e-8  # m, rad per sqrt(m); of a base that stands
+_BEND_RAD_M, _BEND_DRIFT = 0.15, 0.05  # rad/m, per sqrt(m)
 _STEP_M, _PAIRS = 0.005, 40  # by the wheels between two pairs that are kept; how many, 20 cm of way
 # Beyond how much of a way by odometry it is judged, by how many poses in between, and how much of it must be seen.
 _WAY_M, _POSES, _SHARE = 0.06, 3, 0.35

@@ -24,7 +24,7 @@ STATE_COLORS = {
     TrackingState.NOT_INITIALISED.word: "#9aa3ad",
 }
 FIGURE_PX = 540.0  # width of a map; its height at most
-_HIGHEST_PX = 620.0
+_HIGHEST_PX = 620.0  # a map and its caption fit on a screen
 _VIEW_M = 0.35  # length of the arrow that shows a view
 _MAX_DOTS, _MAX_POINTS = 4000, 1500  # drawn, so that a report of an hour stays small
 _Point = TypeVar("_Point")

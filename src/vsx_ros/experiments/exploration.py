@@ -138,7 +138,7 @@ def _faults(result: Result) -> Iterator[str]:
         yield f"{100 * (result.get('coverage_correct') or 0.0):.0f} % known and right; {result['stop_reason']}"
 
 
-STAGES = (0.25, 0.5, 0.75, 1.0)
+STAGES = (0.25, 0.5, 0.75, 1.0)  # of the way, for figure 7
 
 
 class Stage(NamedTuple):

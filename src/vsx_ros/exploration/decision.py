@@ -15,6 +15,8 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
 
+SECOND_NS = 1_000_000_000
+
 
 class NavigationState(Enum):
     """What became of the last goal."""

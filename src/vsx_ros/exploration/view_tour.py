@@ -2,17 +2,16 @@
 home when asked."""
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.decision import Action, Decision, MissionLog, NavigationState, Outcome, Situation
+from vsx_ros.exploration.decision import SECOND_NS, Action, Decision, MissionLog, NavigationState, Outcome, Situation
 from vsx_ros.exploration.recovery import SPOT_TURN, Trail, escape_arc
 from vsx_ros.exploration.utility import Rejection, View
 from vsx_ros.exploration.view_selector import ExpectedGain, ViewSelector
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
-_SECOND_NS = 1_000_000_000
-_EMPTY_WAIT_NS = 2 * _SECOND_NS  # no view: the mapper may still be making the map
-_SETTLE_NS, _BRAKE_NS = _SECOND_NS, _SECOND_NS // 2  # for the map after a goal; for the base to stand
-_HOME_AGAIN_NS = 5 * _SECOND_NS  # between tries to get home
+_EMPTY_WAIT_NS = 2 * SECOND_NS  # no view: the mapper may still be making the map
+_SETTLE_NS, _BRAKE_NS = SECOND_NS, SECOND_NS // 2  # for the map after a goal; for the base to stand
+_HOME_AGAIN_NS = 5 * SECOND_NS  # between tries to get home
 _MOST_BLOCKED = 30  # steps away from a hazard in vain
 _MOST_TRIES = 5  # to get home, before the run ends where it is
 

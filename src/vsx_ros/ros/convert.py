@@ -37,7 +37,7 @@ _LEVELS = {
     TrackingState.DUBIOUS: DiagnosticStatus.WARN,
     TrackingState.LOST: DiagnosticStatus.ERROR,
 }
-UNSURE_HEADING_RAD2 = 1.0
+UNSURE_HEADING_RAD2 = 1.0  # variance from which a heading is as good as unknown
 UNKNOWN_VARIANCE = 1e10
 """Of what a planar robot cannot know (z, roll, pitch): huge, for 0 would mean that it is certain."""
 

@@ -20,7 +20,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.ros import headers, launch, logs
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.ros.live_run import MASTER, LiveRun, refuse_second_robot
+from vsx_ros.ros.live_run import MASTER, READY_WAIT_S, LiveRun, refuse_second_robot
 from vsx_ros.ros.monitor import Monitor, MonitorJournal, progress_line
 from vsx_ros.ros.nodes.dashboard import open_browser
 from vsx_ros.runs.folder import RunFolder
@@ -34,7 +34,6 @@ from vsx_ros.sim.world import Start, World
 from vsx_ros.sim.world_file import save_world
 from vsx_ros.slam.state import TrackingState
 
-_READY_WAIT_S = 180.0  # kernels may have to be compiled
 _COVERAGE_PERIOD_S = 2.0  # between looks at the truth
 _VITAL = "mobile_base", "vslam", "explore", "emulator"
 _TICK_S = 0.1  # so that Ctrl-C is heard at once
@@ -131,9 +130,9 @@ def _watch(
         ending = _ending(live, monitor, elapsed_s, limit_s)
         if ending is None and coverage.is_enough(monitor):
             ending = Ending(f"{100 * (coverage.until or 0.0):g} % is known", DONE)
-        if ending is None and began_s is None and now_s - started_s > _READY_WAIT_S:
+        if ending is None and began_s is None and now_s - started_s > READY_WAIT_S:
             why = "; ".join(trouble.values()) or "see the run's log folder"
-            ending = Ending(f"the robot was not ready within {_READY_WAIT_S:.0f} s: {why}", HARDWARE)
+            ending = Ending(f"the robot was not ready within {READY_WAIT_S:.0f} s: {why}", HARDWARE)
         journal.keep(monitor, headers.now_ns(), elapsed_s)
         if ending is not None:
             return ending
