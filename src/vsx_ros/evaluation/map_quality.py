@@ -133,14 +133,10 @@ def obstacle_quality(grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray
     recall = _share(metres_to(occupied, truth)[faces] <= TOLERANCE_M)
     p, r = precision or 0.0, recall or 0.0
     return ObstacleQuality(
-        precision=precision,
-        recall=recall,
-        f1=2.0 * p * r / (p + r) if p + r > 0.0 else None,
-        surface_free=_share(free[faces]),
-        free_inside=_share(to_free[free] > TOLERANCE_M),
-        phantom_m2=float(wrong.sum()) * truth.resolution**2,
-        gaps_free=_share(in_gaps[in_gaps != UNKNOWN] == FREE),
-    )
+        precision=precision, recall=recall, f1=2.0 * p * r / (p + r) if p + r > 0.0 else None,
+        surface_free=_share(free[faces]), free_inside=_share(to_free[free] > TOLERANCE_M),
+        phantom_m2=float(wrong.sum()) * truth.resolution**2, gaps_free=_share(in_gaps[in_gaps != UNKNOWN] == FREE),
+    )  # fmt: skip
 
 
 def narrow_gaps(truth: OccupancyGrid) -> BoolArray:

@@ -172,16 +172,11 @@ def _stage(run: FastRun, grid: OccupancyGrid, stamp_ns: int) -> Stage:
     assert run.judge is not None
     quality, snapshot = run.judge.quality(grid), run.system.slam.snapshot()
     return Stage(
-        second=stamp_ns * 1e-9,
-        path_m=run.robot.truth.path_length_m,
-        coverage=quality.coverage or 0.0,
-        coverage_correct=quality.coverage_correct or 0.0,
-        keyframes=len(snapshot.keyframe_ids),
-        points=len(snapshot.points_world),
-        grid=grid,
-        surface=run.system.surface_points(),
+        second=stamp_ns * 1e-9, path_m=run.robot.truth.path_length_m, coverage=quality.coverage or 0.0,
+        coverage_correct=quality.coverage_correct or 0.0, keyframes=len(snapshot.keyframe_ids),
+        points=len(snapshot.points_world), grid=grid, surface=run.system.surface_points(),
         way=[[pose.x, pose.y] for pose in run.system.ground.trail(snapshot)],
-    )
+    )  # fmt: skip
 
 
 def figure7(stages: Sequence[Stage], summary: Result) -> tuple[Section, dict[str, Any]]:

@@ -76,14 +76,10 @@ class ViewSelector:
         """What is worth its way from here, the best first, and what fell out for which reason."""
         self._grid = grid
         asked = RankingInput(
-            grid=grid,
-            radius_m=self._radius_m,
-            landmarks_world=landmarks_world,
-            looked_from=pose_rows(self.looked_from),
-            travel_costs=self._travel_costs(T_map_base, grid),
-            blacklist=lambda poses: self.blacklist.near(now_ns, poses),
-            config=self._config,
-        )
+            grid=grid, radius_m=self._radius_m, landmarks_world=landmarks_world,
+            looked_from=pose_rows(self.looked_from), travel_costs=self._travel_costs(T_map_base, grid),
+            blacklist=lambda poses: self.blacklist.near(now_ns, poses), config=self._config,
+        )  # fmt: skip
         self.ranking = self._rank(asked)
         return self.ranking
 
