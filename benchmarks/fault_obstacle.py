@@ -2,16 +2,16 @@
 
 python benchmarks/fault_obstacle.py [--ahead 0.5] [--repetitions 20] [--minutes M]
 
-As benchmarks/fault_nodes.py, on the same stack: real nodes and drivers, the emulated body at the wire's far end. The post,
-10 cm thick, is put where the path is so far ahead of the base's centre (its near face; straight on, at full speed). The body
-can hit it. The camera cannot see it: when SLAM maps a new thing is another question. What the nodes hear as ``map`` passes
-through this program, which draws the post into every map from that instant on, as from a sensor that saw it at once; so
-what is measured begins with a map that shows it, and ends where the body stands.
+As benchmarks/fault_nodes.py, on the same stack: real nodes and drivers, the emulated body at the wire's far end. The
+post, 10 cm thick, is put where the path is so far ahead of the base's centre (its near face; straight on, at full
+speed). The body can hit it. The camera cannot see it: when SLAM maps a new thing is another question. What the nodes
+hear as ``map`` passes through this program, which draws the post into every map from that instant on, as from a sensor
+that saw it at once; so what is measured begins with a map that shows it, and ends where the body stands.
 
 A row is one repetition: the body's speed when the post appeared (``speed_m_s``), how far its face was truly ahead
-(``ahead_m``), after how long the body was at rest (``rest_s``; null: not within 5 s), the gap left between body and post then
-(``left_m``), the least until then (``least_m``), and whether they touched (``contact``). Then the post is taken away, and the
-robot explores on. What is there already by the present code is not measured again.
+(``ahead_m``), after how long the body was at rest (``rest_s``; null: not within 5 s), the gap left between body and
+post then (``left_m``), the least until then (``least_m``), and whether they touched (``contact``). Then the post is
+taken away, and the robot explores on. What is there already by the present code is not measured again.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from tables import RESULTS, rooms_of
 from vsx_ros.config import Config
 from vsx_ros.experiments.rows import Store
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.occupancy.grid import OCCUPIED
+from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 
 POST_M, SIDES = 0.05, 12  # radius, and how round it is
 LIMITS, BODY_M = Config().limits, Config().robot.radius_m
@@ -44,7 +44,7 @@ class Post:
 
     def __init__(self, stack: Any) -> None:
         import rospy
-        from nav_msgs.msg import OccupancyGrid
+        from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
         from trajectory_msgs.msg import MultiDOFJointTrajectory
 
         from vsx_ros.ros import topics
@@ -61,7 +61,7 @@ class Post:
         self._steps: deque[tuple[int, float, float]] = deque(maxlen=2000)  # time [ns], way, gap [m]: 10 s
         self._map: Any = None
         self._where = LocalizationSubscriber()
-        self._map_pub = rospy.Publisher(topics.MAP, OccupancyGrid, queue_size=1, latch=True)
+        self._map_pub = rospy.Publisher(topics.MAP, OccupancyGridMsg, queue_size=1, latch=True)
 
         def on_trajectory(msg: Any) -> None:
             way = wanted(msg)
@@ -69,7 +69,7 @@ class Post:
             self._way = way.poses[way.v > 0.0] if forwards and (way.v >= 0.0).all() else np.empty((0, 3))
 
         rospy.Subscriber(f"/{topics.TRAJECTORY}", MultiDOFJointTrajectory, on_trajectory)
-        rospy.Subscriber("/map_seen", OccupancyGrid, self._on_map)
+        rospy.Subscriber("/map_seen", OccupancyGridMsg, self._on_map)
         stack.watch_steps(self._on_step)
 
     def _on_map(self, msg: Any) -> None:
@@ -86,7 +86,8 @@ class Post:
             rows, columns = np.indices(grid.shape)
             places = grid.centres(np.column_stack([rows.ravel(), columns.ravel()])).reshape(*grid.shape, 2)
             inside = np.hypot(places[..., 0] - self._centre_map.x, places[..., 1] - self._centre_map.y) <= POST_M
-            grid.data[inside] = OCCUPIED
+            data = np.where(inside, OCCUPIED, grid.data).astype(np.int8)
+            grid = OccupancyGrid(data, grid.resolution, grid.origin_x, grid.origin_y)
         self._map_pub.publish(convert.grid_msg(grid, topics.MAP_FRAME, headers.now_ns()))
 
     def _on_step(self, state: Any) -> None:

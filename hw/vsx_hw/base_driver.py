@@ -100,15 +100,11 @@ class BaseDriver(ConnectionThread):
     watchdog."""
 
     def __init__(
-        self,
-        dialect: Dialect,
-        open_transport: Callable[[], SerialTransport],
-        device: str,
+        self, dialect: Dialect, open_transport: Callable[[], SerialTransport], device: str,
         on_reading: Callable[[BaseReading], None],
-        on_link: Callable[[bool, str], None] = lambda connected, message: None,
-        command_timeout_s: float = 0.25,
+        on_link: Callable[[bool, str], None] = lambda connected, message: None, command_timeout_s: float = 0.25,
         on_command: Callable[[bool], None] = lambda turning: None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(device, open_transport, BACKOFF_S, on_link)
         self._dialect = dialect
         self._on_reading, self._on_command = on_reading, on_command

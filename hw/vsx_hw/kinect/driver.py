@@ -59,13 +59,9 @@ class KinectCamera(ConnectionThread):
     images, exposure and white balance stay as they are."""
 
     def __init__(
-        self,
-        open_transport: Callable[[], KinectTransport],
-        device: str,
-        on_image: Callable[[ImageReading], None],
-        mode: protocol.StreamMode = protocol.VGA_BAYER,
-        lock_exposure: bool = False,
-    ) -> None:
+        self, open_transport: Callable[[], KinectTransport], device: str, on_image: Callable[[ImageReading], None],
+        mode: protocol.StreamMode = protocol.VGA_BAYER, lock_exposure: bool = False,
+    ) -> None:  # fmt: skip
         super().__init__(device, open_transport, BACKOFF_S)
         self._on_image, self._mode = on_image, mode
         self._lock_wanted = self._lock_pending = lock_exposure

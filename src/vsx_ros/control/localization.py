@@ -82,12 +82,12 @@ class LocalizationState(NamedTuple):
     slam_age_s: age of the image behind the newest camera pose. stuck: how the wheels turn although the camera stands.
     """
 
-    T_map_base: SE2 | None
-    odometry: Odometry | None
-    slam_state: TrackingState
-    slam_reason: str
-    slam_age_s: float
-    stuck: Stuck | None
+    T_map_base: SE2 | None = None
+    odometry: Odometry | None = None
+    slam_state: TrackingState = TrackingState.NOT_INITIALISED
+    slam_reason: str = ""
+    slam_age_s: float = math.inf
+    stuck: Stuck | None = None
 
     @property
     def T_odom_base(self) -> SE2 | None:
@@ -231,8 +231,5 @@ class Localization:
         return SE2(believed.x + float(change[0]), believed.y + float(change[1]), believed.theta + float(change[2]))
 
 
-UNLOCALIZED = LocalizationState(
-    T_map_base=None, odometry=None, slam_state=TrackingState.NOT_INITIALISED, slam_reason="", slam_age_s=math.inf,
-    stuck=None,
-)  # fmt: skip
+UNLOCALIZED = LocalizationState()
 """What is known before anything came."""

@@ -165,14 +165,9 @@ def _ending(live: LiveRun, monitor: Monitor, elapsed_s: float, limit_s: float | 
 
 
 def _gather(
-    folder: RunFolder,
-    config: Config,
-    monitor: Monitor,
-    journal: MonitorJournal,
-    judge: MapJudge | None,
-    ending: Ending,
-    args: argparse.Namespace,
-) -> int:
+    folder: RunFolder, config: Config, monitor: Monitor, journal: MonitorJournal, judge: MapJudge | None,
+    ending: Ending, args: argparse.Namespace,
+) -> int:  # fmt: skip
     """Complete what vslam wrote with what the monitor saw, and tell it; the exit code."""
     known, missing = results_of_slam(folder, mounted(config.robot.mount))
     truth, so_far = [*journal.truth(), *monitor.truth], journal.so_far
@@ -181,20 +176,14 @@ def _gather(
         summary = judge.judged(summary, monitor.grid)
     plan_ms, error_m = np.array(monitor.plan_ms), np.array(monitor.error_m)
     summary = summary.with_values(
-        **_told_by_truth(monitor, journal, truth),
-        duration_s=so_far.elapsed_s,
-        plans=so_far.plans,
+        **_told_by_truth(monitor, journal, truth), duration_s=so_far.elapsed_s, plans=so_far.plans,
         plan_ms_median=float(np.median(plan_ms)) if plan_ms.size else None,
         plan_ms_p99=float(np.percentile(plan_ms, 99)) if plan_ms.size else None,
         planned_vs_executed_rms_m=float(np.sqrt(np.mean(error_m**2))) if error_m.size else None,
-        stop_reason=ending.reason,
-        ended_well=ended_well(ending.code),
-        world=args.world,
-        seed=args.seed if args.world else None,
-        planner=args.planner,
-        phi=config.planner.phi_rad_m,
+        stop_reason=ending.reason, ended_well=ended_well(ending.code), world=args.world,
+        seed=args.seed if args.world else None, planner=args.planner, phi=config.planner.phi_rad_m,
         continued_map=args.load_map,
-    )
+    )  # fmt: skip
     writes: list[Callable[[], object]] = [lambda: folder.write_summary(summary.as_dict())]
     if (grid := monitor.grid) is not None:
         writes.append(lambda: folder.write_map(grid))
