@@ -34,7 +34,7 @@ from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 
 POST_M, SIDES = 0.05, 12  # radius, and how round it is
 LIMITS, BODY_M = Config().limits, Config().robot.radius_m
-FULL_SPEED, STRAIGHT_RAD = 0.97, 0.2  # of the limit; to either side
+FULL_SPEED, STRAIGHT_RAD, BEYOND_M = 0.97, 0.2, 0.3  # of the limit; to either side; of path behind the post
 REST_M_S, OVER_NS, WATCH_S = 0.005, 50_000_000, 5.0
 FIND_S = 120.0
 
@@ -53,6 +53,7 @@ class Post:
 
         rospy.init_node("post", anonymous=True, disable_signals=True)
         self._plant, self._lock, self._walls = stack.plant, threading.Lock(), walls(stack.plant.body)
+        self._log = stack._folder / "move_base.txt"
         self._centre_map: SE2 | None = None
         self._centre_world: SE2 | None = None
         self._appeared_ns = 0
@@ -112,7 +113,7 @@ class Post:
 
     def place_ahead(self, face_m: float) -> SE2 | None:
         """Where the post's centre would be, seen from the base; None where it does not drive straight on at full speed,
-        or its path ends before."""
+        or its path ends there."""
         from vsx_ros.ros import headers
 
         T_map_base, way = self._where.at(headers.now_ns()).pose("map"), self._way
@@ -120,7 +121,7 @@ class Post:
             return None
         nearest = int(np.argmin(np.hypot(way[:, 0] - T_map_base.x, way[:, 1] - T_map_base.y)))
         far = np.hypot(way[nearest:, 0] - T_map_base.x, way[nearest:, 1] - T_map_base.y) >= face_m + POST_M
-        if not far.any():
+        if not far.any() or math.hypot(way[-1, 0] - T_map_base.x, way[-1, 1] - T_map_base.y) < face_m + BEYOND_M:
             return None
         x, y, _ = way[nearest + int(far.argmax())]
         place = T_map_base.inverse() @ SE2(float(x), float(y), 0.0)
@@ -151,14 +152,18 @@ class Post:
             self._on_emulator(go)
             self._say()
 
+    def _braked(self) -> int:
+        """How often move_base has said that an obstacle came to light."""
+        return self._log.read_text(errors="replace").count("an obstacle has come to light")
+
     def repetition(self, face_m: float) -> dict[str, Any] | None:
-        """None where no such moment came."""
+        """None where no such moment came, or the base stopped there for another reason."""
         deadline_s = time.monotonic() + FIND_S
         while (place := self.place_ahead(face_m)) is None:
             if time.monotonic() > deadline_s:
                 return None
             time.sleep(0.01)
-        speed_m_s, collisions = self.speed_m_s, self._plant.body.collisions
+        speed_m_s, collisions, braked = self.speed_m_s, self._plant.body.collisions, self._braked()
         self.appear(place)
         rest_s, began_s = None, time.monotonic()
         while rest_s is None and time.monotonic() - began_s < WATCH_S:
@@ -168,6 +173,8 @@ class Post:
         gaps = [gap for stamp_ns, _, gap in list(self._steps) if stamp_ns >= self._appeared_ns]
         contact = self._plant.body.collisions > collisions
         self.vanish()
+        if self._braked() == braked and not contact:
+            return None
         return {
             "speed_m_s": round(speed_m_s, 3),
             "ahead_m": round(gaps[0] + BODY_M, 3),
