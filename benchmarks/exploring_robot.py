@@ -49,7 +49,7 @@ def begin(stack: object, start_s: float = START_S) -> None:
 
 
 def ready(stack: object) -> bool:
-    """The robot drives; where it has given up, what could have made it give up is started anew."""
+    """The robot drives; where it has given up, what could have made it give up is started again."""
     for restart in ((), ("explore",), ("vslam", "explore"), ("vslam", "move_base", "follower", "explore")):
         for node in restart:
             stack.kill(node)

@@ -67,6 +67,24 @@ def masters(rows: Sequence[Row]) -> list[str]:
     return lines
 
 
+def posts(rows: Sequence[Row]) -> list[str]:
+    """What appeared on the way; rest_s is None where the base did not come to rest."""
+    lines = [
+        "| the post's face ahead of the base's centre | no contact | speed | at rest after: median, most "
+        "| gap left then: median, least |",
+        "|---|---|---|---|---|",
+    ]
+    for (ahead_m,), results in _parts(rows, "ahead_m"):
+        missed, n = sum(not result["contact"] for result in results), len(results)
+        rested = [result["rest_s"] for result in results if result["rest_s"] is not None]
+        left = [100.0 * result["left_m"] for result in results]
+        lines.append(
+            f"| {float(ahead_m):g} m | {missed} of {n} | {statistics.median(r['speed_m_s'] for r in results):.2f} m/s "
+            f"| {_spread(rested)} of {len(rested)} | {statistics.median(left):.0f} cm, {min(left):.0f} cm |"
+        )
+    return lines
+
+
 def disks(rows: Sequence[Row]) -> list[str]:
     """What became of the runs whose disk failed."""
     lines = [

@@ -22,7 +22,7 @@ STALE_NS = 110_000_000
 TOLD_NS = 250_000_000  # So long a silence is told
 ROW, ROW_NS = 3, 60_000_000
 """Good reports after a silence before the wheels may turn, and the longest time between two of them."""
-SILENT_NS = 2_000_000_000  # then the connection is opened anew
+SILENT_NS = 2_000_000_000  # then the connection is opened again
 BACKOFF_S = (0.2, 0.5, 1.0, 2.0)  # between tries to open it
 COARSEST_RAD_S = 0.02  # The widest step of the wires: more than this is a limit that was met, not rounding
 
@@ -100,15 +100,11 @@ class BaseDriver(ConnectionThread):
     watchdog."""
 
     def __init__(
-        self,
-        dialect: Dialect,
-        open_transport: Callable[[], SerialTransport],
-        device: str,
+        self, dialect: Dialect, open_transport: Callable[[], SerialTransport], device: str,
         on_reading: Callable[[BaseReading], None],
-        on_link: Callable[[bool, str], None] = lambda connected, message: None,
-        command_timeout_s: float = 0.25,
+        on_link: Callable[[bool, str], None] = lambda connected, message: None, command_timeout_s: float = 0.25,
         on_command: Callable[[bool], None] = lambda turning: None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(device, open_transport, BACKOFF_S, on_link)
         self._dialect = dialect
         self._on_reading, self._on_command = on_reading, on_command

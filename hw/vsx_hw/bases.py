@@ -51,15 +51,11 @@ BASES = {
 
 
 def base_driver(
-    kind: str,
-    port: str,
-    on_reading: Callable[[BaseReading], None],
-    on_link: Callable[[bool, str], None] = lambda connected, message: None,
-    command_timeout_s: float = 0.25,
-    scales: tuple[float, float] = (1.0, 1.0),
-    on_command: Callable[[bool], None] = lambda turning: None,
+    kind: str, port: str, on_reading: Callable[[BaseReading], None],
+    on_link: Callable[[bool, str], None] = lambda connected, message: None, command_timeout_s: float = 0.25,
+    scales: tuple[float, float] = (1.0, 1.0), on_command: Callable[[bool], None] = lambda turning: None,
     allow_unknown_firmware: bool = False,
-) -> BaseDriver:
+) -> BaseDriver:  # fmt: skip
     """A driver for the base of this kind at a serial port such as /dev/kobuki; call ``start`` on it.
 
     scales: factors on measured distance and on measured turn. allow_unknown_firmware: of a Kobuki; otherwise it stands.

@@ -12,7 +12,8 @@ class FrozenImageDetector:
     """Finds a camera whose stream looks healthy while whoever follows it drives blind.
 
     Compares each picture with the one before, every eighth row bit by bit: noise makes those of a living camera
-    differ, even of a scene in which nothing moves. A covered lens is as black in each picture, and frozen as well."""
+    differ, even of a scene in which nothing moves. A covered lens is as black in each picture, and frozen as well. This
+    is told at standstill, too; what odometry adds (``ros/slam_input.py``) no driver knows."""
 
     def __init__(self) -> None:
         self._rows: NDArray[np.uint8] = np.empty(0, np.uint8)

@@ -24,7 +24,7 @@ class ConnectionThread(ABC):
 
     ``_leave`` is called before each close; its own DeviceErrors do not matter, the device may be gone. ``report`` tells
     the state of the connection; each change is logged once and handed to on_link. ``alive`` is false when the thread
-    has ended though nobody asked it to: who needs the device had better begin anew."""
+    has ended though nobody asked it to: who needs the device had better begin again."""
 
     def __init__(
         self,
@@ -75,7 +75,7 @@ class ConnectionThread(ABC):
 
     def _status(self, device: str, counters: dict[str, int]) -> LinkStatus:
         told = {"connections": self.connections, **counters}
-        return LinkStatus(self.connected, self.message, device, told, self.alive)
+        return LinkStatus(self.connected, self.message, device, told, alive=self.alive)
 
     def _run(self) -> None:
         try:

@@ -62,9 +62,10 @@ class WheelOdometry:
     def _reading(self, stamp_ns: int, v: float, omega: float, doubt: str, trusted: bool = True) -> OdometryReading:
         """doubt, trusted: beyond what the check doubts."""
         p, doubt = self._pose, self._checked.doubt or doubt
-        trusted = trusted and not doubt
-        moved = (p.x_m, p.y_m, p.heading_rad, v, omega)
-        return OdometryReading(stamp_ns, *moved, self._gaps, trusted, self._wheels, doubt, self._checked.fault)
+        return OdometryReading(
+            stamp_ns, x_m=p.x_m, y_m=p.y_m, heading_rad=p.heading_rad, v_m_s=v, omega_rad_s=omega, gaps=self._gaps,
+            trusted=trusted and not doubt, wheels_m=self._wheels, doubt=doubt, fault=self._checked.fault,
+        )  # fmt: skip
 
 
 def signed(difference: int, modulus: int) -> int:

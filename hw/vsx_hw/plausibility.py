@@ -116,7 +116,10 @@ class MotionCheck:
         if not refused:
             self._rate_rad_s = turn_rad / dt_s
         counted = turn_rad if refused else wheels_rad
-        now = last.after(_Sums(pause_ns, left_m, right_m, counted, turn_rad, int(no_gyro), int(no_wheels)))
+        step = _Sums(
+            pause_ns, left_m, right_m, wheels_rad=counted, gyro_rad=turn_rad, no_gyro=no_gyro, no_wheels=no_wheels
+        )
+        now = last.after(step)
         self._sums.append(now)
         begin = self._window(now_ns)
         fault = self._fault(begin, now)

@@ -157,7 +157,7 @@ class DeviceClock:
         """Host time of the counter value raw that arrived at arrival_ns; strictly increasing between restarts.
 
         A jump against the host's clock of more than a second (the device restarted, was silent for long, or the host's
-        clock was set) starts anew."""
+        clock was set) starts again."""
         ticks = 0 if self._raw is None else (raw - self._raw) % self._modulus
         jump_ns = arrival_ns - self._arrival_ns - self._ns(ticks)
         if self._raw is None or abs(jump_ns) > RESTART_NS:

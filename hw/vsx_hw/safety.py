@@ -88,7 +88,7 @@ class Supervisor:
                 self.refused += 1
                 v_m_s = omega_rad_s = 0.0
             until_ns = now_ns + round(speaker.timeout_s * 1e9)
-            self._said[source] = Decision(v_m_s, omega_rad_s, source, "", until_ns)
+            self._said[source] = Decision(v_m_s, omega_rad_s, source, "", until_ns=until_ns)
         return accepted
 
     def forget_commands(self) -> None:
@@ -156,7 +156,7 @@ class Supervisor:
             said = self._said.get(source)
             if said is not None and now_ns <= said.until_ns:
                 return said
-        return Decision(0.0, 0.0, "", "no commands", now_ns)
+        return Decision(0.0, 0.0, "", "no commands", until_ns=now_ns)
 
 
 def _limited(v: float, omega: float, limits: SpeedLimits) -> tuple[float, float]:

@@ -113,7 +113,8 @@ class _Watchdog:
         with self._lock:
             self._process, self._unanswered_s = new, -math.inf
         old.kill()
-        old.communicate()
+        with contextlib.suppress(subprocess.TimeoutExpired):  # in a disk's or driver's grip; its pipes are left to it
+            old.communicate(timeout=2.0)
 
     def release(self) -> None:
         if self._process.poll() is None:

@@ -16,7 +16,7 @@ import yaml
 
 from vsx_ros.errors import reason_of
 
-MIB = 2**20
+MIB = 2**20  # bytes
 TEXT_BYTES = 16 * MIB  # Parameters, worlds, calibrations: a building's world has a quarter of a MiB
 LOG_BYTES = 1024 * MIB  # What grows with a run: trajectories, journals, lists of images
 DATA_BYTES = 8192 * MIB  # Maps and point clouds

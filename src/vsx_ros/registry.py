@@ -1,10 +1,11 @@
-"""Kinds of things by name: bases, cameras, view rankers. A module of a user's adds its own on import.
+"""Kinds of things by name: bases, cameras, planners, view rankers. A module of a user's adds its own on import.
 
 ``VSX_PLUGINS=my_base,my_ranker vsx explore --base mine``: the modules are imported by the command and by every node
 before the first name is looked up (docs/how-to/extend.md)."""
 
 import importlib
 import os
+from collections.abc import Iterator
 from typing import TypeVar
 
 from vsx_ros.errors import ConfigError
@@ -31,11 +32,20 @@ class Registry(dict[str, T]):
         raise ConfigError(f"there is no {self._what} named {name!r}; give one of {', '.join(self)}")
 
 
-class Kinds(tuple[str, ...]):
-    """Choices of an option of the command line: by the word before a colon, and whatever plug-ins add."""
+class Kinds:
+    """Choices of an option of the command line: the names of a registry, by the word before a colon, and whatever
+    plug-ins add. The registry is imported when a word is judged, for help must be quick."""
+
+    def __init__(self, registry: str, *more: str) -> None:
+        """registry: MODULE:NAME. more: names that are not in it."""
+        self._registry, self._more = registry, more
+
+    def __iter__(self) -> Iterator[str]:
+        module, _, name = self._registry.partition(":")
+        return iter([*getattr(importlib.import_module(module), name), *self._more])
 
     def __contains__(self, word: object) -> bool:
-        return super().__contains__(str(word).partition(":")[0]) or bool(os.environ.get(PLUGINS))
+        return bool(os.environ.get(PLUGINS)) or str(word).partition(":")[0] in iter(self)
 
 
 def load_plugins() -> None:

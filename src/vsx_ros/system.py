@@ -145,9 +145,11 @@ class ExplorationSystem:
     def _decide(self, now_ns: int, T_odom_base: SE2, where: LocalizationState, hazard: str | None) -> Decision:
         ranked_before = self.mission.view_selector.ranking
         situation = Situation(
-            where.slam_state, where.slam_reason, where.T_map_base, T_odom_base, self.grid, self.navigator.state,
-            self.navigator.reason, hazard or (where.stuck.reason if where.stuck is not None else None),
-            self.slam.snapshot().points_world, where.odom_epoch,
+            slam_state=where.slam_state, slam_reason=where.slam_reason,
+            T_map_base=where.T_map_base, T_odom_base=T_odom_base, odom_epoch=where.odom_epoch,
+            grid=self.grid, landmarks_world=self.slam.snapshot().points_world,
+            navigation=self.navigator.state, navigation_reason=self.navigator.reason,
+            hazard=hazard or (where.stuck.reason if where.stuck is not None else None),
         )  # fmt: skip
         decision = self.mission.decide(now_ns, situation)
         cost_ns = 0

@@ -1,12 +1,15 @@
+import argparse
 import subprocess
 import sys
 
 import pytest
 
+from vsx_hw import bases
 from vsx_hw.errors import DeviceNotFound
 from vsx_ros import __version__
-from vsx_ros.cli import main
+from vsx_ros.cli import main, options_runs, options_study
 from vsx_ros.errors import InputError
+from vsx_ros.planning.planners import PLANNERS
 
 LIGHT = "import sys, vsx_ros.cli.main as m; m.parser(); print([n for n in {heavy!r} if n in sys.modules])"
 
@@ -16,6 +19,16 @@ def test_help_loads_nothing_heavy():
     code = LIGHT.format(heavy=heavy)
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "[]"
+
+
+def test_help_names_what_the_registries_hold():
+    explored, planned = argparse.ArgumentParser(), argparse.ArgumentParser()
+    options_runs.explore(explored)
+    options_study.plan(planned)
+    named = {action.dest: action.metavar for action in (*planned._actions, *explored._actions)}
+    assert named["planner"] == planned._option_string_actions["--planner"].metavar == "|".join(PLANNERS)
+    kinds = {name.partition("[")[0] for name in named["base"].split("|")}
+    assert kinds == {"auto", "ros", *bases.BASES} == set(explored._option_string_actions["--base"].choices)
 
 
 def test_version(capsys):

@@ -26,7 +26,7 @@ def names(text: str) -> list[str]:
 
 def test_the_reference_is_that_of_the_code():
     written = PAGE.read_text(encoding="utf-8")
-    assert names(written) == names(reference()), "write it anew: make docs"
+    assert names(written) == names(reference()), "write it again: make docs"
 
 
 def test_it_holds_what_users_look_for():

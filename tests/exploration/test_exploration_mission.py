@@ -207,7 +207,7 @@ def test_a_goal_whose_view_was_seen_on_the_way_is_left_without_blame():
     stopped = situation(navigation=NavigationState.ABORTED, navigation_reason="cancelled", grid=half_known())
     assert mission.decide(3 * SECOND + SECOND // 4, stopped).action is Action.WAIT
     assert mission.decide(4 * SECOND, stopped).goal == goal
-    assert not any("given up" in event.reason for event in mission.drain_events())
+    assert not any("blacklisted" in event.reason for event in mission.drain_events())
 
 
 def test_where_every_view_is_out_of_reach_it_steps_back_then_turns_and_only_then_gives_up():
@@ -272,7 +272,7 @@ def test_a_bumper_stops_and_then_backs_off():
     assert back.goal.x < 0.75
     reasons = [event.reason for event in mission.drain_events()]
     assert reasons.count("stopping: bumper left pressed") == 1
-    assert any("given up" in reason and reason.endswith("bumper left pressed") for reason in reasons)
+    assert any("blacklisted" in reason and reason.endswith("bumper left pressed") for reason in reasons)
 
 
 def test_pause_resume_stop_and_home():
@@ -402,7 +402,7 @@ def test_odometry_that_restarts_ends_the_drive_and_nobody_goes_back_to_before(st
     for k in range(1, 8):
         goal = mission.decide((3 + k) * SECOND, restarted._replace(navigation=NavigationState.ABORTED)).goal
         assert goal is None or goal.distance_to(SE2()) < 0.5
-    assert not any("given up" in event.reason for event in mission.drain_events())
+    assert not any("blacklisted" in event.reason for event in mission.drain_events())
 
 
 def test_the_way_back_begins_where_odometry_restarted():

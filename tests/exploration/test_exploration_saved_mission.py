@@ -40,7 +40,7 @@ def test_a_memory_is_read_back_from_a_file() -> None:
 def test_a_memory_of_an_older_version_is_read() -> None:
     tree = SAVED.tree()
     del tree["paused"]
-    tree["given_up"] = [row[:4] for row in tree["given_up"]]
+    tree["given_up"] = [row[:4] for row in tree.pop("blacklist")]
     once = [(pose, seconds, 1) for pose, seconds, _ in SAVED.blacklist]
     assert SavedMission.of(tree, PATH) == SAVED._replace(blacklist=once, paused=False)
 
@@ -50,7 +50,7 @@ def test_a_memory_of_an_older_version_is_read() -> None:
 )
 def test_a_damaged_memory_is_told(blacklist: list[object]) -> None:
     with pytest.raises(InputError, match="runs/lab/resume holds no memory of a mission .*; start a new run"):
-        SavedMission.of({**SAVED.tree(), "given_up": blacklist}, PATH)
+        SavedMission.of({**SAVED.tree(), "blacklist": blacklist}, PATH)
 
 
 def test_a_goal_that_failed_before_the_interruption_fails_once_more_and_not_for_the_first_time() -> None:

@@ -61,7 +61,9 @@ def test_create_1_shows_the_command_between_readings_and_the_truth_at_them():
     odometry.measure(0, 30, 10 * 20 * MS)
     headings = [math.degrees(odometry.reading((10 + k) * 20 * MS).heading_rad) for k in range(40)]
     assert headings[-1] == pytest.approx(30.0)
-    assert max(b - a for a, b in zip(headings, headings[1:])) < 1.5, "a jump is taken for a base that counts anew"
+    assert max(b - a for a, b in zip(headings, headings[1:])) < 1.5, (
+        "a jump is taken for a base that counts from zero again"
+    )
 
 
 @pytest.mark.parametrize("junk", [(1500, 0), (0, 90), (-2000, 300)])

@@ -1,10 +1,12 @@
 """The wheels stop although the driver was killed or hangs."""
 
 import contextlib
+import math
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -89,6 +91,24 @@ def test_whoever_is_killed_or_hangs_beside_the_driver_the_last_one_stops_the_whe
         for pid in watchdogs:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
+
+
+def test_a_watchdog_that_cannot_be_killed_is_replaced_and_left(tmp_path, monkeypatch):
+    (first, second), replaced = Watchdogs(str(tmp_path / "none"), BAUD, STOP)._both, threading.Event()
+    old = first._process
+    try:
+        assert until(lambda: first.answers, 30.0)
+        old.send_signal(signal.SIGSTOP)
+        first.tell(b"s")
+        monkeypatch.setattr(old, "kill", lambda: None)
+        first._started_s = -math.inf
+        assert until(lambda: not first.answers)
+        threading.Thread(target=lambda: (first.revive(), replaced.set()), daemon=True).start()
+        assert replaced.wait(30.0), "the driver waits for it"
+        assert until(lambda: first.answers, 30.0)
+    finally:
+        for process in (old, first._process, second._process):
+            os.kill(process.pid, signal.SIGKILL)
 
 
 def test_released_watchdogs_do_not_touch_the_port(tmp_path):

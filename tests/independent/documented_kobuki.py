@@ -113,7 +113,7 @@ class Kobuki:
             self.now_s = until_s
 
     def power_cycle(self, left_ticks: int, right_ticks: int, stamp_ms: int) -> None:
-        """Switch off and on: counters start anew, the motors stand, outputs and half a command are gone."""
+        """Switch off and on: counters start again, the motors stand, outputs and half a command are gone."""
         self.left_ticks, self.right_ticks, self.stamp_ms = left_ticks, right_ticks, stamp_ms
         self.body.want(0.0, 0.0)
         self._pending.clear()

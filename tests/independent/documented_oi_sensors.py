@@ -66,7 +66,7 @@ class Sensors:
             self._ticks[side] += abs(moved_m) / M_PER_TICK * (-1 if wanted < 0 else 1)
 
     def packet(self, identifier: int) -> bytes:
-        """Return the data of one packet or group; distance and angle are counted anew from this reading."""
+        """Return the data of one packet or group; distance and angle are counted again from this reading."""
         singles = members(self.generation, identifier)
         return b"".join(struct.pack(">" + FORMATS[self.generation][one], self._value(one)) for one in singles)
 

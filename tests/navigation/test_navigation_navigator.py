@@ -1,4 +1,4 @@
-"""Plans keep the map in view, are slowed while tracking is dubious, and made anew where the base strayed; planning
+"""Plans keep the map in view, are slowed while tracking is dubious, and made again where the base strayed; planning
 takes its time, and what comes to light on the way is never touched."""
 
 import numpy as np

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from vsx_ros.cli import main
-from vsx_ros.cli.options_study import PLANNERS
 from vsx_ros.errors import ConfigError, PlanningError
 from vsx_ros.io.map_file import save_map
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
+from vsx_ros.planning.planners import PLANNERS
 
 
 def run(*words: str) -> int:

@@ -159,7 +159,7 @@ def test_a_client_of_move_base_is_driven_to_its_goal(stack: Stack, frame: str) -
         assert reached.x == pytest.approx(goal.x, abs=0.1)
         assert reached.y == pytest.approx(goal.y, abs=0.1)
         left = heard(topics.TRAJECTORY, MultiDOFJointTrajectory)
-        assert left.points == [], "a follower that starts anew would drive there once more"
+        assert left.points == [], "a follower that starts again would drive there once more"
     finally:
         call(topics.EXPLORE_RESUME)
     stack.wait_until_driving()

@@ -63,6 +63,10 @@ def robot_home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
             *launch.bringup("create"),
             *launch.exploration("unconstrained"),
         ]),
+        ("explore", ["base:=ros", "camera:=ros"], [
+            *launch.bringup("ros", camera="ros"),
+            *launch.exploration(),
+        ]),
         ("simulate", ["seed:=3", "devices:=/dev/shm", "rate_hz:=30"], [
             *launch.emulation("lab", 3, "/dev/shm", rate_hz=30.0),
             *launch.exploration(seed=3),
@@ -72,6 +76,7 @@ def robot_home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def test_launch_files_and_the_table_agree(name: str, args: list[str], nodes: list[launch.LaunchNode]) -> None:
     by_file = described([(str(CHECKOUT / "launch" / f"{name}.launch"), args)], [])
     assert by_file == described([], [launch.xml(nodes, to_dict(Config()))])
+    assert ("/camera" in by_file[0]) != ("camera:=ros" in args), "its images come without a node of ours"
 
 
 def test_replay_agrees_too() -> None:

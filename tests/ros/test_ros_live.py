@@ -70,7 +70,7 @@ def base(tmp_path: Path) -> Iterator[LoneBase]:
 def test_the_stop_at_the_end_of_a_run_is_not_the_next_one_s_but_the_operator_s_is(base: LoneBase) -> None:
     def run(operator: str = "") -> list[bool]:
         began, before, stopped, after = base.observe(LIVE, base.port, operator)
-        assert stopped, "a base node that is started anew now must not drive"
+        assert stopped, "a base node that is started again now must not drive"
         return [began, before, after]
 
     assert run() == [False, False, False]

@@ -42,7 +42,7 @@ class Server(ThreadingMixIn, SimpleXMLRPCServer):
 
 
 class Graph:
-    """The master of ROS itself, at a port where it can be ended and started anew."""
+    """The master of ROS itself, at a port where it can be ended and started again."""
 
     def __init__(self, port: int) -> None:
         self._port = port
@@ -56,7 +56,7 @@ class Graph:
         self.server.shutdown()
         self.server.server_close()
 
-    def anew(self) -> Graph:
+    def again(self) -> Graph:
         self.end()
         return Graph(self._port)
 
@@ -133,7 +133,7 @@ def test_nothing_may_move_until_a_new_master_knows_all_of_the_node(
         register(offers)
 
     monkeypatch.setattr(master_watch, "register", in_time)
-    graph[0] = graph[0].anew()
+    graph[0] = graph[0].again()
     assert wait(lambda: "does not" in watch.trouble)
     time.sleep(0.5)
     assert watch.trouble, "it answers, but knows nobody"

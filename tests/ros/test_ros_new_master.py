@@ -113,7 +113,7 @@ def test_a_run_at_another_s_master_goes_on_and_a_node_that_died_meanwhile_comes_
     base.kill_master()
     os.kill(node, 9)
     base.start_master()
-    base.processes.wait(lambda: stop_path(base), "the base that was started anew")
+    base.processes.wait(lambda: stop_path(base), "the base that was started again")
     told = rosgraph.Master("/test", base.uri).getParam("/")
     assert (told["mobile_base"]["robot_type"], told["mobile_base"]["port"]) == ("kobuki", base.port)
     assert told["config"]["robot"]["odometry"]["linear_scale"] == 1.25

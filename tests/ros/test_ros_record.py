@@ -2,6 +2,7 @@
 
 import argparse
 import shutil
+import threading
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -13,6 +14,7 @@ from rosbags.rosbag1 import Reader
 
 from vsx_ros.cli.option_values import Size
 from vsx_ros.errors import InputError
+from vsx_ros.ros import record
 from vsx_ros.ros.record import BagWriter, Serialized
 
 STRING = {
@@ -57,6 +59,21 @@ def test_a_disk_that_is_full_is_told_and_does_not_hang(
         writer.put(message(b"two"))
     assert writer.close().name in ("a.bag.active", "a.bag")
     assert "No space left" in writer.failure
+
+
+@pytest.mark.parametrize("waiting", [1, 600])
+def test_a_disk_that_hangs_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, waiting: int) -> None:
+    writer, taken = BagWriter(tmp_path / "a.bag"), threading.Event()
+    monkeypatch.setattr(record, "_STUCK_S", 0.1)
+    monkeypatch.setattr(writer._writer, "write", lambda *_: taken.wait(60.0))
+    for _ in range(waiting):
+        writer.put(message(b"one"))
+    closed = threading.Thread(target=writer.close, daemon=True)
+    closed.start()
+    closed.join(10.0)
+    assert not closed.is_alive()
+    assert writer.failure == "it took nothing for 0.1 s"
+    taken.set()
 
 
 def test_a_folder_that_was_deleted_is_told(tmp_path: Path) -> None:

@@ -100,7 +100,7 @@ def test_a_base_that_leaves_its_path_gets_another_plan_to_the_same_goal(stack: S
         if word == "diverged" and again[2] == goal != "":
             break
     else:
-        pytest.fail(f"{TRIES} times the base left its path, and never was a plan made anew: {drive.told[-20:]}")
+        pytest.fail(f"{TRIES} times the base left its path, and never was a plan made again: {drive.told[-20:]}")
     stack.wait_until_driving()
     assert not stack.dead()
 

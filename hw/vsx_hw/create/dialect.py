@@ -118,8 +118,9 @@ class CreateDialect(Dialect):
                 "robot off and on"
             )
         return BaseReading(
-            odometry.stamp_ns, odometry, held, battery_of(values), values[18], mode, gyro, refusal, warnings_of(values)
-        )
+            odometry.stamp_ns, odometry, held, battery_of(values), buttons=values[18], mode=mode, gyro=gyro,
+            refusal=refusal, warnings=warnings_of(values),
+        )  # fmt: skip
 
     def believes(self, values: Mapping[int, int], follows: bool = True) -> bool:
         """Whether these values can come after those of the last report. What cannot is refused once: the next report
@@ -167,4 +168,4 @@ def battery_of(values: Mapping[int, int]) -> BatteryReading:
     fraction = min(1.0, values[25] / values[26]) if values[26] else 0.0
     charging = values[21] in CHARGING
     state = "charging" if charging else "critical" if fraction < 0.1 else "low" if fraction < 0.2 else "healthy"
-    return BatteryReading(values[22] / 1000.0, fraction, charging, state, values[34] in (2, 3))
+    return BatteryReading(values[22] / 1000.0, fraction, charging, state, docked=values[34] in (2, 3))

@@ -17,7 +17,7 @@ LONGEST_GAP_S = 0.5  # over longer ones counters may have wrapped or the robot m
 FASTEST_M_S = 0.6  # The robot drives 0.5
 SPEED_WINDOW = 5  # reports over which the speed is taken: encoders step coarsely
 CORRECTION_M, CORRECTION_RAD = 0.03, 0.02
-"""By which a report corrects the shown pose at most: who hears of a jump takes it for a base that counts anew."""
+"""By which a report corrects the shown pose at most: a jump looks like a base that counts from zero again."""
 LOST = "a report of the motion is lost or cannot be: it is not known how far the base went"
 COASTING_NS = 500_000_000
 """After a stop the wheels roll on for a moment; later counts come from someone who pushes the robot."""

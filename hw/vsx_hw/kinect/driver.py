@@ -19,7 +19,7 @@ from vsx_hw.readings import DeviceClock, ImageReading, LinkStatus
 logger = logging.getLogger(__name__)
 
 REPLY_TIMEOUT_S = 0.5  # of a control message
-REVIVE_AFTER_S = 5.0  # without a picture: the stream is started anew
+REVIVE_AFTER_S = 5.0  # without a picture: the stream is started again
 LOCK_AFTER_S = 2.0  # of pictures: the automatic exposure has settled
 BACKOFF_S = (0.5, 1.0, 2.0)  # between tries to open it
 
@@ -59,13 +59,9 @@ class KinectCamera(ConnectionThread):
     images, exposure and white balance stay as they are."""
 
     def __init__(
-        self,
-        open_transport: Callable[[], KinectTransport],
-        device: str,
-        on_image: Callable[[ImageReading], None],
-        mode: protocol.StreamMode = protocol.VGA_BAYER,
-        lock_exposure: bool = False,
-    ) -> None:
+        self, open_transport: Callable[[], KinectTransport], device: str, on_image: Callable[[ImageReading], None],
+        mode: protocol.StreamMode = protocol.VGA_BAYER, lock_exposure: bool = False,
+    ) -> None:  # fmt: skip
         super().__init__(device, open_transport, BACKOFF_S)
         self._on_image, self._mode = on_image, mode
         self._lock_wanted = self._lock_pending = lock_exposure

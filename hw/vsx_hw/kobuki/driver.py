@@ -58,7 +58,9 @@ class KobukiDialect(Dialect):
         odometry = self.odometry.update(feedback, stamp_ns)
         battery = battery_of(core.battery_decivolt, core.charger)
         gyro = gyro_reading(feedback, stamp_ns, self.odometry.gyro_trusted)
-        return BaseReading(stamp_ns, odometry, held, battery, core.buttons, "", gyro, refusal, warnings)
+        return BaseReading(
+            stamp_ns, odometry, held, battery, buttons=core.buttons, gyro=gyro, refusal=refusal, warnings=warnings
+        )
 
     def _trust(self, core: Core) -> tuple[str, tuple[str, ...]]:
         """(refusal, warnings) of the versions and of what this frame says."""

@@ -152,7 +152,8 @@ def battery_of(decivolt: int, charger: int) -> BatteryReading:
     fraction = 0.05 + 0.95 * (volt - BATTERY_EMPTY_V) / (BATTERY_FULL_V - BATTERY_EMPTY_V)
     level = "healthy" if volt > BATTERY_LOW_V else "low" if volt > BATTERY_EMPTY_V else "critical"
     state = CHARGER_STATES.get(charger) or level
-    return BatteryReading(volt, min(1.0, max(0.0, fraction)), state == "charging", state, charger in AT_THE_DOCK)
+    charging, docked = state == "charging", charger in AT_THE_DOCK
+    return BatteryReading(volt, min(1.0, max(0.0, fraction)), charging=charging, state=state, docked=docked)
 
 
 def decode_version(data: bytes | None) -> Version | None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from vsx_ros.arrays import GrayImage, Points3
-from vsx_ros.calibration import odometry as wheels
+from vsx_ros.calibration import odometry
 from vsx_ros.calibration.board import Board, board_poses
 from vsx_ros.calibration.camera import BoardView, ViewChooser, calibrate_camera
 from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_mount
@@ -96,7 +96,7 @@ def _pictures(source: Path, image_topic: str | None) -> Iterator[tuple[str, Gray
 def _odometry(args: argparse.Namespace, config: Config, recording: Recording) -> int:
     poses = [reading.T_odom_base for reading in recording.odometry]
     if args.distance is not None:
-        result = wheels.from_known_way(poses, args.distance)
+        result = odometry.from_known_way(poses, args.distance)
     elif args.turns is not None:
         result = _by_turns(recording, args.turns)
     else:
@@ -105,7 +105,7 @@ def _odometry(args: argparse.Namespace, config: Config, recording: Recording) ->
             drive = _seen_from_board(recording, Board.parse(args.board, args.pattern))
         else:
             drive, _ = _seen_by_slam(recording, config.slam)
-        result = wheels.from_camera(drive, T_base_cam, metric=args.board is not None)
+        result = odometry.from_camera(drive, T_base_cam, metric=args.board is not None)
     values, sure, known = {}, [], config.robot.odometry
     for name, before, factor, word, of in (
         ("linear_scale", known.linear_scale, result.linear, "way", "m of way"),
@@ -154,7 +154,7 @@ def _camera(recording: Recording) -> PinholeCamera:
     return recording.camera
 
 
-def _by_turns(recording: Recording, turns: float) -> wheels.OdometryCalibration:
+def _by_turns(recording: Recording, turns: float) -> odometry.OdometryCalibration:
     """Between the first and the last picture, of which the camera tells how far they are apart."""
     first = last = None
     for frame in recording.frames():
@@ -162,12 +162,12 @@ def _by_turns(recording: Recording, turns: float) -> wheels.OdometryCalibration:
     if first is None or last is None:
         raise InputError(f"{recording.source} holds no image that could be used; record it again")
     poses = [r.T_odom_base for r in recording.odometry if first.stamp_ns <= r.stamp_ns <= last.stamp_ns]
-    closing = wheels.closing_turn(_camera(recording), first.image, last.image)
+    closing = odometry.closing_turn(_camera(recording), first.image, last.image)
     if closing is None:
         print("the last picture does not show what the first one showed: the turn is taken as you say it")
     else:
         print(f"the last picture is turned by {math.degrees(closing):+.2f} deg against the first one")
-    return wheels.from_known_turns(poses, turns, closing)
+    return odometry.from_known_turns(poses, turns, closing)
 
 
 def _seen_from_board(recording: Recording, board: Board) -> list[TrackedPose]:

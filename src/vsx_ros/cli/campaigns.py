@@ -92,8 +92,10 @@ def sweep(args: argparse.Namespace) -> int:
     for world in worlds:
         open_world(world, args.seeds[0])
     settings = tuple(args.set)
-    chosen = itertools.product(args.seeds, worlds, planners)
-    tasks = [exploration.ExplorationTask(world, seed, planner, args.time, settings) for seed, world, planner in chosen]
+    tasks = [
+        exploration.ExplorationTask(world=world, seed=seed, planner=planner, time_s=args.time, settings=settings)
+        for seed, world, planner in itertools.product(args.seeds, worlds, planners)
+    ]
     store, engine = Store(args.out / "results.jsonl", config), Engine(args.jobs, args.scheduler)
     runs = list(zip(tasks, run_campaign(tasks, exploration.explore, store, engine), strict=True))
     write_text(args.out / "sweep.csv", exploration.as_csv(runs))

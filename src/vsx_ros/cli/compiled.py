@@ -16,7 +16,7 @@ _STAMP = Path("__pycache__") / "warm.stamp"  # Written when all kernels are comp
 
 
 def compiler() -> str:
-    """What compiles: with another one, or one of another Python, all is compiled anew."""
+    """What compiles: with another one, or one of another Python, all is compiled again."""
     return f"numba {importlib.metadata.version('numba')}, Python {platform.python_version()}"
 
 

@@ -67,7 +67,7 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--camera", default="kinect", help="kinect, kinect:SERIAL, v4l:N, ros:TOPIC, or ros: camera/rgb/image_raw")
         add("--camera-info-url", default="", help="file with the camera's calibration")
     if name != "bringup":
-        add("--planner", choices=PLANNERS, default="fov", help="motion planner")
+        add("--planner", choices=PLANNERS, default="fov", metavar="NAME", help="fov (default), unconstrained or paper")
         add("--seed", type=int, default=0, help="seed of the random draws")
         add("--run-dir", default="", help="folder for the results of the SLAM")
         add("--load-map", default="", help="SLAM map (.vsxmap) to go on in, the robot anywhere in it")

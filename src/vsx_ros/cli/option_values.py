@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from vsx_ros.registry import PLUGINS, Kinds
 
-BASES = Kinds(("auto", "kobuki", "create", "create2", "ros"))
-PLANNERS = Kinds(("fov", "unconstrained"))
+BASES = Kinds("vsx_hw.bases:BASES", "auto", "ros")  # those at a port need no ROS
+PLANNERS = Kinds("vsx_ros.planning.planners:PLANNERS")
 _UNITS = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}  # bytes, by SI
 
 

@@ -32,7 +32,7 @@ def status(parser: argparse.ArgumentParser) -> None:
     the camera's rate, who drives the wheels, hazards and battery. What nobody says is shown as -, in JSON as null.
 
     exit codes: 0 somebody answers, 1 nobody does"""
-    parser.add_argument("--watch", action="store_true", help="print anew every second until Ctrl-C")
+    parser.add_argument("--watch", action="store_true", help="print again every second until Ctrl-C")
     parser.add_argument("--json", action="store_true", help="one line of JSON each time")
 
 

@@ -23,7 +23,7 @@ def explore(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> N
     --fast --seed 1 | vsx explore --resume runs/today"""
     _robot(parser)
     add = parser.add_argument
-    add("--planner", choices=PLANNERS, metavar="fov|unconstrained", help="motion planner (default fov)")
+    add("--planner", choices=PLANNERS, metavar="fov|unconstrained|paper", help="motion planner (default fov)")
     add("--phi", type=float, metavar="RAD_PER_M", help="bound on the change of view per metre")
     longest = "stop after this time, the whole run's if resumed (default: none; with --fast 600)"
     add("--time", type=positive, metavar="S", help=longest)

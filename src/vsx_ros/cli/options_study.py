@@ -4,10 +4,8 @@ import argparse
 import re
 from pathlib import Path
 
-from vsx_ros.cli.option_values import add_engine, add_parameters, count, pose, positive, seeds
-from vsx_ros.registry import Kinds
+from vsx_ros.cli.option_values import PLANNERS, add_engine, add_parameters, count, pose, positive, seeds
 
-PLANNERS = Kinds(("fov", "unconstrained", "paper"))
 EXPERIMENTS = ("table1", *(f"fig{k}" for k in range(2, 8)))  # of the paper
 
 
@@ -24,7 +22,7 @@ def plan(parser: argparse.ArgumentParser) -> None:
     add("--goal", type=pose, required=True, metavar="X,Y,DEG", help="metres and degrees")
     add("--map", type=Path, metavar="map.yaml", help="a map as map_server keeps it; else open floor")
     add("--phi", type=float, metavar="RAD_PER_M", help="greatest change of view per metre driven")
-    add("--planner", choices=PLANNERS, default="fov", help="default: fov, the certified method")
+    add("--planner", choices=PLANNERS, default="fov", metavar="fov|unconstrained|paper", help="motion planner (fov)")
     add("--seed", type=int, default=0, help="of the randomised searches (default 0)")
     add("--json", action="store_true", help="print everything as JSON")
     add("--plot", type=Path, metavar="FILE", help="write a picture (.png)")
@@ -64,7 +62,7 @@ def report(parser: argparse.ArgumentParser) -> None:
 
 
 def reproduce(parser: argparse.ArgumentParser) -> None:
-    """make the paper's table and figures anew
+    """make the paper's table and figures again
 
     table1: drives of many worlds to goals that look elsewhere, by the constrained planner, by one that turns on the
     spot and by the paper's own, tracked as in the paper and by the full tracker. fig2, fig6: their paths, planned and

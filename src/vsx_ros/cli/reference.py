@@ -1,6 +1,6 @@
 """The reference of commands, nodes, topics and services, from the code that has them.
 
-``python -m vsx_ros.cli.reference > docs/reference.md`` writes it anew; a test compares."""
+``python -m vsx_ros.cli.reference > docs/reference.md`` writes it again; a test compares."""
 
 import argparse
 import importlib

@@ -6,7 +6,7 @@ KEYS = "arrows or w a s d: drive   space: stop   + -: speed   q: quit"
 
 # A held key repeats 10 to 30 times a second, after a first pause of up to half a second.
 _FIRST_HELD_FOR_S, _HELD_FOR_S = 0.55, 0.25
-_FASTER = 1.1
+_FASTER = 1.1  # times, by each press of +
 _MOVES = {"w": (1.0, 0.0), "s": (-1.0, 0.0), "a": (0.0, 1.0), "d": (0.0, -1.0)}
 _ARROWS = {"A": "w", "B": "s", "C": "d", "D": "a"}
 _ARROW = re.compile(r"\x1b[\[O]([A-D])|.", re.DOTALL)

@@ -19,8 +19,8 @@ _MEMORY = 400  # readings of odometry: 8 s at 50 Hz, more than SLAM is ever late
 _JUMP_M, _JUMP_RAD = 0.3, 0.35  # a loop closed or a place recognised: taken at once, not smeared by a filter
 # Standard deviations: of a SLAM pose; of odometry per square root of a metre; of the bend at first and its drift.
 _SLAM_M, _SLAM_RAD = 0.01, 0.008
-_DRIFT_M, _DRIFT_RAD, _STANDING_VARIANCE = 0.02, 0.03, 1e-8
-_BEND_RAD_M, _BEND_DRIFT = 0.15, 0.05
+_DRIFT_M, _DRIFT_RAD, _STANDING_VARIANCE = 0.02, 0.03, 1e-8  # m, rad per sqrt(m); of a base that stands
+_BEND_RAD_M, _BEND_DRIFT = 0.15, 0.05  # rad/m, per sqrt(m)
 _STEP_M, _PAIRS = 0.005, 40  # by the wheels between two pairs that are kept; how many, 20 cm of way
 # Beyond how much of a way by odometry it is judged, by how many poses in between, and how much of it must be seen.
 _WAY_M, _POSES, _SHARE = 0.06, 3, 0.35
@@ -82,12 +82,12 @@ class LocalizationState(NamedTuple):
     slam_age_s: age of the image behind the newest camera pose. stuck: how the wheels turn although the camera stands.
     """
 
-    T_map_base: SE2 | None
-    odometry: Odometry | None
-    slam_state: TrackingState
-    slam_reason: str
-    slam_age_s: float
-    stuck: Stuck | None
+    T_map_base: SE2 | None = None
+    odometry: Odometry | None = None
+    slam_state: TrackingState = TrackingState.NOT_INITIALISED
+    slam_reason: str = ""
+    slam_age_s: float = math.inf
+    stuck: Stuck | None = None
 
     @property
     def T_odom_base(self) -> SE2 | None:
@@ -168,7 +168,11 @@ class Localization:
     def at(self, now_ns: int) -> LocalizationState:
         """What is known now."""
         newest, stuck = self._odometry[-1] if self._odometry else None, self._stuck_detector.stuck
-        return LocalizationState(self.pose(), newest, *self._slam, self.slam_age_s(now_ns), stuck)
+        state, reason = self._slam
+        return LocalizationState(
+            T_map_base=self.pose(), odometry=newest, slam_state=state, slam_reason=reason,
+            slam_age_s=self.slam_age_s(now_ns), stuck=stuck,
+        )  # fmt: skip
 
     def pose(self, stamp_ns: int | None = None) -> SE2 | None:
         """T_world_base at an instant, or the newest known; None before the first SLAM pose.
@@ -227,5 +231,5 @@ class Localization:
         return SE2(believed.x + float(change[0]), believed.y + float(change[1]), believed.theta + float(change[2]))
 
 
-UNLOCALIZED = LocalizationState(None, None, TrackingState.NOT_INITIALISED, "", math.inf, None)
+UNLOCALIZED = LocalizationState()
 """What is known before anything came."""

@@ -16,13 +16,14 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy.visibility import seen_cells
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
-TOLERANCE_M = 0.10
-MIN_RANGE_M, MAX_RANGE_M = 0.5, 3.5
-MIN_GAP_M, MAX_GAP_M = 0.4, 0.8
-_VIEWER_SPACING_CELLS, _RAYS_AROUND = 4, 360
-_HALF_VIEW_RAD, _RAYS_IN_VIEW = 0.45, 120
-_MIN_VIEWS = 3
-_UNKNOWN_GREY, _FREE_WHITE, _FOUND, _MISSED, _PHANTOM = 200, 255, (30, 30, 30), (40, 140, 255), (40, 40, 220)
+TOLERANCE_M = 0.10  # two cells: the least that maps of 5 cm can be judged by
+MIN_RANGE_M, MAX_RANGE_M = 0.5, 3.5  # nearer, a picture shows too little of it; farther, too small
+MIN_GAP_M, MAX_GAP_M = 0.4, 0.8  # from the width of the robot to that of a door
+_VIEWER_SPACING_CELLS, _RAYS_AROUND = 4, 360  # 20 cm, 1 deg: a cell at 3.5 m is hit from elsewhere
+_HALF_VIEW_RAD, _RAYS_IN_VIEW = 0.45, 120  # a Kinect's half view less some degrees; rays of 0.4 deg
+_MIN_VIEWS = 3  # as many as a map needs to believe a point
+_UNKNOWN_GREY, _FREE_WHITE = 200, 255
+_FOUND, _MISSED, _PHANTOM = (30, 30, 30), (40, 140, 255), (40, 40, 220)  # BGR: black, orange, red
 
 
 class MapQuality(NamedTuple):
@@ -131,10 +132,11 @@ def obstacle_quality(grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray
     precision = 1.0 - float(wrong.sum()) / float(occupied.sum()) if occupied.any() else None
     recall = _share(metres_to(occupied, truth)[faces] <= TOLERANCE_M)
     p, r = precision or 0.0, recall or 0.0
-    f1 = 2.0 * p * r / (p + r) if p + r > 0.0 else None
-    free_inside, phantom_m2 = _share(to_free[free] > TOLERANCE_M), float(wrong.sum()) * truth.resolution**2
-    gaps_free = _share(in_gaps[in_gaps != UNKNOWN] == FREE)
-    return ObstacleQuality(precision, recall, f1, _share(free[faces]), free_inside, phantom_m2, gaps_free)
+    return ObstacleQuality(
+        precision=precision, recall=recall, f1=2.0 * p * r / (p + r) if p + r > 0.0 else None,
+        surface_free=_share(free[faces]), free_inside=_share(to_free[free] > TOLERANCE_M),
+        phantom_m2=float(wrong.sum()) * truth.resolution**2, gaps_free=_share(in_gaps[in_gaps != UNKNOWN] == FREE),
+    )  # fmt: skip
 
 
 def narrow_gaps(truth: OccupancyGrid) -> BoolArray:

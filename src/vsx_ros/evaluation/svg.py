@@ -24,7 +24,7 @@ STATE_COLORS = {
     TrackingState.NOT_INITIALISED.word: "#9aa3ad",
 }
 FIGURE_PX = 540.0  # width of a map; its height at most
-_HIGHEST_PX = 620.0
+_HIGHEST_PX = 620.0  # a map and its caption fit on a screen
 _VIEW_M = 0.35  # length of the arrow that shows a view
 _MAX_DOTS, _MAX_POINTS = 4000, 1500  # drawn, so that a report of an hour stays small
 _Point = TypeVar("_Point")
@@ -56,15 +56,9 @@ def decades(low: float, high: float) -> list[float]:
 
 
 def plot(
-    lines: Sequence[tuple[str, FloatArray, FloatArray]],
-    label: str,
-    top: float = 1.0,
-    *,
-    unit: str = "s",
-    bottom: float = 0.0,
-    marks: Sequence[tuple[float, str]] = (),
-    size: tuple[float, float] = (WIDTH, HEIGHT),
-) -> str:
+    lines: Sequence[tuple[str, FloatArray, FloatArray]], label: str, top: float = 1.0, *, unit: str = "s",
+    bottom: float = 0.0, marks: Sequence[tuple[float, str]] = (), size: tuple[float, float] = (WIDTH, HEIGHT),
+) -> str:  # fmt: skip
     """Curves (CSS class, x from 0, y; NaN leaves a gap). unit: of x. bottom, top: ends of the y axis, which is one of
     decades where bottom is positive. marks: (value, name) level lines."""
     width, height = size
@@ -153,16 +147,10 @@ def _axis(end: float, unit: str, width: float, height: float) -> str:
 
 
 def map_view(
-    grid: OccupancyGrid | None,
-    ways: Sequence[tuple[str, Way]],
-    window: Window,
-    *,
-    marks: Sequence[tuple[str, Sequence[float]]] = (),
-    views: Sequence[Sequence[float]] = (),
-    dots: Points2 | None = None,
-    unit: str = "m",
-    width_px: float = FIGURE_PX,
-) -> str:
+    grid: OccupancyGrid | None, ways: Sequence[tuple[str, Way]], window: Window, *,
+    marks: Sequence[tuple[str, Sequence[float]]] = (), views: Sequence[Sequence[float]] = (),
+    dots: Points2 | None = None, unit: str = "m", width_px: float = FIGURE_PX,
+) -> str:  # fmt: skip
     """North up, with a scale bar. ways: (CSS class, points; None leaves a gap). marks: (CSS class, point). views: x, y,
     heading of short strokes. dots: (N, 2), thinned where they are many. window: lower and upper corner. Lengths in
     ``unit``."""

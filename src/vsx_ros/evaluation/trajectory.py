@@ -90,9 +90,11 @@ def trajectory_error(pairs: Pairs, kind: AlignmentKind = "se3") -> TrajectoryErr
     scale = align(estimate, truth, "sim3").scale
     extent = float(np.sqrt(np.mean(np.sum((truth - truth.mean(axis=0)) ** 2, axis=1))))
     rpe_m, rpe_rad = _relative_errors(pairs, alignment.scale)
-    scale_error = abs(1.0 - 1.0 / scale) if extent > 0.01 and scale > 1e-6 else None
-    rpe = _rms(rpe_m), math.degrees(_rms(rpe_rad))
-    return TrajectoryError(len(pairs), _rms(errors), float(errors.max()), scale, scale_error, *rpe)
+    return TrajectoryError(
+        pairs=len(pairs), ate_rmse_m=_rms(errors), ate_max_m=float(errors.max()), scale=scale,
+        scale_error=abs(1.0 - 1.0 / scale) if extent > 0.01 and scale > 1e-6 else None, rpe_rmse_m=_rms(rpe_m),
+        rpe_rmse_deg=math.degrees(_rms(rpe_rad)),
+    )  # fmt: skip
 
 
 def _relative_errors(pairs: Pairs, scale: float) -> tuple[FloatArray, FloatArray]:

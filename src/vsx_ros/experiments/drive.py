@@ -44,9 +44,9 @@ CONFIG = overridden(
     {"planner.phi_rad_m": PHI_RAD_M, "follower.max_heading_error_rad": 0.8, "follower.max_lateral_error_m": 0.3},
 )
 _TURNS = {1: (math.radians(60.0), math.radians(110.0)), 2: (math.radians(150.0), math.pi)}
-_DISTANCE_M = (1.5, 3.5)
+_DISTANCE_M = (1.5, 3.5)  # m to a goal: far enough for full speed, near enough for most rooms
 _AROUND_M = np.linspace(-0.4, 0.4, 9)
-_LONGEST_PATH_M, _TRIES, _LONGEST_DRIVE_S = 12.0, 200, 180.0
+_LONGEST_PATH_M, _TRIES, _LONGEST_DRIVE_S = 12.0, 200, 180.0  # m, three times the farthest goal; draws; s
 
 
 class DriveTask(NamedTuple):

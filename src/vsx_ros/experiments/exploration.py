@@ -138,7 +138,7 @@ def _faults(result: Result) -> Iterator[str]:
         yield f"{100 * (result.get('coverage_correct') or 0.0):.0f} % known and right; {result['stop_reason']}"
 
 
-STAGES = (0.25, 0.5, 0.75, 1.0)
+STAGES = (0.25, 0.5, 0.75, 1.0)  # of the way, for figure 7
 
 
 class Stage(NamedTuple):
@@ -171,11 +171,12 @@ def explore_in_stages(world: str, seed: int, limit_s: float) -> tuple[list[Stage
 def _stage(run: FastRun, grid: OccupancyGrid, stamp_ns: int) -> Stage:
     assert run.judge is not None
     quality, snapshot = run.judge.quality(grid), run.system.slam.snapshot()
-    shares = quality.coverage or 0.0, quality.coverage_correct or 0.0
-    counts = len(snapshot.keyframe_ids), len(snapshot.points_world)
-    path_m, surface = run.robot.truth.path_length_m, run.system.surface_points()
-    way = [[pose.x, pose.y] for pose in run.system.ground.trail(snapshot)]
-    return Stage(stamp_ns * 1e-9, path_m, *shares, *counts, grid, surface, way)
+    return Stage(
+        second=stamp_ns * 1e-9, path_m=run.robot.truth.path_length_m, coverage=quality.coverage or 0.0,
+        coverage_correct=quality.coverage_correct or 0.0, keyframes=len(snapshot.keyframe_ids),
+        points=len(snapshot.points_world), grid=grid, surface=run.system.surface_points(),
+        way=[[pose.x, pose.y] for pose in run.system.ground.trail(snapshot)],
+    )  # fmt: skip
 
 
 def figure7(stages: Sequence[Stage], summary: Result) -> tuple[Section, dict[str, Any]]:

@@ -96,9 +96,10 @@ class Store:
         the file, and are told in a sentence. Raises InputError when the file cannot be used."""
         with explained(InputError, f"{path} cannot be used", "choose another --out", OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
-        hashes = code_hash(rooms), config_hash(config or Config())
         self._path, self._rooms = path, rooms
-        self._rests_on = Provenance(*_commit(rooms), *hashes, _versions())
+        code, of_config = hashes = code_hash(rooms), config_hash(config or Config())
+        commit, dirty = _commit(rooms)
+        self._rests_on = Provenance(commit, dirty, code=code, config=of_config, versions=_versions())
         rows = read_rows(path, tell)
         self._known = {_key(row.asked): row.result for row in rows if (row.code, row.config) == hashes}
         self._tell_others(rows)

@@ -1,5 +1,5 @@
 """The words between the mission and whoever drives: what is known, what to do, how it ended; a mission's log, and what
-it keeps of an interrupted run, so that it goes on instead of beginning anew."""
+it keeps of an interrupted run, so that it goes on instead of beginning again."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
+
+SECOND_NS = 1_000_000_000
 
 
 class NavigationState(Enum):
@@ -120,13 +122,13 @@ class MissionLog:
 
     def answer(self, action: Action, reason: str) -> Decision:
         """Anything but a new goal."""
-        return Decision(action, None, "map", self.state.value, reason)
+        return Decision(action, goal=None, frame="map", state=self.state.value, reason=reason)
 
     def go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
         """A new goal."""
         self._purpose = reason
         self.note(now_ns, reason)
-        return Decision(Action.GO, goal, frame, self.state.value, reason)
+        return Decision(Action.GO, goal=goal, frame=frame, state=self.state.value, reason=reason)
 
     def on_the_way(self) -> Decision:
         """Leave whoever drives to the last goal alone."""
@@ -171,7 +173,7 @@ class SavedMission(NamedTuple):
         """For a file; ``of`` reads it back."""
         return {
             "looked_from": [pose.as_array().tolist() for pose in self.looked_from],
-            "given_up": [[*pose.as_array().tolist(), seconds, times] for pose, seconds, times in self.blacklist],
+            "blacklist": [[*pose.as_array().tolist(), seconds, times] for pose, seconds, times in self.blacklist],
             "trail": [pose.as_array().tolist() for pose in self.trail],
             "going_home": self.going_home,
             "home": None if self.home is None else self.home.as_array().tolist(),
@@ -182,11 +184,11 @@ class SavedMission(NamedTuple):
     def of(tree: Mapping[str, Any], path: Path) -> SavedMission:
         """Raises InputError when the tree, of this file, is not one of ``tree``, of this version or one before."""
         try:
-            blacklist = [_failure(row) for row in tree["given_up"]]
+            blacklist = [_failure(row) for row in tree["blacklist" if "blacklist" in tree else "given_up"]]
             looked_from, trail = ([_pose(row) for row in tree[name]] for name in ("looked_from", "trail"))
             home = None if tree.get("home") is None else _pose(tree["home"])
-            asked = bool(tree["going_home"]), home, bool(tree.get("paused"))
-            return SavedMission(looked_from, blacklist, trail, *asked)
+            going_home, paused = bool(tree["going_home"]), bool(tree.get("paused"))
+            return SavedMission(looked_from, blacklist, trail, going_home=going_home, home=home, paused=paused)
         except (KeyError, OverflowError, TypeError, ValueError, IndexError) as error:
             raise InputError(f"{path} holds no memory of a mission ({error}); start a new run") from error
 

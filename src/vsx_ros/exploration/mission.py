@@ -14,6 +14,7 @@ reason."""
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import (
+    SECOND_NS,
     Action,
     Decision,
     MissionEvent,
@@ -31,9 +32,8 @@ from vsx_ros.exploration.view_tour import Home, ViewTour
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.slam.state import TrackingState
 
-_SECOND_NS = 1_000_000_000
-_RELOCALISE_WAIT_NS = _SECOND_NS
-_RECOGNISE_WAIT_NS = 5 * _SECOND_NS  # for the camera to be recognised before the robot moves
+_RELOCALISE_WAIT_NS = SECOND_NS  # from one look around to the next
+_RECOGNISE_WAIT_NS = 5 * SECOND_NS  # for the camera to be recognised before the robot moves
 
 
 class Mission:
@@ -95,7 +95,8 @@ class Mission:
         trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
         looked_from, blacklist = list(self.view_selector.looked_from), self.view_selector.blacklist.left(now_ns)
         paused, over = self.state is MissionState.PAUSED, self.state is MissionState.DONE
-        return SavedMission(looked_from, blacklist, trail, self._home.asked and not over, self._home.pose, paused)
+        going_home, home = self._home.asked and not over, self._home.pose
+        return SavedMission(looked_from, blacklist, trail, going_home=going_home, home=home, paused=paused)
 
     def restore(self, now_ns: int, saved: SavedMission, T_odom_base: SE2) -> None:
         """Go on with the map of a session before, standing where its trail ended: first the camera must recognise
@@ -157,7 +158,7 @@ class Mission:
         if self._drives == self._most_drives:
             return self._log.finish(now_ns, Outcome.NOT_STARTED, f"the map did not start: {situation.slam_reason}")
         self._drives += 1
-        self._log.wait_until_ns = now_ns + _SECOND_NS
+        self._log.wait_until_ns = now_ns + SECOND_NS
         again = f"another straight drive: {situation.slam_reason}"
         reason = "first straight drive for two frames" if self._drives == 1 else again
         ahead = SE2(-self._drive_m if self._drives % 2 == 0 else self._drive_m, 0.0, 0.0)
@@ -173,7 +174,7 @@ class Mission:
 
     def _lose(self, now_ns: int, situation: Situation) -> Decision:
         """Stand still: the camera may find itself again."""
-        self._tour.give_up_goal(now_ns, "tracking was lost on the way")
+        self._tour.goal_failed(now_ns, "tracking was lost on the way")
         self._recovery.begin(now_ns)
         self._log.wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
         self._log.enter(now_ns, MissionState.RECOVERING, f"tracking lost: {situation.slam_reason}")

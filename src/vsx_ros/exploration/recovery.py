@@ -115,7 +115,7 @@ class Recovery:
         self.begin(0)
 
     def begin(self, now_ns: int) -> None:
-        """The camera is lost. Soon after it was found: go on from there, by a step at least; else begin anew."""
+        """The camera is lost. Soon after it was found: go on from there, by a step at least; else begin again."""
         self._tracked_since_ns: int | None = None
         self.owes_a_step = now_ns < self._over_ns + _AGAIN_NS
         if not self.owes_a_step:

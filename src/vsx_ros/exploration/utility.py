@@ -8,7 +8,7 @@ worth less, for the tracker has to live there."""
 import math
 from collections.abc import Callable
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -52,7 +52,7 @@ class Rejection(Enum):
 
     NO_ROOM = "no standing room"
     NO_GAIN = "gain too small"
-    BLACKLISTED = "given up for a while"
+    BLACKLISTED = "blacklisted"
     LOOKED = "looked from already"
     UNREACHABLE = "unreachable"
     NOT_WORTH = "not worth the way"
@@ -100,7 +100,11 @@ class RankingInput(NamedTuple):
     config: ExplorationConfig
 
 
-Ranker = Callable[[RankingInput], Ranking]  # A strategy: which view to drive to next
+class Ranker(Protocol):
+    """A strategy: which view to drive to next."""
+
+    def __call__(self, asked: RankingInput, /) -> Ranking:
+        """Views by falling utility, and what fell out for which reason."""
 
 
 def traversable_cells(grid: OccupancyGrid, radius_m: float) -> BoolArray:
@@ -193,8 +197,8 @@ def _with_landmarks(
         seen = count_landmarks(opaque, candidates[chosen], asked.landmarks_world, config)
         for i, count in zip(chosen.tolist(), seen.tolist(), strict=True):
             utility = float(hopes[i]) * min(1.0, count / config.good_landmarks)
-            pose = SE2(*map(float, candidates[i]))
-            views.append(View(pose, float(gains[i]), float(distances[i]), count, utility))
+            pose, gain_m2, distance_m = SE2(*map(float, candidates[i])), float(gains[i]), float(distances[i])
+            views.append(View(pose, gain_m2=gain_m2, distance_m=distance_m, landmarks=count, utility=utility))
     return views
 
 

@@ -9,14 +9,14 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.config import Config, ExplorationConfig
+from vsx_ros.exploration.decision import SECOND_NS
 from vsx_ros.exploration.utility import RANKERS, Ranking, RankingInput, TravelCostsFrom, View, gain_at, near_poses
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import Frontier, find_frontiers
 
-_SECOND_NS = 1_000_000_000
 _NEAR_RAD = 0.8  # a goal this like one that failed, within the base's radius, is the same one
-_MOST_FAILURES = 3  # after so many a goal stays given up
+_MOST_FAILURES = 3  # after so many a goal stays blacklisted
 _MOST_DOUBLINGS = 7  # of blacklist_s: two hours, longer than a run
 _MAPS_AGREE = 3  # So many maps in a row say that it has been seen: what is a wall to one may be a gap to the next
 
@@ -53,7 +53,7 @@ def pose_rows(poses: Sequence[SE2]) -> FloatArray:
 
 
 class ViewSelector:
-    """``rank`` the views anew. looked_from: where the camera has looked from. blacklist: goals that failed. ranking: as
+    """``rank`` the views. looked_from: where the camera has looked from. blacklist: goals that failed. ranking: as
     found last."""
 
     def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:
@@ -76,14 +76,10 @@ class ViewSelector:
         """What is worth its way from here, the best first, and what fell out for which reason."""
         self._grid = grid
         asked = RankingInput(
-            grid=grid,
-            radius_m=self._radius_m,
-            landmarks_world=landmarks_world,
-            looked_from=pose_rows(self.looked_from),
-            travel_costs=self._travel_costs(T_map_base, grid),
-            blacklist=lambda poses: self.blacklist.near(now_ns, poses),
-            config=self._config,
-        )
+            grid=grid, radius_m=self._radius_m, landmarks_world=landmarks_world,
+            looked_from=pose_rows(self.looked_from), travel_costs=self._travel_costs(T_map_base, grid),
+            blacklist=lambda poses: self.blacklist.near(now_ns, poses), config=self._config,
+        )  # fmt: skip
         self.ranking = self._rank(asked)
         return self.ranking
 
@@ -117,7 +113,7 @@ class GoalBlacklist:
         same = [f for f in self._failures if self._near(pose.as_array()[None], [f.pose])[0]]
         times = 1 + max((failure.times for failure in same), default=0)
         seconds = self._first_s * 2.0 ** min(times - 1, _MOST_DOUBLINGS)
-        self._failures.append(_Failure(pose, now_ns + int(seconds * _SECOND_NS), times))
+        self._failures.append(_Failure(pose, now_ns + int(seconds * SECOND_NS), times))
         return seconds
 
     def near(self, now_ns: int, poses: FloatArray) -> BoolArray:
@@ -135,8 +131,8 @@ class GoalBlacklist:
 
     def left(self, now_ns: int) -> list[tuple[SE2, float, int]]:
         """The goals that failed, for how long yet each is left alone [s] (0: no longer), and how often it failed."""
-        return [(f.pose, max(f.until_ns - now_ns, 0) / _SECOND_NS, f.times) for f in self._failures]
+        return [(f.pose, max(f.until_ns - now_ns, 0) / SECOND_NS, f.times) for f in self._failures]
 
     def restore(self, now_ns: int, left: Sequence[tuple[SE2, float, int]]) -> None:
         """Take over what ``left`` said before an interruption."""
-        self._failures = [_Failure(pose, now_ns + int(seconds * _SECOND_NS), times) for pose, seconds, times in left]
+        self._failures = [_Failure(pose, now_ns + int(seconds * SECOND_NS), times) for pose, seconds, times in left]

@@ -2,17 +2,16 @@
 home when asked."""
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.decision import Action, Decision, MissionLog, NavigationState, Outcome, Situation
+from vsx_ros.exploration.decision import SECOND_NS, Action, Decision, MissionLog, NavigationState, Outcome, Situation
 from vsx_ros.exploration.recovery import SPOT_TURN, Trail, escape_arc
 from vsx_ros.exploration.utility import Rejection, View
 from vsx_ros.exploration.view_selector import ExpectedGain, ViewSelector
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
-_SECOND_NS = 1_000_000_000
-_EMPTY_WAIT_NS = 2 * _SECOND_NS  # no view: the mapper may still be making the map
-_SETTLE_NS, _BRAKE_NS = _SECOND_NS, _SECOND_NS // 2  # for the map after a goal; for the base to stand
-_HOME_AGAIN_NS = 5 * _SECOND_NS  # between tries to get home
+_EMPTY_WAIT_NS = 2 * SECOND_NS  # no view: the mapper may still be making the map
+_SETTLE_NS, _BRAKE_NS = SECOND_NS, SECOND_NS // 2  # for the map after a goal; for the base to stand
+_HOME_AGAIN_NS = 5 * SECOND_NS  # between tries to get home
 _MOST_BLOCKED = 30  # steps away from a hazard in vain
 _MOST_TRIES = 5  # to get home, before the run ends where it is
 
@@ -70,7 +69,7 @@ class ViewTour:
         if situation.navigation is NavigationState.ACTIVE:
             return self._supervise(now_ns, situation)
         if situation.navigation is NavigationState.ABORTED and (self._goal is not None or self.backing_off):
-            self.give_up_goal(now_ns, self._stopped_for or situation.navigation_reason)
+            self.goal_failed(now_ns, self._stopped_for or situation.navigation_reason)
             self._log.wait_until_ns = now_ns + (_HOME_AGAIN_NS if self._home.asked else _SETTLE_NS)
             return self._log.answer(Action.WAIT, "coming to rest")
         if now_ns < self._log.wait_until_ns:
@@ -96,16 +95,16 @@ class ViewTour:
         return self._log.answer(Action.CANCEL if active else Action.WAIT, reason)
 
     def forget_goal(self) -> None:
-        """Choose anew when it is time to."""
+        """Choose again when it is time to."""
         self._goal = self._gain = None
 
-    def give_up_goal(self, now_ns: int, reason: str) -> None:
+    def goal_failed(self, now_ns: int, reason: str) -> None:
         """The goal, if there is one, has failed."""
         if self._goal is not None and self._home.asked:
             self._log.note(now_ns, self._home.failed(reason))
         elif self._goal is not None:
             seconds = self._view_selector.blacklist.add(now_ns, self._goal.pose)
-            self._log.note(now_ns, f"goal given up for {seconds:.0f} s: {reason}")
+            self._log.note(now_ns, f"goal blacklisted for {seconds:.0f} s: {reason}")
         self.forget_goal()
         self.backing_off = False
 
@@ -124,7 +123,7 @@ class ViewTour:
         if self._home.asked and self._home.pose is not None:
             if self._home.out_of_reach:
                 return self._log.finish(now_ns, Outcome.STRANDED, self._home.out_of_reach)
-            self._goal = View(self._home.pose, 0.0, 0.0, 0, 0.0)
+            self._goal = View(self._home.pose, gain_m2=0.0, distance_m=0.0, landmarks=0, utility=0.0)
             return self._go(now_ns, self._goal.pose, "map", "driving home")
         views = self._view_selector.rank(now_ns, T_map_base, grid, situation.landmarks_world).views
         if not views:
@@ -142,8 +141,8 @@ class ViewTour:
         self._empty_rankings += 1
         self._log.wait_until_ns = now_ns + _EMPTY_WAIT_NS
         if ranking.rejected[Rejection.BLACKLISTED] and blacklist.release(now_ns):
-            self._log.note(now_ns, f"no other view found ({why}): what was given up is tried again")
-            return self._log.answer(Action.WAIT, "trying again what was given up")
+            self._log.note(now_ns, f"no other view found ({why}): blacklisted goals are tried again")
+            return self._log.answer(Action.WAIT, "trying blacklisted goals again")
         if self._empty_rankings > (self._config.retries_boxed_in if boxed_in else self._config.retries_without_view):
             if boxed_in and not self.has_gone:
                 return self._log.finish(now_ns, Outcome.BOXED_IN, f"no view can be driven to from the start ({why})")

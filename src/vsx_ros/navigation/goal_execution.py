@@ -170,7 +170,7 @@ class GoalExecution:
         self._number += 1
         self._start, self._start_is_predicted = start, predicted
         self._waits_for_plan, self._answer, self._since_ns = True, None, now_ns
-        return PlanRequest(self._number, start, self._goal, self._frame, self._again)
+        return PlanRequest(number=self._number, start=start, goal=self._goal, frame=self._frame, again=self._again)
 
     # The drive -----------------------------------------------------------------------------------------------
 

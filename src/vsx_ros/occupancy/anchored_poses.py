@@ -24,7 +24,7 @@ _DRIVEN_ON_M, _BESIDE_M = 0.1, 0.1
 
 
 class AnchoredPoses:
-    """Poses on the floor, each tied to a keyframe; one whose keyframe is gone is tied anew where it stood last."""
+    """Poses on the floor, each tied to a keyframe; one whose keyframe is gone is tied again where it stood last."""
 
     def __init__(self, spacing_m: float, spacing_rad: float = math.inf) -> None:
         """A pose is left out that is nearer than this to the one before, in place [m] and heading [rad]."""

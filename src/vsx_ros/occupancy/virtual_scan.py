@@ -1,7 +1,7 @@
 """The virtual laser scanner: what a keyframe's points say about the floor around it (paper 5.2).
 
 One polar scan a keyframe, in the keyframe's own frame. When bundle adjustment moves keyframes and points, the
-scans are simply made anew; nothing is ever subtracted from a map."""
+scans are simply made again; nothing is ever subtracted from a map."""
 
 from collections.abc import Sequence
 

@@ -123,7 +123,8 @@ def merge_segments(word: CoarsePath, total_turn: float, breaks: frozenset[int] =
     sizes = [sum(abs(lengths[i]) for i in piece) for piece in members]
     directions = tuple(1 if lengths[piece[0]] > 0 else -1 for piece in members)
     joints = tuple(a == b for a, b in pairwise(directions))
-    return HeadingSequence(directions, tuple(angles), joints, sum(sizes), min(sizes), tuple(map(tuple, members)))
+    rows, length_m = tuple(map(tuple, members)), sum(sizes)
+    return HeadingSequence(directions, tuple(angles), joints, length_m, shortest_m=min(sizes), members=rows)
 
 
 def free_space_sequences(start: SE2, goal: SE2, phi: float, cusp_cost_m: float) -> list[HeadingSequence]:

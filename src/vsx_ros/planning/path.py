@@ -157,8 +157,8 @@ def certified(start: SE2, goal: SE2, pieces: tuple[Piece, ...], method: str) -> 
     """The path with its certificate filled in from the pieces."""
     end = pieces[-1].end if pieces else start
     bound = max((piece.curvature_bound for piece in pieces), default=0.0)
-    error = end.distance_to(goal), abs(wrap_angle(end.theta - goal.theta))
-    return Path(start, pieces, Certificate(bound, method, *error))
+    error_m, error_rad = end.distance_to(goal), abs(wrap_angle(end.theta - goal.theta))
+    return Path(start, pieces, Certificate(bound, method, end_error_m=error_m, end_error_rad=error_rad))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

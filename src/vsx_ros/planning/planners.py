@@ -145,7 +145,7 @@ class PaperPlanner(_Compared):
         phi, field = self._config.phi_rad_m, corridor.margin
         poses, parents = np.zeros((_STATES, 3)), np.full(_STATES, -1, np.int64)
         bends, signs, runs = np.zeros((3, _STATES))
-        poses[0], tree = start.as_array(), Grown(poses, parents, bends, signs, runs)
+        poses[0], tree = start.as_array(), Grown(poses, parents, bends=bends, signs=signs, runs=runs)
         state = np.array([rng.integers(1, 2**62)], np.uint64)
         size, step = 1, _STEP_RAD / phi
         for _ in range(_ATTEMPTS):

@@ -1,7 +1,7 @@
 """Slowing down, holding and resuming on the way: a planned trajectory's remainder in another time, limits kept.
 
 Playing a time-optimal plan slower by a changing factor adds the change of the factor to accelerations and jerks that
-are at their limits already. So the speed is planned anew from the speed and acceleration there are now: a jerk-limited
+are at their limits already. So the speed is planned again from the speed and acceleration there are now: a jerk-limited
 change (ruckig) to a speed from which the segments of ``speed_profile`` go on. Every candidate is checked densely."""
 
 import itertools

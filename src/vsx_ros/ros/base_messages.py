@@ -24,10 +24,11 @@ from vsx_ros.ros.topic_drivers import topic_names
 
 # Variances of the turtlebot's own driver (kobuki_node).
 _POSITION_M2, _HEADING_RAD2 = 0.1, 0.05
-_DISTRUST = 100.0
+_DISTRUST = 100.0  # times the variances: ten times the error, of a wheel that slips
 # Noise of a sample of the Kobuki's gyro (0.2 deg/s); its zero may be off by more.
 _RAW_RATE_RAD2_S2 = math.radians(0.2) ** 2
-_WHEEL_RADIUS_M = 0.035
+_WHEEL_RADIUS_M = 0.035  # of a Kobuki, for the picture of the joints alone
+# As kobuki_bumper2pc does: bumpers and cliffs are points at the rim, far away where nothing is felt.
 _RIM_M, _FAR_M, _SIDE_RAD, _BUMPER_HEIGHT_M = 0.25, 100.0, 0.349, 0.04
 _NOT_MEASURED = [-1.0] + [0.0] * 8
 _BATTERY_LEVELS = {"low": WARN, "critical": ERROR}
@@ -37,7 +38,8 @@ _JOINTS = ["wheel_left_joint", "wheel_right_joint"]
 def odometry(reading: OdometryReading) -> Odometry:
     """Of a base, as all others know it."""
     T_odom_base = SE2(reading.x_m, reading.y_m, reading.heading_rad)
-    return Odometry(reading.stamp_ns, T_odom_base, reading.v_m_s, reading.omega_rad_s, reading.trusted)
+    v, omega = reading.v_m_s, reading.omega_rad_s
+    return Odometry(reading.stamp_ns, T_odom_base, v=v, omega=omega, trusted=reading.trusted)
 
 
 def dead_reckoning(moved: Odometry) -> OdometryMsg:

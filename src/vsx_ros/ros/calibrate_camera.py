@@ -24,7 +24,7 @@ _FIRST_IMAGE_S, _SERVICE_S = 10.0, 5.0  # a driver may have to start; set_camera
 
 
 class BoardWatcher:
-    """Looks at the newest image again and again; keeps views in which the board is held still and shown anew."""
+    """Looks at the newest image again and again; keeps views in which the board is held still and shown again."""
 
     def __init__(self, board: Board) -> None:
         self._board = board

@@ -61,7 +61,8 @@ def image_subscriber(callback: Callable[[Image], None]) -> rospy.Subscriber:
 
 def hear_odometry(callback: Callable[[Odometry], None], topic: str = topics.ODOM, first_epoch: int = 0) -> None:
     """Subscribe so that every reading arrives, with its epoch, on a machine that was busy for a moment, too.
-    first_epoch: the one to begin with."""
+    first_epoch: the one to begin with. Messages hold no epoch: each process counts its own, by one rule from the same
+    readings, compares it with no other process's, and so needs nobody who was there from the beginning."""
     epochs = OdometryEpochs(first_epoch)
 
     def take(msg: OdometryMsg) -> None:

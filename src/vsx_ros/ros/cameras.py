@@ -1,5 +1,6 @@
 """Cameras by name, for the node ``camera``: what each needs to know, how it is opened, which calibration it has."""
 
+import dataclasses
 import os
 from collections.abc import Callable
 from dataclasses import replace
@@ -158,8 +159,7 @@ def nominal(device: str, width: int, height: int) -> PinholeCamera:
     the centre lies above the middle of that."""
     if device.startswith(("v4l", "ros")):
         return nominal_camera(width, height)
-    upper = nominal_camera(width, width * 3 // 4)
-    return PinholeCamera(width, height, upper.fx, upper.fy, upper.cx, upper.cy)
+    return dataclasses.replace(nominal_camera(width, width * 3 // 4), height=height)
 
 
 def _path(url: str) -> Path:

@@ -37,7 +37,7 @@ _LEVELS = {
     TrackingState.DUBIOUS: DiagnosticStatus.WARN,
     TrackingState.LOST: DiagnosticStatus.ERROR,
 }
-UNSURE_HEADING_RAD2 = 1.0
+UNSURE_HEADING_RAD2 = 1.0  # variance from which a heading is as good as unknown
 UNKNOWN_VARIANCE = 1e10
 """Of what a planar robot cannot know (z, roll, pitch): huge, for 0 would mean that it is certain."""
 
@@ -131,7 +131,7 @@ def odometry(msg: OdometryMsg) -> Odometry:
     if not (math.isfinite(v) and math.isfinite(omega)):
         raise InputError(f"odometry message holds speeds {v} m/s, {omega} rad/s; they must be finite")
     trusted = msg.pose.covariance[35] < UNSURE_HEADING_RAD2
-    return Odometry(msg.header.stamp.to_nsec(), se2(msg.pose.pose), v, omega, trusted)
+    return Odometry(msg.header.stamp.to_nsec(), se2(msg.pose.pose), v=v, omega=omega, trusted=trusted)
 
 
 def odometry_msg(reading: Odometry, frame_id: str, child_frame_id: str) -> OdometryMsg:

@@ -88,7 +88,8 @@ class BodyPlant:
             self._gyro_before = body.time_ns, body.gyro_angle_rad
         left, right = body.encoders()
         hazards = Hazard(sum(sector for sector, pressed in zip(_SECTORS, body.bumper) if pressed))
-        return PlantState(left * tick_m, right * tick_m, body.gyro_angle_rad, self._rate_rad_s, hazards)
+        gyro_rad, rate_rad_s = body.gyro_angle_rad, self._rate_rad_s
+        return PlantState(left * tick_m, right * tick_m, gyro_rad=gyro_rad, gyro_rate_rad_s=rate_rad_s, hazards=hazards)
 
     def _state(self) -> BodyState:
         return BodyState(self.body.time_ns, self.body.T_world_base, self.body.path_length_m)

@@ -28,6 +28,7 @@ from vsx_ros.ros.nodes.dashboard import prepare_view
 from vsx_ros.runs import process
 from vsx_ros.runs.process import SignalFlag
 
+READY_WAIT_S = 180.0  # for the nodes: kernels may have to be compiled
 _STOP_S = 0.6  # the robot is told to stand for so long
 _ESTOP_WAIT_S = 2.0  # for the base's answer
 _ANSWER_S = 1.0  # of a master that may be gone

@@ -104,7 +104,7 @@ class Diagnostics:
     def device(self, component: str, status: LinkStatus, **values: object) -> None:
         """The link to a device. Raises DeviceError, which ends the node, where the driver's thread has ended."""
         if not status.alive:
-            raise DeviceError(f"{status.device}: the driver's thread has ended; the node begins anew")
+            raise DeviceError(f"{status.device}: the driver's thread has ended; the node begins again")
         level = OK if status.connected else ERROR
         self.set(component, level, status.message, device=status.device, **values, **status.counters)
 

@@ -1,6 +1,6 @@
 """Whether the ROS master that answers knows this node. Without it nobody can be found, stopped or replaced.
 
-A master that was started anew knows nobody: connections between nodes outlive it, none of its answers says that it is
+A master that was started again knows nobody: connections between nodes outlive it, none of its answers says that it is
 another one, and rospy registers each name once, when it is offered. So each node asks whether all that it offers is
 still registered, and registers it again, with the parameters that it needs, where it is not."""
 
@@ -117,7 +117,7 @@ class MasterWatch:
                 return f"another node is {what} at {there}; end it, or give this robot its own namespace or master"
         if rospy.core.is_shutdown_requested():
             return "the node is ending"  # and has taken back what it offered
-        self._tell("the ROS master does not know this node, which registers anew")
+        self._tell("the ROS master does not know this node, which registers again")
         self._owing = True
         self._restore()
         register(offered)
@@ -125,7 +125,7 @@ class MasterWatch:
         if lacking := missing(offered):
             return f"the ROS master has not taken {lacking[0]}"
         self._settle()
-        rospy.loginfo("registered anew with the ROS master at %s", rosgraph.get_master_uri())
+        rospy.loginfo("registered again with the ROS master at %s", rosgraph.get_master_uri())
         return ""
 
     def _settle(self) -> None:

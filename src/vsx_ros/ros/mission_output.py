@@ -60,7 +60,7 @@ class MissionTopics:
             self._events_pub.publish(json.dumps(event._asdict()))
 
     def report(self, decision: Decision, navigation: NavigationState, grid: OccupancyGrid | None) -> bool:
-        """The area of a new map; frontiers and views when these were ranked anew; the status on change and once a
+        """The area of a new map; frontiers and views when these were ranked again; the status on change and once a
         second. Whether the status was said."""
         if grid is not None and grid is not self._grid:
             self._grid = grid

@@ -11,6 +11,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -38,6 +39,7 @@ _TICK_S = 0.1  # so that Ctrl-C is heard at once
 _JPEG_QUALITY = 90  # of 100
 _ENCODING = {"png": [cv2.IMWRITE_PNG_COMPRESSION, 1], "jpeg": [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]}
 _WAITING = 500  # Messages that may wait for the disk: 150 MB of raw images
+_STUCK_S = 30.0  # A disk that took nothing for so long is not waited for
 _OVERHEAD_BYTES = 64  # of a record's header and index, about
 
 
@@ -77,10 +79,16 @@ class BagWriter:
 
     def close(self) -> Path:
         """Finish; the path of the bag. An empty one is not left behind."""
-        self._queue.put(None)
-        self._thread.join()
+        with suppress(queue.Full):
+            self._queue.put(None, timeout=_STUCK_S)
+        seen = -1
+        while self._thread.is_alive() and seen != self.bytes:
+            seen = self.bytes
+            self._thread.join(_STUCK_S)
+        if self._thread.is_alive():
+            self.failure = self.failure or f"it took nothing for {_STUCK_S:g} s"
+            return self._active
         try:
-            self._writer.close()
             if not self.counts:
                 self._active.unlink(missing_ok=True)
             elif not self.failure:
@@ -101,6 +109,10 @@ class BagWriter:
                 continue
             self.counts[message.topic] += 1
             self.bytes += len(message.data) + _OVERHEAD_BYTES
+        try:
+            self._writer.close()
+        except OSError as error:
+            self.failure = self.failure or str(error)
 
     def _connection(self, message: Serialized) -> object:
         """That of the topic and publisher, made when it speaks first."""

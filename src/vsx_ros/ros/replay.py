@@ -15,7 +15,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.recording import Recording
 from vsx_ros.ros import logs, topics
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.ros.live_run import LiveRun
+from vsx_ros.ros.live_run import READY_WAIT_S, LiveRun
 from vsx_ros.ros.monitor import Monitor
 from vsx_ros.ros.player import Player
 from vsx_ros.runs.folder import RunFolder
@@ -25,8 +25,6 @@ from vsx_ros.runs.report import tell_the_end, write_report
 from vsx_ros.runs.session import results_of_slam
 from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
 from vsx_ros.slam.state import TrackingState
-
-_READY_WAIT_S = 180.0  # kernels may have to be compiled
 
 
 def replay(args: argparse.Namespace) -> int:
@@ -68,7 +66,7 @@ def _slam(args: argparse.Namespace, recording: Recording, folder: RunFolder) -> 
 
 def _play(live: LiveRun, monitor: Monitor, player: Player, rate: float) -> None:
     """Wait for the SLAM and play. Raises ConfigError when it never gets ready."""
-    deadline_s = time.monotonic() + _READY_WAIT_S
+    deadline_s = time.monotonic() + READY_WAIT_S
 
     def goes_on() -> bool:
         if live.progress.is_due and player.sent:
@@ -80,7 +78,7 @@ def _play(live: LiveRun, monitor: Monitor, player: Player, rate: float) -> None:
 
     while goes_on() and not player.ready:
         if time.monotonic() > deadline_s:
-            raise ConfigError(f"vslam was not ready within {_READY_WAIT_S:.0f} s; see the run's log folder")
+            raise ConfigError(f"vslam was not ready within {READY_WAIT_S:.0f} s; see the run's log folder")
         time.sleep(0.05)
     player.play(rate, goes_on)
 

@@ -20,7 +20,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.ros import headers, launch, logs
 from vsx_ros.ros.launch import LaunchNode
-from vsx_ros.ros.live_run import MASTER, LiveRun, refuse_second_robot
+from vsx_ros.ros.live_run import MASTER, READY_WAIT_S, LiveRun, refuse_second_robot
 from vsx_ros.ros.monitor import Monitor, MonitorJournal, progress_line
 from vsx_ros.ros.nodes.dashboard import open_browser
 from vsx_ros.runs.folder import RunFolder
@@ -34,7 +34,6 @@ from vsx_ros.sim.world import Start, World
 from vsx_ros.sim.world_file import save_world
 from vsx_ros.slam.state import TrackingState
 
-_READY_WAIT_S = 180.0  # kernels may have to be compiled
 _COVERAGE_PERIOD_S = 2.0  # between looks at the truth
 _VITAL = "mobile_base", "vslam", "explore", "emulator"
 _TICK_S = 0.1  # so that Ctrl-C is heard at once
@@ -131,9 +130,9 @@ def _watch(
         ending = _ending(live, monitor, elapsed_s, limit_s)
         if ending is None and coverage.is_enough(monitor):
             ending = Ending(f"{100 * (coverage.until or 0.0):g} % is known", DONE)
-        if ending is None and began_s is None and now_s - started_s > _READY_WAIT_S:
+        if ending is None and began_s is None and now_s - started_s > READY_WAIT_S:
             why = "; ".join(trouble.values()) or "see the run's log folder"
-            ending = Ending(f"the robot was not ready within {_READY_WAIT_S:.0f} s: {why}", HARDWARE)
+            ending = Ending(f"the robot was not ready within {READY_WAIT_S:.0f} s: {why}", HARDWARE)
         journal.keep(monitor, headers.now_ns(), elapsed_s)
         if ending is not None:
             return ending
@@ -166,14 +165,9 @@ def _ending(live: LiveRun, monitor: Monitor, elapsed_s: float, limit_s: float | 
 
 
 def _gather(
-    folder: RunFolder,
-    config: Config,
-    monitor: Monitor,
-    journal: MonitorJournal,
-    judge: MapJudge | None,
-    ending: Ending,
-    args: argparse.Namespace,
-) -> int:
+    folder: RunFolder, config: Config, monitor: Monitor, journal: MonitorJournal, judge: MapJudge | None,
+    ending: Ending, args: argparse.Namespace,
+) -> int:  # fmt: skip
     """Complete what vslam wrote with what the monitor saw, and tell it; the exit code."""
     known, missing = results_of_slam(folder, mounted(config.robot.mount))
     truth, so_far = [*journal.truth(), *monitor.truth], journal.so_far
@@ -182,20 +176,14 @@ def _gather(
         summary = judge.judged(summary, monitor.grid)
     plan_ms, error_m = np.array(monitor.plan_ms), np.array(monitor.error_m)
     summary = summary.with_values(
-        **_told_by_truth(monitor, journal, truth),
-        duration_s=so_far.elapsed_s,
-        plans=so_far.plans,
+        **_told_by_truth(monitor, journal, truth), duration_s=so_far.elapsed_s, plans=so_far.plans,
         plan_ms_median=float(np.median(plan_ms)) if plan_ms.size else None,
         plan_ms_p99=float(np.percentile(plan_ms, 99)) if plan_ms.size else None,
         planned_vs_executed_rms_m=float(np.sqrt(np.mean(error_m**2))) if error_m.size else None,
-        stop_reason=ending.reason,
-        ended_well=ended_well(ending.code),
-        world=args.world,
-        seed=args.seed if args.world else None,
-        planner=args.planner,
-        phi=config.planner.phi_rad_m,
+        stop_reason=ending.reason, ended_well=ended_well(ending.code), world=args.world,
+        seed=args.seed if args.world else None, planner=args.planner, phi=config.planner.phi_rad_m,
         continued_map=args.load_map,
-    )
+    )  # fmt: skip
     writes: list[Callable[[], object]] = [lambda: folder.write_summary(summary.as_dict())]
     if (grid := monitor.grid) is not None:
         writes.append(lambda: folder.write_map(grid))
@@ -218,7 +206,7 @@ def _told_by_truth(monitor: Monitor, journal: MonitorJournal, truth: Sequence[St
 
 
 def all_events(folder: RunFolder, journal: MonitorJournal, monitor: Monitor) -> list[RunEvent]:
-    """SLAM's from the folder, all else from who watched: where SLAM never began anew, the folder still holds both from
+    """SLAM's from the folder, all else from who watched: where SLAM never began again, the folder still holds both from
     the session before."""
     slam = [event for event in folder.read_events() if event.source == "slam"]
     return [*slam, *journal.events(), *monitor.events]

@@ -85,15 +85,9 @@ class HeardSituation:
         """With what has become of the goal."""
         where = self.where.at(now_ns)
         return Situation(
-            slam_state=where.slam_state,
-            slam_reason=where.slam_reason,
-            T_map_base=where.T_map_base,
-            T_odom_base=where.T_odom_base,
-            grid=self.grid,
-            navigation=navigation,
-            navigation_reason=navigation_reason,
+            slam_state=where.slam_state, slam_reason=where.slam_reason, T_map_base=where.T_map_base,
+            T_odom_base=where.T_odom_base, grid=self.grid, navigation=navigation, navigation_reason=navigation_reason,
             lifted=Hazard(self._hazards) & Hazard.WHEEL_DROP == Hazard.WHEEL_DROP,
             hazard=convert.hazard_words(self._hazards) or (where.stuck.reason if where.stuck is not None else None),
-            landmarks_world=self._landmarks,
-            odom_epoch=where.odom_epoch,
-        )
+            landmarks_world=self._landmarks, odom_epoch=where.odom_epoch,
+        )  # fmt: skip

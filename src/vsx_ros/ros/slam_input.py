@@ -146,7 +146,8 @@ class SensorSync:
 
 
 class RepeatedImageDetector:
-    """Noise makes every picture of a living camera differ; a perfect one repeats itself only where the base stands."""
+    """Noise makes every picture of a living camera differ; a perfect one repeats itself only where the base stands. It
+    stops a drive by the first old picture; the drivers' ``FrozenImageDetector`` has to see several before it tells."""
 
     def __init__(self) -> None:
         self._first: tuple[GrayImage, Odometry] | None = None

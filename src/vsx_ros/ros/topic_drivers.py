@@ -121,7 +121,9 @@ class TopicBase:
         self._readings += 1
         self._link("")
         T = moved.T_odom_base
-        odometry = OdometryReading(moved.stamp_ns, T.x, T.y, T.theta, moved.v, moved.omega)
+        odometry = OdometryReading(
+            moved.stamp_ns, x_m=T.x, y_m=T.y, heading_rad=T.theta, v_m_s=moved.v, omega_rad_s=moved.omega
+        )
         self._on_reading(BaseReading(moved.stamp_ns, odometry, Hazard.NONE, _UNKNOWN_BATTERY))
 
     def _link(self, silence: str) -> None:

@@ -115,7 +115,7 @@ class Checkpoint:
         path = self.path / "mission.json"
         if not (self.exists and path.exists()):
             return None
-        with explained(InputError, f"{path} cannot be read", "delete it, the mission then begins anew"):
+        with explained(InputError, f"{path} cannot be read", "delete it, the mission then begins again"):
             tree = json_tree(file_text(path))
         return tree if isinstance(tree, dict) else {}
 

@@ -97,8 +97,8 @@ class RunFolder:
         return RunFolder(path)
 
     def write_what_fits(self, *writes: Callable[[], object]) -> str:
-        """Try each, the folder made anew where it was deleted meanwhile; what kept the first one that failed from it in
-        a sentence, nothing when all is written."""
+        """Try each, in a new folder where it was deleted meanwhile; what kept the first one that failed from it in a
+        sentence, nothing when all is written."""
         said = ""
         for write in writes:
             try:
@@ -218,10 +218,13 @@ def _is_run(path: Path) -> bool:
 def _frame_record(row: Sequence[str]) -> FrameRecord:
     stamp, state, searched, found, added, *measured = row if len(row) > _FRAME_COLUMNS_ONCE else [*row, ""]
     track_ms, u2_frames = (float(value) if value else None for value in measured)
-    counts = int(searched), int(found), bool(int(added))
-    if not all(0 <= number <= _MOST for number in (*counts, track_ms or 0, u2_frames or 0)):
+    frame = FrameRecord(
+        parse_stamp(stamp), state, searched=int(searched), found=int(found), keyframe_added=bool(int(added)),
+        track_ms=track_ms, u2_frames=u2_frames,
+    )  # fmt: skip
+    if not all(0 <= number <= _MOST for number in (frame.searched, frame.found, track_ms or 0, u2_frames or 0)):
         raise ValueError(f"frame {stamp} holds a number that is none of a frame")
-    return FrameRecord(parse_stamp(stamp), state, *counts, track_ms, u2_frames)
+    return frame
 
 
 def installed_versions() -> dict[str, str]:

@@ -76,10 +76,10 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
         """The frame as it was tracked, but for its place in maps not joined with the first."""
         T = None if self.T_world_cam is None else unflat(self.T_world_cam)
         anchor = None if self.anchor is None else Anchor(self.anchor[0], unflat(self.anchor[1]), self.anchor[2])
-        counts = self.searched, self.found, self.keyframe_added
         return TrackingResult(
-            self.stamp_ns, self.state, T, *counts, self.reason, corrected=self.corrected, anchor=anchor
-        )
+            self.stamp_ns, self.state, T, searched=self.searched, found=self.found, anchor=anchor,
+            keyframe_added=self.keyframe_added, reason=self.reason, corrected=self.corrected,
+        )  # fmt: skip
 
 
 class TruthLine(Struct, frozen=True, tag="truth"):

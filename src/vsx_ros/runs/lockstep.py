@@ -37,15 +37,9 @@ class FastRun:
     """One lock-step run: the robot, the system and what they leave behind."""
 
     def __init__(
-        self,
-        world: World,
-        seed: int,
-        planner: str,
-        config: Config,
-        before: PreviousSessions | None = None,
-        slam_map: SlamMap | None = None,
-        folder: RunFolder | None = None,
-    ) -> None:
+        self, world: World, seed: int, planner: str, config: Config, before: PreviousSessions | None = None,
+        slam_map: SlamMap | None = None, folder: RunFolder | None = None,
+    ) -> None:  # fmt: skip
         """before: an interrupted run to go on with, in the same world with the same seed; the robot stands where it
         stood when the power went. slam_map: a map to go on in. folder: where to keep what another one needs."""
         self.world, self._config = world, config
@@ -184,17 +178,13 @@ class FastRun:
             summary = self.judge.judged(summary, system.grid)
         truth = self.robot.truth if self._before is None else None
         return summary.with_values(
-            collisions=self.collisions,
-            driven_m=truth and truth.path_length_m,
+            collisions=self.collisions, driven_m=truth and truth.path_length_m,
             min_clearance_m=truth and truth.min_clearance_m,
             duration_s=self.truth[-1].stamp_ns * 1e-9 if self.truth else 0.0,
-            planned_vs_executed_rms_m=float(np.sqrt(np.mean(errors**2))) if errors.size else None,
-            plans=self.plans,
-            stop_reason=reason,
-            ended_well=ended_well(self.exit_code(reason)),
-            phi=self._config.planner.phi_rad_m,
+            planned_vs_executed_rms_m=float(np.sqrt(np.mean(errors**2))) if errors.size else None, plans=self.plans,
+            stop_reason=reason, ended_well=ended_well(self.exit_code(reason)), phi=self._config.planner.phi_rad_m,
             **facts,
-        )
+        )  # fmt: skip
 
     def write(self, folder: RunFolder, summary: Summary) -> str:
         """Every file of the run folder but config and world; why not all of it could be written, or nothing."""

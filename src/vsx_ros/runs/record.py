@@ -119,7 +119,15 @@ class RunRecord:
         if slam is not None:
             yield lambda: folder.write_poses("trajectory_final", self.final(slam.slam_map()))
         yield lambda: folder.write_frames(
-            FrameRecord(r.stamp_ns, r.state.value, r.searched, r.found, r.keyframe_added, ms, u2)
+            FrameRecord(
+                r.stamp_ns,
+                r.state.value,
+                searched=r.searched,
+                found=r.found,
+                keyframe_added=r.keyframe_added,
+                track_ms=ms,
+                u2_frames=u2,
+            )
             for r, ms, u2 in zip(self.results, self.track_ms, self.u2_frames, strict=True)
         )
         if self._odometry:

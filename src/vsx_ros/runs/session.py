@@ -123,14 +123,9 @@ class RunWriter:
     more ends nothing: ``failure`` says what could not be kept, and the run could not be gone on with from there."""
 
     def __init__(
-        self,
-        T_base_cam: SE3,
-        folder: RunFolder | None = None,
-        before: PreviousSessions | None = None,
-        kept: Callable[[], AbstractContextManager[None]] | None = None,
-        rest: float = 0.0,
-        config: RunsConfig = _USUAL,
-    ) -> None:
+        self, T_base_cam: SE3, folder: RunFolder | None = None, before: PreviousSessions | None = None,
+        kept: Callable[[], AbstractContextManager[None]] | None = None, rest: float = 0.0, config: RunsConfig = _USUAL,
+    ) -> None:  # fmt: skip
         """folder: where to keep what another session needs; nothing is kept there without. kept: around what is
         written, to tell an InputError; without, the first is said on stderr, and one at the beginning is raised. rest:
         so many times as long as writing the map took nothing is written, nor before config.checkpoint_s is over."""
@@ -150,15 +145,9 @@ class RunWriter:
         self._due_ns = 0
 
     def frame(
-        self,
-        result: TrackingResult,
-        odometry: Odometry | None,
-        track_s: float,
-        u2_frames: float | None,
-        events: Sequence[SlamEvent],
-        mission: Sequence[MissionEvent] = (),
-        *more: Line,
-    ) -> None:
+        self, result: TrackingResult, odometry: Odometry | None, track_s: float, u2_frames: float | None,
+        events: Sequence[SlamEvent], mission: Sequence[MissionEvent] = (), *more: Line,
+    ) -> None:  # fmt: skip
         """A frame was tracked, U2 after it, and what SLAM and mission told. more: other lines for the journal."""
         record, told = self.record, len(self.record.events)
         record.add_frame(result, odometry, track_s, u2_frames)
@@ -195,14 +184,9 @@ class RunWriter:
             self._due_ns = max(self._due_ns, noted.stamp_ns + rest_ns)
 
     def finish(
-        self,
-        folder: RunFolder,
-        slam: TrackerAndMapper,
-        summary: Summary | None = None,
-        surface: Points3 | None = None,
-        grid: OccupancyGrid | None = None,
-        *more: Callable[[], object],
-    ) -> str:
+        self, folder: RunFolder, slam: TrackerAndMapper, summary: Summary | None = None, surface: Points3 | None = None,
+        grid: OccupancyGrid | None = None, *more: Callable[[], object],
+    ) -> str:  # fmt: skip
         """Write the results, with what there is of spots of surface (N, 3) [m] and ground map, then ``more``. Why not
         all of them, or not all that another session needs, could be written; empty where all is well."""
         record = self.record

@@ -73,7 +73,7 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
         raise ConfigError(f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0]}")
     parameters, facts = folder.read_config()
     if "fast" not in facts:
-        raise ConfigError(f"{folder.path} is no run of 'vsx explore'; a replay is begun anew")
+        raise ConfigError(f"{folder.path} is no run of 'vsx explore'; a replay is begun again")
     if facts["fast"] is not args.fast:
         how = "with" if facts["fast"] else "without"
         raise ConfigError(f"{folder.path} was made {how} --fast; resume it so, too")

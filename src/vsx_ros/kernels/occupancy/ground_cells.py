@@ -11,8 +11,8 @@ from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntA
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.occupancy.ground_map import PolarScans
 
-_MARGIN_M = 0.5
-_FIXED_BITS = 24
+_MARGIN_M = 0.5  # of unknown ground around what was seen, for views and for the corridor
+_FIXED_BITS = 24  # of 64 after the point, in cells: a ray of 1e6 cells errs by less than a tenth of one
 _FIXED = float(1 << _FIXED_BITS)  # Rays step in fixed point: integers need no rounding at every cell
 
 
@@ -32,7 +32,8 @@ class Lattice(NamedTuple):
         low = np.floor((points.min(axis=0) - _MARGIN_M) / resolution).astype(int)
         high = np.ceil((points.max(axis=0) + _MARGIN_M) / resolution).astype(int)
         columns, rows = (high - low).tolist()
-        return Lattice(rows, columns, resolution, float(low[0] * resolution), float(low[1] * resolution))
+        origin_x, origin_y = (low * resolution).tolist()
+        return Lattice(rows, columns, resolution, origin_x=origin_x, origin_y=origin_y)
 
     def centres(self) -> tuple[FloatArray, FloatArray]:
         """x of each column (1, columns) and y of each row (rows, 1) [m]."""

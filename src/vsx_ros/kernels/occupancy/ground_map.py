@@ -108,7 +108,7 @@ def polar_scans(
             proven = min(proven, low_until)
         free[k, bearing] = max(free[k, bearing], min(proven, max_range))
     free = np.maximum(np.minimum(free, nearest), np.float32(0.0))
-    return PolarScans(positions, headings, free, nearest, hit, over)
+    return PolarScans(positions=positions, headings=headings, free=free, nearest=nearest, hit=hit, over=over)
 
 
 @kernel

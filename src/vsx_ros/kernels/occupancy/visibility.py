@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray, Points2
 from vsx_ros.kernels import kernel
 
-OCCUPIED, UNKNOWN = 100, -1
+OCCUPIED, UNKNOWN = 100, -1  # of nav_msgs/OccupancyGrid
 
 
 @kernel

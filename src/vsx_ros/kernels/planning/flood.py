@@ -10,7 +10,7 @@ from vsx_ros.kernels import kernel
 from vsx_ros.kernels.occupancy.clearance import DistanceField, interpolate
 from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, Lattice, arc_places, places_are_free
 
-UNREACHED = 16384
+UNREACHED = 16384  # arcs, more than any way has; half the range of int16
 _AROUND = 8  # cells; half of it to either side, about as far as an arc
 
 

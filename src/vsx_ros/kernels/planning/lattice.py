@@ -20,10 +20,10 @@ from vsx_ros.kernels.planning.motions import (
 )
 from vsx_ros.kernels.planning.reeds_shepp import SEGMENTS, advance, reeds_shepp_shortest, room_for, shortest_word
 
-_BUCKETS = 4
+_BUCKETS = 4  # for each arc: ways in one are as good as equal
 _GREED = 1.2  # what is left counts so much: far fewer states for ways that are shortened afterwards anyway
 _SLACK = 1.0  # steps by which the guide may overestimate what is left
-_MOST_ARCS = 32_000
+_MOST_ARCS = 32_000  # of a way; int16 counts them
 _NEARER = 1.1  # by so much a word's length read from the table may fall short of it
 
 

@@ -15,7 +15,7 @@ BENDS = np.array([0, 1, -1, 0, 1, -1])
 SIGNS = np.array([1, 1, 1, -1, -1, -1])
 MOTIONS = 6  # Straight on, to the left and to the right; forwards, then in reverse
 
-TABLE_PLACES, TABLE_STEP, TABLE_HEADINGS = 33, 0.2, 32
+TABLE_PLACES, TABLE_STEP, TABLE_HEADINGS = 33, 0.2, 32  # a quadrant of 6.4 radii; farther off turns add little
 _SPACING = 0.3  # of a cell of the margin field, at which an arc is looked at
 
 

@@ -14,7 +14,7 @@ from vsx_ros.kernels.planning.reeds_shepp import advance
 from vsx_ros.kernels.planning.shortcuts import random_unit
 
 BENDS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
-_FAVOURABLE = 0.15
+_FAVOURABLE = 0.15  # share of the samples that are drawn where one segment leads to the goal
 
 
 @kernel

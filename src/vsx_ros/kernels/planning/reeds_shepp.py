@@ -12,10 +12,10 @@ import numpy as np
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 
-MAX_WORDS = 48
-SEGMENTS = 5
+MAX_WORDS = 48  # all that Reeds and Shepp name
+SEGMENTS = 5  # of the longest word
 _HALF_PI = 0.5 * math.pi
-_ZERO, _NEARLY = 1e-10, 1e-8
+_ZERO, _NEARLY = 1e-10, 1e-8  # rad: rounding of a sum, and of a root
 LONGER = 1e300  # Than any word
 
 

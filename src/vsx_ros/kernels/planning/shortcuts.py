@@ -11,7 +11,7 @@ from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
 from vsx_ros.kernels.planning.reeds_shepp import SEGMENTS, advance, room_for, shortest_word
 
-MAX_SEGMENTS = 512
+MAX_SEGMENTS = 512  # of a way; one with more is not shortened
 
 
 @kernel

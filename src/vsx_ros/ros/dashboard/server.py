@@ -59,15 +59,9 @@ class ViewServer(ThreadingHTTPServer):
     closing = False
 
     def __init__(
-        self,
-        board: Board,
-        commands: Mapping[str, Command],
-        viewers: Callable[[int], None],
-        token: str,
-        host: str = LOOPBACK,
-        port: int = DEFAULT_PORT,
-        allowed: Iterable[str] = (),
-    ) -> None:
+        self, board: Board, commands: Mapping[str, Command], viewers: Callable[[int], None], token: str,
+        host: str = LOOPBACK, port: int = DEFAULT_PORT, allowed: Iterable[str] = (),
+    ) -> None:  # fmt: skip
         """allowed: names beside those of this machine. Raises ConfigError for a bad one, or if the address is taken."""
         self.board, self.commands, self.token, self.connections = board, commands, token, Connections(viewers)
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET

@@ -28,8 +28,8 @@ from vsx_ros.runs.process import DONE
 
 TOKEN = "VSX_VIEW_TOKEN"
 
-_MASTER_PERIOD_S, _LOOK_PERIOD_S = 2.0, 0.5
-_SERVICE_WAIT_S = 2.0
+_MASTER_PERIOD_S, _LOOK_PERIOD_S = 2.0, 0.5  # a person waits for the page
+_SERVICE_WAIT_S = 2.0  # then the button says that nobody answers
 
 
 class DashboardNode:

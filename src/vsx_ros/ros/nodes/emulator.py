@@ -54,7 +54,9 @@ class EmulatorNode:
         folder = tempfile.gettempdir()
         socket = str(rospy.get_param("~camera_socket", f"{folder}/vsx_kinect"))
         port = str(rospy.get_param("~port", f"{folder}/ttyVSX"))
-        settings = RenderSettings(world_name, seed, socket, rate_hz, start_ns, config.robot)
+        settings = RenderSettings(
+            world=world_name, seed=seed, socket=socket, rate_hz=rate_hz, start_ns=start_ns, robot=config.robot
+        )
         self._child = RenderChild(settings)
         threads.worker("frames", lambda: self._child.listen(self._on_frame))
         self._plant = BodyPlant(world, seed, config.robot, self._child.move, wired(robot_type).wheel_base_m)

@@ -8,8 +8,9 @@ Services: move_base/make_plan.
 Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
     odometry alone: straight or along the trail, without a map. Plans keep the map points in view, drive slowly where
     they cannot, and are refused where that would be long; points much older or newer than the map do not count.
-Parameters: ~config (tree of 'vsx config'), ~planner (fov or unconstrained; fov), ~seed (int, 0). While it runs, for the
-    plans to come, by dynamic_reconfigure: ~v_m_s and ~omega_rad_s (up to the configured limits), ~phi_rad_m.
+Parameters: ~config (tree of 'vsx config'), ~planner (fov, unconstrained, paper or a plug-in's; fov), ~seed (int, 0).
+    While it runs, for the plans to come, by dynamic_reconfigure: ~v_m_s and ~omega_rad_s (up to the configured limits),
+    ~phi_rad_m.
 
 A client that ever renewed move_base/lease must go on doing so while its goal is pursued."""
 
@@ -58,7 +59,7 @@ class MoveBaseNode:
         with self._pursuing:
             done = self._pursue(goal.target_pose)
             self._lease.promise(0.0)
-            rospy.loginfo("goal %s: %s", "reached" if done.arrived else "given up", done.reason)
+            rospy.loginfo("goal %s: %s", "reached" if done.arrived else "failed", done.reason)
             self._diagnostics.set("goal", OK if done.arrived else WARN, done.reason)
             gave_up = self._server.set_preempted if self._server.is_preempt_requested() else self._server.set_aborted
             (self._server.set_succeeded if done.arrived else gave_up)(text=done.reason)
@@ -93,8 +94,8 @@ class MoveBaseNode:
             self._server.publish_feedback(MoveBaseFeedback(convert.pose_stamped(frame, now_ns, pose)))
         client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
         gone = LEASE_S < self._clients.age_s(client) < math.inf
-        follower = self._follower
-        return ExecutionInput(where, self._planner.grid, follower.report, follower.age_s, client if gone else "")
+        silent, told, age_s = client if gone else "", self._follower.report, self._follower.age_s
+        return ExecutionInput(where, self._planner.grid, told, follower_age_s=age_s, silent_client=silent)
 
     def _do(self, now_ns: int, act: Act) -> None:
         if isinstance(act, PlanRequest):
@@ -106,7 +107,7 @@ class MoveBaseNode:
             self._follower.brake(now_ns, act.a_m_s2)
 
     def close(self) -> None:
-        """A last word to the follower, or to one that starts anew; and the goal's end is told while topics are open."""
+        """A last word to the follower, or to its successor; and the goal's end is told while topics are open."""
         self._follower.brake(headers.now_ns(), math.inf)
         self._pursuing.acquire(timeout=0.5)
         self._server.action_server.status_timer.shutdown()

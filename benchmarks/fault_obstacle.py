@@ -1,0 +1,244 @@
+"""A post appears half a metre ahead on the path of a robot that explores at full speed: does it stop in time?
+
+python benchmarks/fault_obstacle.py [--ahead 0.5] [--repetitions 20] [--minutes M]
+
+As benchmarks/fault_nodes.py, on the same stack: real nodes and drivers, the emulated body at the wire's far end. The
+post, 10 cm thick, is put where the path is so far ahead of the base's centre (its near face; straight on, at full
+speed). The body can hit it. The camera cannot see it: when SLAM maps a new thing is another question. What the nodes
+hear as ``map`` passes through this program, which draws the post into every map from that instant on, as from a sensor
+that saw it at once; so what is measured begins with a map that shows it, and ends where the body stands.
+
+A row is one repetition: the body's speed when the post appeared (``speed_m_s``), how far its face was truly ahead
+(``ahead_m``), after how long the body was at rest (``rest_s``; null: not within 5 s), the gap left between body and
+post then (``left_m``), the least until then (``least_m``), and whether they touched (``contact``). Then the post is
+taken away, and the robot explores on. What is there already by the present code is not measured again.
+"""
+
+import argparse
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from exploring_robot import begin, home, new_stack, ready
+from tables import RESULTS, rooms_of
+
+from vsx_ros.config import Config
+from vsx_ros.experiments.rows import Store
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
+
+POST_M, SIDES = 0.05, 12  # radius, and how round it is
+LIMITS, BODY_M = Config().limits, Config().robot.radius_m
+FULL_SPEED, STRAIGHT_RAD, BEYOND_M = 0.97, 0.2, 0.3  # of the limit; to either side; of path behind the post
+REST_M_S, OVER_NS, WATCH_S = 0.005, 50_000_000, 5.0
+FIND_S = 120.0
+
+
+class Post:
+    """For the body, on the emulator's thread, and for whoever hears the map. Call it once a stack is up."""
+
+    def __init__(self, stack: Any) -> None:
+        import rospy
+        from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
+        from trajectory_msgs.msg import MultiDOFJointTrajectory
+
+        from vsx_ros.ros import topics
+        from vsx_ros.ros.driving import wanted
+        from vsx_ros.ros.situation import LocalizationSubscriber
+
+        rospy.init_node("post", anonymous=True, disable_signals=True)
+        self._plant, self._lock, self._walls = stack.plant, threading.Lock(), walls(stack.plant.body)
+        self._log = stack._folder / "move_base.txt"
+        self._centre_map: SE2 | None = None
+        self._centre_world: SE2 | None = None
+        self._appeared_ns = 0
+        self._at_step: Callable[[], None] | None = None
+        self._way: np.ndarray = np.empty((0, 3))
+        self._steps: deque[tuple[int, float, float]] = deque(maxlen=2000)  # time [ns], way, gap [m]: 10 s
+        self._map: Any = None
+        self._where = LocalizationSubscriber()
+        self._map_pub = rospy.Publisher(topics.MAP, OccupancyGridMsg, queue_size=1, latch=True)
+
+        def on_trajectory(msg: Any) -> None:
+            way = wanted(msg)
+            forwards = not isinstance(way, float) and msg.header.frame_id.endswith("map")
+            self._way = way.poses[way.v > 0.0] if forwards and (way.v >= 0.0).all() else np.empty((0, 3))
+
+        rospy.Subscriber(f"/{topics.TRAJECTORY}", MultiDOFJointTrajectory, on_trajectory)
+        rospy.Subscriber("/map_seen", OccupancyGridMsg, self._on_map)
+        stack.watch_steps(self._on_step)
+
+    def _on_map(self, msg: Any) -> None:
+        with self._lock:
+            self._map = msg
+            self._say()
+
+    def _say(self) -> None:
+        """The newest map, with the post if there is one."""
+        from vsx_ros.ros import convert, headers, topics
+
+        grid = convert.grid(self._map)
+        if self._centre_map is not None:
+            rows, columns = np.indices(grid.shape)
+            places = grid.centres(np.column_stack([rows.ravel(), columns.ravel()])).reshape(*grid.shape, 2)
+            inside = np.hypot(places[..., 0] - self._centre_map.x, places[..., 1] - self._centre_map.y) <= POST_M
+            data = np.where(inside, OCCUPIED, grid.data).astype(np.int8)
+            grid = OccupancyGrid(data, grid.resolution, grid.origin_x, grid.origin_y)
+        self._map_pub.publish(convert.grid_msg(grid, topics.MAP_FRAME, headers.now_ns()))
+
+    def _on_step(self, state: Any) -> None:
+        if self._at_step is not None:
+            self._at_step()
+            self._at_step = None
+        at, post = state.T_world_base, self._centre_world
+        gap_m = math.inf if post is None else at.distance_to(post) - POST_M - BODY_M
+        self._steps.append((state.time_ns, state.path_length_m, gap_m))
+
+    def _on_emulator(self, act: Callable[[], None]) -> None:
+        """Do it between two of its steps."""
+        self._at_step = act
+        while self._at_step is not None:
+            time.sleep(0.001)
+
+    @property
+    def speed_m_s(self) -> float:
+        """Of the body, over 50 ms."""
+        steps = list(self._steps)[-(OVER_NS // 5_000_000) - 1 :]
+        return (steps[-1][1] - steps[0][1]) / max(1e-9 * (steps[-1][0] - steps[0][0]), 1e-9) if steps else 0.0
+
+    def place_ahead(self, face_m: float) -> SE2 | None:
+        """Where the post's centre would be, seen from the base; None where it does not drive straight on at full speed,
+        or its path ends there."""
+        from vsx_ros.ros import headers
+
+        T_map_base, way = self._where.at(headers.now_ns()).pose("map"), self._way
+        if T_map_base is None or len(way) < 2 or self.speed_m_s < FULL_SPEED * LIMITS.v_m_s:
+            return None
+        nearest = int(np.argmin(np.hypot(way[:, 0] - T_map_base.x, way[:, 1] - T_map_base.y)))
+        far = np.hypot(way[nearest:, 0] - T_map_base.x, way[nearest:, 1] - T_map_base.y) >= face_m + POST_M
+        if not far.any() or math.hypot(way[-1, 0] - T_map_base.x, way[-1, 1] - T_map_base.y) < face_m + BEYOND_M:
+            return None
+        x, y, _ = way[nearest + int(far.argmax())]
+        place = T_map_base.inverse() @ SE2(float(x), float(y), 0.0)
+        return place if abs(math.atan2(place.y, place.x)) < STRAIGHT_RAD else None
+
+    def appear(self, place: SE2) -> None:
+        """Seen from the base, for the body and in the map at once."""
+        from vsx_ros.ros import headers
+
+        def stand() -> None:
+            self._appeared_ns = self._plant.body.time_ns
+            self._centre_world = self._plant.body.T_world_base @ place
+            add_post(self._plant.body, self._walls, self._centre_world)
+
+        T_map_base = self._where.at(headers.now_ns()).pose("map")
+        with self._lock:
+            self._centre_map = T_map_base @ place
+            self._on_emulator(stand)
+            self._say()
+
+    def vanish(self) -> None:
+        def go() -> None:
+            self._centre_world = None
+            restore(self._plant.body, self._walls)
+
+        with self._lock:
+            self._centre_map = None
+            self._on_emulator(go)
+            self._say()
+
+    def _braked(self) -> int:
+        """How often move_base has said that an obstacle came to light."""
+        return self._log.read_text(errors="replace").count("an obstacle has come to light")
+
+    def repetition(self, face_m: float) -> dict[str, Any] | None:
+        """None where no such moment came, or the base stopped there for another reason."""
+        deadline_s = time.monotonic() + FIND_S
+        while (place := self.place_ahead(face_m)) is None:
+            if time.monotonic() > deadline_s:
+                return None
+            time.sleep(0.01)
+        speed_m_s, collisions, braked = self.speed_m_s, self._plant.body.collisions, self._braked()
+        self.appear(place)
+        rest_s, began_s = None, time.monotonic()
+        while rest_s is None and time.monotonic() - began_s < WATCH_S:
+            time.sleep(0.01)
+            if self.speed_m_s < REST_M_S:
+                rest_s = 1e-9 * (self._steps[-1][0] - OVER_NS - self._appeared_ns)
+        gaps = [gap for stamp_ns, _, gap in list(self._steps) if stamp_ns >= self._appeared_ns]
+        contact = self._plant.body.collisions > collisions
+        self.vanish()
+        if self._braked() == braked and not contact:
+            return None
+        return {
+            "speed_m_s": round(speed_m_s, 3),
+            "ahead_m": round(gaps[0] + BODY_M, 3),
+            "rest_s": None if rest_s is None else round(rest_s, 3),
+            "left_m": round(gaps[-1], 3),
+            "least_m": round(min(gaps), 3),
+            "contact": contact,
+        }
+
+
+def walls(body: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return body._a, body._edge, body._length2
+
+
+def restore(body: Any, kept: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    body._a, body._edge, body._length2 = kept
+
+
+def add_post(body: Any, kept: tuple[np.ndarray, np.ndarray, np.ndarray], centre: SE2) -> None:
+    """Beside what the body can hit already."""
+    angles = np.linspace(0.0, 2.0 * math.pi, SIDES + 1)
+    corners = np.array([centre.x, centre.y]) + POST_M * np.column_stack([np.cos(angles), np.sin(angles)])
+    edges = np.diff(corners, axis=0)
+    added = corners[:-1], edges, (edges**2).sum(axis=1)
+    restore(body, tuple(np.concatenate(both) for both in zip(kept, added)))
+
+
+def stack_with_relay(folder: Path) -> Any:
+    """SLAM's map goes to map_seen, which ``Post`` hears."""
+    stack = new_stack(folder)
+    spawn = stack._spawn
+    stack._spawn = lambda name, command: spawn(name, [*command, *(["map:=map_seen"] if name == "vslam" else [])])
+    return stack
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--ahead", nargs="+", type=float, default=[0.5], metavar="M")
+    parser.add_argument("--repetitions", type=int, default=20)
+    parser.add_argument("--minutes", type=float, default=240.0)
+    parser.add_argument("--out", type=Path, default=RESULTS / "fault_obstacle.jsonl")
+    args = parser.parse_args()
+    end_s, folder = time.monotonic() + 60.0 * args.minutes, home()
+    store = Store(args.out, rooms=rooms_of("fault_obstacle"))
+    questions = [{"ahead_m": ahead_m, "repetition": k} for k in range(args.repetitions) for ahead_m in args.ahead]
+    missing = [asked for asked in questions if asked not in store]
+    if not missing:
+        return
+    stack = stack_with_relay(folder)
+    try:
+        stack.up()
+        post = Post(stack)
+        begin(stack)
+        for asked in missing:
+            found = None
+            while found is None and time.monotonic() < end_s and ready(stack):
+                found = post.repetition(asked["ahead_m"])
+            if found is None:
+                break
+            store.add(asked, found)
+            print(asked, found, flush=True)
+    finally:
+        stack.down()
+
+
+if __name__ == "__main__":
+    main()
