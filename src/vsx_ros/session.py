@@ -8,13 +8,14 @@ from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
+from vsx_ros.calibration.driving import DrivingCalibration
 from vsx_ros.config import Config
 from vsx_ros.control.localization import UNLOCALIZED, Localization, LocalizationState
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingResult
@@ -24,9 +25,10 @@ SlamT = TypeVar("SlamT", bound=TrackerAndMapper)
 
 
 class SlamSession:
-    """``begin`` when the camera is known, then ``locate`` after every tracked frame.
+    """``begin`` when the camera is known, then ``track`` and ``locate`` every frame.
 
-    ground: what is driven, bumped and pushed. where: what ``locate`` said last. From any thread: ``base_at``."""
+    calibration: of the odometry while driving, None where that is off. ground: what is driven, bumped and pushed.
+    where: what ``locate`` said last. From any thread: ``base_at``."""
 
     def __init__(
         self, T_base_cam: SE3, config: Config, slam_map: SlamMap | None = None,
@@ -37,6 +39,8 @@ class SlamSession:
         self.T_base_cam, self._T_cam_base = T_base_cam, T_base_cam.inverse()
         self.slam_map = slam_map
         self._config = config.slam
+        enabled = config.self_calibration.enabled
+        self.calibration = DrivingCalibration(T_base_cam, config, slam_map is None) if enabled else None
         self._record = None if state is None else TrackingRecord.restored(state)
         self._localization = Localization()
         self._late: deque[TrackingResult] = deque()
@@ -51,7 +55,19 @@ class SlamSession:
         """The SLAM, of this kind. metric: whether there is odometry. Raises CalibrationError when the map was made with
         another camera or mount."""
         mount = self.T_base_cam if metric else None
-        return kind(camera, mount, self._config, seed, self.slam_map, self._record)
+        self.calibration = self.calibration if metric else None
+        self._slam = slam = kind(camera, mount, self._config, seed, self.slam_map, self._record)
+        return slam
+
+    def track(self, frame: Frame, odometry: Odometry | None) -> TrackingResult:
+        """The pose of one frame by the SLAM that was begun. SLAM alone sees odometry corrected by what is found while
+        driving; all others, its frame included, go on as it is read. Raises as ``SequentialSlam.track`` does."""
+        calibration = self.calibration
+        if calibration is None or odometry is None:
+            return self._slam.track(frame, odometry)
+        result = self._slam.track(frame, calibration.corrected(odometry))
+        calibration.learn(self._slam, result, odometry)
+        return result
 
     def locate(self, tracking: TrackingResult, odometry: Odometry | None, computing_ns: int = 0) -> LocalizationState:
         """Where the base is at a tracked frame, and put it on the ground. odometry: of the frame. computing_ns: so long

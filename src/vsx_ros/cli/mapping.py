@@ -75,10 +75,10 @@ def replay(args: argparse.Namespace) -> int:
     config = load(args.config, args.set)
     recording = opened_recording(args)
     T_base_cam = mounted(config.robot.mount)
-    slam = _slam(recording, config, args)
+    session, slam = _slam(recording, config, args)
     folder = replay_folder(args, config)
     keeper = RunWriter(T_base_cam)
-    record, stopped = keeper.record, _track_all(slam, recording, keeper)
+    record, stopped = keeper.record, _track_all(session, slam, recording, keeper)
     continued = str(args.load_map.resolve()) if args.load_map else None
     ending = record.results[-1].state if record.results else TrackingState.NOT_INITIALISED
     code = STOPPED if stopped else replay_code(ending)
@@ -103,17 +103,17 @@ def _refuse_pace(args: argparse.Namespace) -> None:
         raise ConfigError(f"--rate {args.rate}: give a number from 0 (no image left out) to {_MAX_RATE:g}")
 
 
-def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> SequentialSlam:
+def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> tuple[SlamSession, SequentialSlam]:
     """A new map or the one to go on in; what cannot be read or written at the end is said now."""
     if args.save_map and not args.save_map.resolve().parent.is_dir():
         raise MapFileError(f"map {args.save_map} cannot be written: its folder does not exist; choose another folder")
     loaded = load_slam_map(args.load_map) if args.load_map else None
     assert recording.camera is not None
     session = SlamSession(mounted(config.robot.mount), config, loaded)
-    return session.begin(SequentialSlam, recording.camera, args.seed, metric=bool(recording.odometry))
+    return session, session.begin(SequentialSlam, recording.camera, args.seed, metric=bool(recording.odometry))
 
 
-def _track_all(slam: SequentialSlam, recording: Recording, keeper: RunWriter) -> bool:
+def _track_all(session: SlamSession, slam: SequentialSlam, recording: Recording, keeper: RunWriter) -> bool:
     """Every frame, with the odometry of its instant; on a terminal, one line tells how far it is. Whether Ctrl-C came
     first."""
     for reading in recording.odometry:
@@ -123,7 +123,7 @@ def _track_all(slam: SequentialSlam, recording: Recording, keeper: RunWriter) ->
         for number, frame in enumerate(recording.frames(), start=1):
             odometry = recording.odometry_at(frame.stamp_ns)
             began = time.perf_counter()
-            result = slam.track(frame, odometry)
+            result = session.track(frame, odometry)
             track_s = time.perf_counter() - began
             keeper.frame(result, odometry, track_s, slam.statistics().u2_frames, slam.drain_events())
             if progress.is_due:

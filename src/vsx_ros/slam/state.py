@@ -64,7 +64,7 @@ class TrackingResult(NamedTuple):
 class SlamEvent(NamedTuple):
     """A change of state. kind: refused, initialised, lost, bridged (a keyframe placed by odometry alone), carried
     (the image changed though the base stood), relocalised, second map (begun where the first is out of sight), loop
-    closed, merged (a second map was joined with the first), gap."""
+    closed, merged (a second map was joined with the first), calibrated (wheels or gyro were found wrong), gap."""
 
     stamp_ns: int
     kind: str
