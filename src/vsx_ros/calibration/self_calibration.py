@@ -219,7 +219,8 @@ def robust_fit(
         huber: FloatArray = scale / np.maximum(off, scale)
         tukey: FloatArray = np.maximum(0.0, 1.0 - (off / scale / TUKEY) ** 2) ** 2
         weight = huber if step < STEPS // 2 else tukey
-        information = (A.T * weight) @ A / scale**2 + prior
-        x = np.linalg.solve(information, (A.T * weight) @ b / scale**2 + prior @ mean)
-    covariance: FloatArray = np.linalg.inv(information)
+        information = np.asarray((A.T * weight) @ A / scale**2 + prior, np.float64)
+        wanted: FloatArray = (A.T * weight) @ b / scale**2 + prior @ mean
+        x = np.asarray(np.linalg.solve(information, wanted), np.float64)
+    covariance = np.asarray(np.linalg.inv(information), np.float64)
     return x, covariance

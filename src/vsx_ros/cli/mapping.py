@@ -21,6 +21,7 @@ from vsx_ros.runs.parameters import load
 from vsx_ros.runs.process import STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import RunRecord
 from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import RunWriter
 from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
 from vsx_ros.session import SlamSession
@@ -89,6 +90,7 @@ def replay(args: argparse.Namespace) -> int:
     poses = (pose.T for pose in record.estimate())
     grid = ground_grid(slam.snapshot(), poses, T_base_cam, config) if args.map else None
     more: list[Callable[[], object]] = [lambda: _save_slam_map(slam, args.save_map), lambda: write_report(folder)]
+    more.insert(0, lambda: write_self_calibration(folder.path, session.calibration, config.robot.odometry))
     if recording.ground_truth:
         more.insert(0, lambda: folder.write_poses("groundtruth", recording.ground_truth))
     failure = keeper.finish(folder, slam, summary, None, grid, *more)
