@@ -29,6 +29,7 @@ from vsx_ros.slam.slam import SequentialSlam
 
 FOUND_AFTER_M, LAPS = 20.0, 3
 LEGS_PER_LAP, PIECE = 6, 8  # frames: for the truth
+USUAL = SimulationConfig(frame_rate_hz=RATE_HZ)
 
 
 class Told(NamedTuple):
@@ -51,17 +52,17 @@ def wrong(seed: int) -> SimulationConfig:
     return SimulationConfig(frame_rate_hz=RATE_HZ, body=body)
 
 
-def wrong_drive(seed: int, keep: Path | None) -> Drive | None:
-    """LAPS ovals in lab ``seed`` from its clearest place; None when it has none."""
+def ovals(seed: int, usual: bool, keep: Path | None) -> Drive | None:
+    """LAPS ovals in lab ``seed`` from its clearest place; None when it has none. usual: by wheels that are right."""
 
     def make() -> Drive | None:
         world, legs = generate_world("lab", seed), laps_legs()[: LAPS * LEGS_PER_LAP]
         clearance, start = clearest_start(world, legs)
         if clearance < CLEAR_M:
             return None
-        return record(replace(world, start=start), seed, legs, wrong(seed))
+        return record(replace(world, start=start), seed, legs, USUAL if usual else wrong(seed))
 
-    return kept(f"wrong_wheels_{seed}", keep, make)
+    return kept(f"{'usual' if usual else 'wrong'}_wheels_{seed}", keep, make)
 
 
 def true_factors(drive: Drive) -> tuple[float, float, float, float]:
@@ -106,6 +107,7 @@ def main() -> None:
     parser.add_argument(
         "--seeds", type=seed_range, default=range(100, 105), metavar="A-B", help="labs (default 100-104)"
     )
+    parser.add_argument("--usual", action="store_true", help="wheels and gyro as the emulator has them: 0.5 %% wrong")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="keep rendered drives there and use them again")
     args = parser.parse_args()
     cv2.setNumThreads(1)
@@ -114,7 +116,7 @@ def main() -> None:
         "seed   way %  turn %  zero deg/s  track %   mount mm   ATE cm: to 20 m   after | uncorrected: to 20 m   after"
     )
     for seed in args.seeds:
-        drive = wrong_drive(seed, args.keep)
+        drive = ovals(seed, args.usual, args.keep)
         if drive is None:
             print(f"{seed:4}   no room for the course")
             continue

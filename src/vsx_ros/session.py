@@ -44,6 +44,9 @@ class SlamSession:
         self._record = None if state is None else TrackingRecord.restored(state)
         self._localization = Localization()
         self._late: deque[TrackingResult] = deque()
+        # The newest reading as SLAM had it, and with its own pose.
+        self._corrected: Odometry | None = None
+        self._read: Odometry | None = None
         self.where: LocalizationState = UNLOCALIZED
         self.ground = MappedGround(config)
         if state is not None:
@@ -60,12 +63,13 @@ class SlamSession:
         return slam
 
     def track(self, frame: Frame, odometry: Odometry | None) -> TrackingResult:
-        """The pose of one frame by the SLAM that was begun. SLAM alone sees odometry corrected by what is found while
-        driving; all others, its frame included, go on as it is read. Raises as ``SequentialSlam.track`` does."""
+        """The pose of one frame by the SLAM that was begun, with odometry corrected by what is found while driving. The
+        frame ``odom`` stays that of odometry as it is read. Raises as ``SequentialSlam.track`` does."""
         calibration = self.calibration
         if calibration is None or odometry is None:
             return self._slam.track(frame, odometry)
-        result = self._slam.track(frame, calibration.corrected(odometry))
+        self._corrected = calibration.corrected(odometry)
+        result = self._slam.track(frame, self._corrected)
         calibration.learn(self._slam, result, odometry)
         return result
 
@@ -74,14 +78,17 @@ class SlamSession:
         after its stamp the pose of a frame is known."""
         now_ns, localization = tracking.stamp_ns, self._localization
         if odometry is not None and not odometry.impossible:
-            localization.add_odometry(odometry)
+            known = self._corrected
+            corrected = odometry if known is None or known.stamp_ns != odometry.stamp_ns else known
+            if localization.add_odometry(corrected):
+                self._read = corrected._replace(T_odom_base=odometry.T_odom_base)
         self._late.append(tracking)
         while self._late and now_ns >= self._late[0].stamp_ns + computing_ns:
-            known = self._late.popleft()
-            localization.add_state(known.state, known.reason)
-            if known.state.tracked and known.T_world_cam is not None:
-                localization.add_pose(known.stamp_ns, (known.T_world_cam @ self._T_cam_base).to_se2())
-        self.where = where = localization.at(now_ns)
+            late = self._late.popleft()
+            localization.add_state(late.state, late.reason)
+            if late.state.tracked and late.T_world_cam is not None:
+                localization.add_pose(late.stamp_ns, (late.T_world_cam @ self._T_cam_base).to_se2())
+        self.where = where = localization.at(now_ns)._replace(odometry=self._read)
         if where.stuck is not None:
             self.ground.pushed(where.stuck.T_world_push, now_ns)
         elif where.T_map_base is not None:
