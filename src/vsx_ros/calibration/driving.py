@@ -73,7 +73,8 @@ class DrivingCalibration:
             return
         self._made_with, self._next_window = now, self._estimate.windows + REST_WINDOWS
         turn = f"turn x {now.angular:.4f}, zero {math.degrees(now.zero):+.2f} deg/s"
-        reason = f"way x {now.linear:.4f}, {turn}; the map is made {factor:.3f} times as large"
+        resized = "" if factor == 1.0 else f"; the map is made {factor:.3f} times as large"
+        reason = f"way x {now.linear:.4f}, {turn}{resized}"
         slam.recount(Recount(self._odometry.counted_again(self._later_s), factor, stamp_ns, reason))
         if factor != 1.0:
             self._estimate.resized(factor)

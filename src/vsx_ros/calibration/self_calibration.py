@@ -34,6 +34,7 @@ TUKEY, STEPS = 4.685, 12
 # must stand out of what lies as thick above and below it, which walls and furniture cover evenly.
 FLOOR_SHARE, FLOOR_LAYER_SHARE, FLOOR_STANDS_OUT = 0.2, 0.05, 1.5
 MIN_FLOOR_POINTS = 40
+ALIKE_FLOOR_POINTS = 20  # that err alike, by the pose of the keyframe they are seen from and the map's size there
 
 
 class Found(NamedTuple):
@@ -200,7 +201,7 @@ def map_size(points_world: Points3, height: float) -> Factor | None:
     for _ in range(5):
         near = z[np.abs(z - middle) <= layer]
         middle = float(np.median(near))
-    sigma = 1.25 * 1.4826 * float(np.median(np.abs(near - middle))) / math.sqrt(len(near))
+    sigma = 1.25 * 1.4826 * float(np.median(np.abs(near - middle))) / math.sqrt(len(near) / ALIKE_FLOOR_POINTS)
     return Factor((height - middle) / height, sigma / height, float(len(near)))
 
 
