@@ -48,7 +48,8 @@ class Leg(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """images (N, H, W) uint8; odometry (N, 5): x, y, theta, v, omega at the stamp; truth (N, 4, 4): T_world_cam."""
+    """images (N, H, W) uint8; odometry (N, 6): x, y, theta, v, omega, turn by the wheels, at the stamp; truth
+    (N, 4, 4): T_world_cam."""
 
     camera: PinholeCamera
     T_base_cam: SE3
@@ -64,8 +65,8 @@ class Drive(NamedTuple):
         return Frame(self.stamps_ns[k], self.images[k])
 
     def odometry_at(self, k: int) -> Odometry:
-        x, y, theta, v, omega = self.odometry[k].tolist()
-        return Odometry(self.stamps_ns[k], SE2(x, y, theta), v, omega)
+        x, y, theta, v, omega, wheel_turn = self.odometry[k].tolist()
+        return Odometry(self.stamps_ns[k], SE2(x, y, theta), v, omega, wheel_turn=wheel_turn)
 
     def true_pose(self, k: int) -> SE3:
         return SE3.from_matrix(self.truth[k])
@@ -151,7 +152,7 @@ def record(world: World, seed: int, legs: list[Leg], config: SimulationConfig = 
         planned = driven(planned, leg, 1.0)
     if robot.truth.collisions:
         raise RuntimeError(f"seed {seed}: the robot touched something; the course needs more room")
-    odometry = [(*o.T_odom_base.as_array().tolist(), o.v, o.omega) for _, o in seen]
+    odometry = [(*o.T_odom_base.as_array().tolist(), o.v, o.omega, o.wheel_turn or 0.0) for _, o in seen]
     images = np.stack([frame.image for frame, _ in seen])
     stamps = [frame.stamp_ns for frame, _ in seen]
     return Drive(robot.camera_given, robot.T_base_cam_given, stamps, images, np.array(odometry), np.array(truth))

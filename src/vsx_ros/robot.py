@@ -37,7 +37,8 @@ class Odometry(NamedTuple):
     T_odom_base: pose of the base in the odometry frame. It drifts, and jumps where the base's counting restarts.
     v: forward speed [m/s]. omega: turn rate, counter-clockwise positive [rad/s].
     trusted: False where the base says that its sensors contradict each other.
-    odom_epoch: increases where counting restarts (``OdometryEpochs``); poses of two epochs must not be compared."""
+    odom_epoch: increases where counting restarts (``OdometryEpochs``); poses of two epochs must not be compared.
+    wheel_turn: heading by the wheels alone where a gyro makes that of the pose, not wrapped [rad]; None: not told."""
 
     stamp_ns: int
     T_odom_base: SE2
@@ -45,6 +46,7 @@ class Odometry(NamedTuple):
     omega: float = 0.0
     trusted: bool = True
     odom_epoch: int = 0
+    wheel_turn: float | None = None
 
     @property
     def stands(self) -> bool:
@@ -57,9 +59,11 @@ class Odometry(NamedTuple):
         pose = self.T_odom_base.interpolate(later.T_odom_base, ratio)
         v = self.v + ratio * (later.v - self.v)
         omega = self.omega + ratio * (later.omega - self.omega)
-        return self._replace(
-            stamp_ns=stamp_ns, T_odom_base=pose, v=v, omega=omega, trusted=self.trusted and later.trusted
-        )
+        turn = self.wheel_turn
+        if turn is not None:
+            turn = None if later.wheel_turn is None else turn + ratio * (later.wheel_turn - turn)
+        trusted = self.trusted and later.trusted
+        return self._replace(stamp_ns=stamp_ns, T_odom_base=pose, v=v, omega=omega, trusted=trusted, wheel_turn=turn)
 
     @property
     def impossible(self) -> str:

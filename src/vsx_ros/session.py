@@ -8,13 +8,14 @@ from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
+from vsx_ros.calibration.driving import DrivingCalibration
 from vsx_ros.config import Config
 from vsx_ros.control.localization import UNLOCALIZED, Localization, LocalizationState
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingResult
@@ -24,9 +25,10 @@ SlamT = TypeVar("SlamT", bound=TrackerAndMapper)
 
 
 class SlamSession:
-    """``begin`` when the camera is known, then ``locate`` after every tracked frame.
+    """``begin`` when the camera is known, then ``track`` and ``locate`` every frame.
 
-    ground: what is driven, bumped and pushed. where: what ``locate`` said last. From any thread: ``base_at``."""
+    calibration: of the odometry while driving, None where that is off. ground: what is driven, bumped and pushed.
+    where: what ``locate`` said last. From any thread: ``base_at``."""
 
     def __init__(
         self, T_base_cam: SE3, config: Config, slam_map: SlamMap | None = None,
@@ -37,9 +39,14 @@ class SlamSession:
         self.T_base_cam, self._T_cam_base = T_base_cam, T_base_cam.inverse()
         self.slam_map = slam_map
         self._config = config.slam
+        enabled = config.self_calibration.enabled
+        self.calibration = DrivingCalibration(T_base_cam, config, slam_map is None) if enabled else None
         self._record = None if state is None else TrackingRecord.restored(state)
         self._localization = Localization()
         self._late: deque[TrackingResult] = deque()
+        # The newest reading as SLAM had it, and with its own pose.
+        self._corrected: Odometry | None = None
+        self._read: Odometry | None = None
         self.where: LocalizationState = UNLOCALIZED
         self.ground = MappedGround(config)
         if state is not None:
@@ -51,21 +58,37 @@ class SlamSession:
         """The SLAM, of this kind. metric: whether there is odometry. Raises CalibrationError when the map was made with
         another camera or mount."""
         mount = self.T_base_cam if metric else None
-        return kind(camera, mount, self._config, seed, self.slam_map, self._record)
+        self.calibration = self.calibration if metric else None
+        self._slam = slam = kind(camera, mount, self._config, seed, self.slam_map, self._record)
+        return slam
+
+    def track(self, frame: Frame, odometry: Odometry | None) -> TrackingResult:
+        """The pose of one frame by the SLAM that was begun, with odometry corrected by what is found while driving. The
+        frame ``odom`` stays that of odometry as it is read. Raises as ``SequentialSlam.track`` does."""
+        calibration = self.calibration
+        if calibration is None or odometry is None:
+            return self._slam.track(frame, odometry)
+        self._corrected = calibration.corrected(odometry)
+        result = self._slam.track(frame, self._corrected)
+        calibration.learn(self._slam, result, odometry)
+        return result
 
     def locate(self, tracking: TrackingResult, odometry: Odometry | None, computing_ns: int = 0) -> LocalizationState:
         """Where the base is at a tracked frame, and put it on the ground. odometry: of the frame. computing_ns: so long
         after its stamp the pose of a frame is known."""
         now_ns, localization = tracking.stamp_ns, self._localization
         if odometry is not None and not odometry.impossible:
-            localization.add_odometry(odometry)
+            known = self._corrected
+            corrected = odometry if known is None or known.stamp_ns != odometry.stamp_ns else known
+            if localization.add_odometry(corrected):
+                self._read = corrected._replace(T_odom_base=odometry.T_odom_base)
         self._late.append(tracking)
         while self._late and now_ns >= self._late[0].stamp_ns + computing_ns:
-            known = self._late.popleft()
-            localization.add_state(known.state, known.reason)
-            if known.state.tracked and known.T_world_cam is not None:
-                localization.add_pose(known.stamp_ns, (known.T_world_cam @ self._T_cam_base).to_se2())
-        self.where = where = localization.at(now_ns)
+            late = self._late.popleft()
+            localization.add_state(late.state, late.reason)
+            if late.state.tracked and late.T_world_cam is not None:
+                localization.add_pose(late.stamp_ns, (late.T_world_cam @ self._T_cam_base).to_se2())
+        self.where = where = localization.at(now_ns)._replace(odometry=self._read)
         if where.stuck is not None:
             self.ground.pushed(where.stuck.T_world_push, now_ns)
         elif where.T_map_base is not None:

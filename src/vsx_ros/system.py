@@ -89,7 +89,7 @@ class ExplorationSystem:
     def track(self, frame: Frame, odometry: Odometry) -> TrackingResult:
         """The first half of ``step``. Here odometry enters."""
         self.odometry = self._epochs.enter(odometry)
-        return self.slam.track(frame, self.odometry)
+        return self.session.track(frame, self.odometry)
 
     def act(self, tracking: TrackingResult, hazard: str | None = None) -> StepResult:
         """What ``step`` does once the frame is tracked. Its pose is known only when computing it is over; so it is with

@@ -94,13 +94,14 @@ def test_commands_that_are_no_numbers_are_refused(empty_room: World) -> None:
 
 
 def test_wheel_odometry_takes_distance_from_ticks_and_heading_from_gyro() -> None:
-    odometry = WheelOdometry(tick_m=0.001)
+    odometry = WheelOdometry(tick_m=0.001, wheel_base_m=0.25)
     odometry.update(1_000_000_000, (900, 1100), math.pi / 2)
     arc = 2.0 / math.pi
     assert odometry.latest.T_odom_base.x == pytest.approx(arc)
     assert odometry.latest.T_odom_base.y == pytest.approx(arc)
     assert odometry.latest.v == pytest.approx(1.0)
     assert odometry.latest.omega == pytest.approx(math.pi / 2)
+    assert odometry.latest.wheel_turn == pytest.approx(0.2 / 0.25)
     odometry.update(1_000_000_000, (5000, 5000), 0.0)  # no time has passed: nothing to account for
     assert odometry.latest.T_odom_base.theta == pytest.approx(math.pi / 2)
     assert odometry.latest.T_odom_base != SE2()

@@ -10,8 +10,9 @@ import pytest
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry, VelocityCommand
+from vsx_ros.sim.body import BodySettings
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.robot import EmulatedRobot
+from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig
 from vsx_ros.sim.world import Start, World, obstacle_segments
 
 RATE_HZ = 15
@@ -57,10 +58,14 @@ def clear_start(world: World, parts: list[tuple[float, float, float]]) -> Start:
     return chosen
 
 
-def record(seed: int, parts: list[tuple[float, float, float]]) -> Drive:
+def record(
+    seed: int,
+    parts: list[tuple[float, float, float]],
+    config: SimulationConfig = SimulationConfig(),  # noqa: B008
+) -> Drive:
     world = generate_world("lab", seed)
     world = msgspec.structs.replace(world, start=clear_start(world, parts))
-    robot = EmulatedRobot(world, seed)
+    robot = EmulatedRobot(world, seed, config)
     frames = []
     for v, omega, seconds in [(0.0, 0.0, 0.2), *parts]:
         for _ in range(round(seconds * RATE_HZ)):
@@ -80,3 +85,11 @@ def arc_drive() -> Drive:
 def spin_drive() -> Drive:
     """0.6 m straight, then 90 degrees in place."""
     return record(13, [(0.2, 0.0, 3.0), (0.0, 0.26, 6.0)])
+
+
+@pytest.fixture(scope="session")
+def wrong_wheels_drive() -> Drive:
+    """Weaving for 3 m by wheels that roll 10 % too far and a gyro that is 5 % and 1 deg/s wrong."""
+    body = BodySettings(true_way=1.1, true_track=0.9, gyro_scale=1.05, gyro_zero_rad_s=math.radians(1.0))
+    weave = [(0.2, 0.35, 2.5), (0.2, -0.35, 2.5)] * 2
+    return record(12, [(0.2, 0.0, 3.0), *weave], SimulationConfig(body=body))

@@ -22,6 +22,7 @@ from vsx_ros.io.recording import Recording
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.runs.parameters import default_robot_file, load, ros_home, update_robot_file
 from vsx_ros.runs.process import DONE, FAILED
+from vsx_ros.runs.self_calibration import FILE
 from vsx_ros.slam.slam import SequentialSlam
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff")
@@ -31,6 +32,8 @@ MAX_SEARCHED = 150  # pictures of a recording, for time; the chooser keeps 40 at
 def calibrate(args: argparse.Namespace) -> int:
     """One of the verbs."""
     if args.verb != "camera":
+        if args.verb == "odometry" and (args.input / FILE).exists():
+            return _from_run(args)
         find = _odometry if args.verb == "odometry" else _mount
         return find(args, load(args.config, args.set), _recording(args))
     if args.live == bool(args.input):
@@ -120,6 +123,14 @@ def _odometry(args: argparse.Namespace, config: Config, recording: Recording) ->
         print(f"{name:14} {values[name]:.4f}: {recorded}; {exact} from {factor.measured:.2f} {of}")
         sure.append(f"{word} {exact}")
     return _conclude(args.out, "odometry", values, result.verdict, ", ".join(sure))
+
+
+def _from_run(args: argparse.Namespace) -> int:
+    """Take what a run found out while driving. Raises ConfigError when its file is damaged."""
+    found = load(args.input / FILE, []).robot.odometry
+    values = {"linear_scale": found.linear_scale, "angular_scale": found.angular_scale}
+    print(*(f"{name:14} {value:.4f}: found while driving" for name, value in values.items()), sep="\n")
+    return _conclude(args.out, "odometry", values, Verdict([]), f"found while driving, see {args.input / FILE}")
 
 
 def _mount(args: argparse.Namespace, config: Config, recording: Recording) -> int:

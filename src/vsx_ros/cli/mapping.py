@@ -21,6 +21,7 @@ from vsx_ros.runs.parameters import load
 from vsx_ros.runs.process import STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import RunRecord
 from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import RunWriter
 from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
 from vsx_ros.session import SlamSession
@@ -75,10 +76,10 @@ def replay(args: argparse.Namespace) -> int:
     config = load(args.config, args.set)
     recording = opened_recording(args)
     T_base_cam = mounted(config.robot.mount)
-    slam = _slam(recording, config, args)
+    session, slam = _slam(recording, config, args)
     folder = replay_folder(args, config)
     keeper = RunWriter(T_base_cam)
-    record, stopped = keeper.record, _track_all(slam, recording, keeper)
+    record, stopped = keeper.record, _track_all(session, slam, recording, keeper)
     continued = str(args.load_map.resolve()) if args.load_map else None
     ending = record.results[-1].state if record.results else TrackingState.NOT_INITIALISED
     code = STOPPED if stopped else replay_code(ending)
@@ -90,6 +91,7 @@ def replay(args: argparse.Namespace) -> int:
     note = finished.note or None if finished is not None else None
     summary = _summary(slam, recording, record).with_values(**facts, map_note=note)
     more: list[Callable[[], object]] = [lambda: _save_slam_map(slam, args.save_map), lambda: write_report(folder)]
+    more.insert(0, lambda: write_self_calibration(folder.path, session.calibration, config.robot.odometry))
     if finished is not None:
         more[:0] = _surface_files(folder, finished)
     if recording.ground_truth:
@@ -106,17 +108,17 @@ def _refuse_pace(args: argparse.Namespace) -> None:
         raise ConfigError(f"--rate {args.rate}: give a number from 0 (no image left out) to {_MAX_RATE:g}")
 
 
-def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> SequentialSlam:
+def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> tuple[SlamSession, SequentialSlam]:
     """A new map or the one to go on in; what cannot be read or written at the end is said now."""
     if args.save_map and not args.save_map.resolve().parent.is_dir():
         raise MapFileError(f"map {args.save_map} cannot be written: its folder does not exist; choose another folder")
     loaded = load_slam_map(args.load_map) if args.load_map else None
     assert recording.camera is not None
     session = SlamSession(mounted(config.robot.mount), config, loaded)
-    return session.begin(SequentialSlam, recording.camera, args.seed, metric=bool(recording.odometry))
+    return session, session.begin(SequentialSlam, recording.camera, args.seed, metric=bool(recording.odometry))
 
 
-def _track_all(slam: SequentialSlam, recording: Recording, keeper: RunWriter) -> bool:
+def _track_all(session: SlamSession, slam: SequentialSlam, recording: Recording, keeper: RunWriter) -> bool:
     """Every frame, with the odometry of its instant; on a terminal, one line tells how far it is. Whether Ctrl-C came
     first."""
     for reading in recording.odometry:
@@ -126,7 +128,7 @@ def _track_all(slam: SequentialSlam, recording: Recording, keeper: RunWriter) ->
         for number, frame in enumerate(recording.frames(), start=1):
             odometry = recording.odometry_at(frame.stamp_ns)
             began = time.perf_counter()
-            result = slam.track(frame, odometry)
+            result = session.track(frame, odometry)
             track_s = time.perf_counter() - began
             keeper.frame(result, odometry, track_s, slam.statistics().u2_frames, slam.drain_events())
             if progress.is_due:

@@ -147,7 +147,8 @@ def _odometry(verbs: Any) -> None:
         description="Finds what way and turn of the wheels are to be multiplied by, from a bag ('vsx record', while "
         "'vsx teleop' drives). With --distance: straight ahead for so many metres by a ruler. With --turns: full turns "
         "on the spot back to where the camera looked first; it sees the rest. With --board: to and fro and turning, "
-        "with a board of known size in sight; gives both. With none of them: a drive with curves; gives the turn.",
+        "with a board of known size in sight; gives both. With none of them: a drive with curves; gives the turn. "
+        "Of a run folder: what the run found out while driving.",
         epilog="examples: vsx calibrate odometry straight.bag --distance 3.02   |   vsx calibrate odometry spin.bag "
         "--turns 5   |   vsx calibrate odometry drive.bag --board 8x6x0.025",
     )

@@ -37,6 +37,18 @@ class OdometryConfig(Branch, frozen=True):
     angular_scale: Annotated[float, Meta(ge=0.5, le=2)] = 1.0
 
 
+class SelfCalibrationConfig(Branch, frozen=True):
+    """Wheels and gyro found while driving. They are taken as they are until the images contradict them by apply_sigmas;
+    from then on they follow what is found. What is known less well than the largest sigma is not told."""
+
+    enabled: bool = True
+    mount_height_sigma_m: Positive = 0.003
+    apply_sigmas: Annotated[float, Meta(ge=1)] = 3.0
+    max_way_sigma: Positive = 0.02
+    max_turn_sigma: Positive = 0.01
+    max_zero_sigma_rad_s: Positive = 0.004
+
+
 class RobotConfig(Branch, frozen=True):
     """The body."""
 
@@ -164,6 +176,7 @@ class Config(Branch, frozen=True):
     robot: RobotConfig = RobotConfig()
     limits: LimitsConfig = LimitsConfig()
     slam: SlamConfig = SlamConfig()
+    self_calibration: SelfCalibrationConfig = SelfCalibrationConfig()
     planner: PlannerConfig = PlannerConfig()
     follower: FollowerConfig = FollowerConfig()
     ground_map: GroundMapConfig = GroundMapConfig()

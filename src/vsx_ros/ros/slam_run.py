@@ -16,6 +16,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import logs
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import ThreadedSlam
@@ -30,6 +31,7 @@ class SlamRun:
     Raises MapFileError or InputError when one of these holds something damaged."""
 
     def __init__(self, config: Config) -> None:
+        self._known_odometry = config.robot.odometry
         T_base_cam, run_dir = mounted(config.robot.mount), str(rospy.get_param("~run_dir", ""))
         self._save_map = str(rospy.get_param("~save_map", ""))  # the master may be gone before the end
         self._save_map_to = Path(run_dir or tempfile.gettempdir()) / "map.vsxmap"
@@ -81,7 +83,9 @@ class SlamRun:
         results = self._keeper.record.results
         if results:
             self._keeper.note(slam, results[-1].stamp_ns, now=True)
-        if said := self._keeper.finish(self._folder, slam, None, surface, grid):
+        folder, known = self._folder, self._known_odometry
+        more = [lambda: write_self_calibration(folder.path, self.session.calibration, known)]
+        if said := self._keeper.finish(folder, slam, None, surface, grid, *more):
             raise InputError(said)
 
     def _write_map(self, slam: ThreadedSlam) -> None:

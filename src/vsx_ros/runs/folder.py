@@ -35,7 +35,7 @@ from vsx_ros.runs.journal import RunEvent
 FILES = (
     "summary.json", "config.yaml", "trajectory.txt", "trajectory_final.txt", "odometry.txt", "groundtruth.txt",
     "map.pgm", "map.yaml", "sparse.ply", "dense.ply", "planes.json", "events.jsonl", "frames.csv", "report.html",
-    "map.vsxmap",
+    "map.vsxmap", "odometry_calibration.yaml",
 )  # fmt: skip
 _FRAME_COLUMNS_ONCE = 6  # older versions kept no u2_frames
 _MOST = 1e12  # of anything that is counted or measured in a frame

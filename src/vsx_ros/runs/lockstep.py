@@ -20,6 +20,7 @@ from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
 from vsx_ros.runs.process import DONE, LOST, STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
+from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
 from vsx_ros.sim.robot import EmulatedRobot, Observation, SimulationConfig
@@ -189,7 +190,12 @@ class FastRun:
     def write(self, folder: RunFolder, summary: Summary) -> str:
         """Every file of the run folder but config and world; why not all of it could be written, or nothing."""
         system, surface = self.system, self.system.surface_points()
-        more = (lambda: folder.write_poses("groundtruth", self.truth)), (lambda: write_report(folder))
+        calibration, known = system.session.calibration, self._config.robot.odometry
+        more: list[Callable[[], object]] = [
+            lambda: folder.write_poses("groundtruth", self.truth),
+            lambda: write_self_calibration(folder.path, calibration, known),
+            lambda: write_report(folder),
+        ]
         return self.keeper.finish(folder, system.slam, summary, surface, system.grid, *more)
 
 

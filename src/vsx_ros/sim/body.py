@@ -21,7 +21,9 @@ NonNegative = Annotated[float, Meta(ge=0)]
 
 
 class BodySettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A Kobuki by default: wheel base, encoder step and gyro step are its own; errors are half-widths or deviations."""
+    """A Kobuki by default: wheel base, encoder step and gyro step are its own; errors are half-widths or deviations.
+    true_way, true_track: how many times as far the wheels really roll, and stand apart, as the driver takes them to;
+    gyro_scale, gyro_zero_rad_s: what the gyro reads of one turn, and while it stands."""
 
     wheel_base_m: Positive = 0.230
     tick_m: Positive = 0.000085292
@@ -32,6 +34,10 @@ class BodySettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     gyro_scale_error: NonNegative = 0.003
     gyro_bias_rad_s: NonNegative = 0.0003
     gyro_step_rad: Positive = 0.00017453
+    true_way: Positive = 1.0
+    true_track: Positive = 1.0
+    gyro_scale: Positive = 1.0
+    gyro_zero_rad_s: float = 0.0
 
 
 class Bumper(NamedTuple):
@@ -53,9 +59,10 @@ class Body:
         self._length2 = np.maximum((self._edge**2).sum(axis=1), 1e-12)
         self._radius, self._settings, self._rng = radius, settings, rng
         scale = rng.uniform(-1.0, 1.0, 2) * settings.wheel_scale_error
-        self._scale_left, self._scale_right = 1.0 + float(scale[0]), 1.0 + float(scale[1])
-        self._gyro_scale = 1.0 + float(rng.uniform(-1.0, 1.0)) * settings.gyro_scale_error
-        self._gyro_bias = float(rng.uniform(-1.0, 1.0)) * settings.gyro_bias_rad_s
+        self._scale_left, self._scale_right = ((1.0 + scale) * settings.true_way).tolist()
+        self._gyro_scale = (1.0 + float(rng.uniform(-1.0, 1.0)) * settings.gyro_scale_error) * settings.gyro_scale
+        self._gyro_bias = float(rng.uniform(-1.0, 1.0)) * settings.gyro_bias_rad_s + settings.gyro_zero_rad_s
+        self._wheel_base_m = settings.wheel_base_m * settings.true_track
         self.time_ns = 0
         self.T_world_base = start
         self.path_length_m = 0.0
@@ -137,7 +144,7 @@ class Body:
         slip = 1.0 + self._settings.slip * self._rng.standard_normal(2)
         ground_left = left * dt * self._scale_left * float(slip[0])
         ground_right = right * dt * self._scale_right * float(slip[1])
-        distance, turn = body_twist(ground_left, ground_right, self._settings.wheel_base_m)
+        distance, turn = body_twist(ground_left, ground_right, self._wheel_base_m)
         self.time_ns += dt_ns
         self._move(distance, turn)
         self._gyro += turn * self._gyro_scale + self._gyro_bias * dt

@@ -46,10 +46,11 @@ class Truth(NamedTuple):
 
 
 class WheelOdometry:
-    """What a base driver makes of encoder ticks and gyro: distance from the ticks, heading from the gyro."""
+    """What a base driver makes of encoder ticks and gyro: distance from the ticks, heading from the gyro; that by the
+    wheels, which the driver takes to be wheel_base_m apart, is told beside it."""
 
-    def __init__(self, tick_m: float) -> None:
-        self._tick_m = tick_m
+    def __init__(self, tick_m: float, wheel_base_m: float) -> None:
+        self._tick_m, self._wheel_base_m = tick_m, wheel_base_m
         self._ticks = (0, 0)
         self._angle = 0.0
         self._stamp_ns = 0
@@ -63,7 +64,8 @@ class WheelOdometry:
         distance = 0.5 * self._tick_m * (ticks[0] - self._ticks[0] + ticks[1] - self._ticks[1])
         turn = gyro_angle - self._angle
         pose = integrate(self.latest.T_odom_base, distance, turn)
-        self.latest = Odometry(stamp_ns, pose, distance / elapsed, turn / elapsed)
+        wheel_turn = self._tick_m * (ticks[1] - ticks[0]) / self._wheel_base_m
+        self.latest = Odometry(stamp_ns, pose, distance / elapsed, turn / elapsed, wheel_turn=wheel_turn)
         self._ticks, self._angle, self._stamp_ns = ticks, gyro_angle, stamp_ns
 
 
@@ -90,7 +92,7 @@ class EmulatedRobot:
                 f"{period_ns / 1e6:.0f} ms between frames; lower frame_rate_hz or the exposure"
             )
         self._config = config
-        self._odometry = WheelOdometry(config.body.tick_m)
+        self._odometry = WheelOdometry(config.body.tick_m, config.body.wheel_base_m)
         self._frames = 0
         self.camera_given, self.camera_true = self.camera.camera_given, self.camera.camera_true
         self.T_base_cam_given, self.T_base_cam_true = self.camera.T_base_cam_given, self.camera.T_base_cam_true

@@ -20,6 +20,7 @@ from vsx_ros.slam.loop_correction import correct_loops
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.map_points import MapPoints, cull_redundant
 from vsx_ros.slam.point_creation import observations_at
+from vsx_ros.slam.recount import Recount, recount
 from vsx_ros.slam.start_watch import StartWatch
 from vsx_ros.slam.state import SlamEvent
 from vsx_ros.slam.two_view_reconstruction import InitialPair, TwoViewReconstruction
@@ -109,6 +110,14 @@ class Mapper:
         self._correct_loops(index, neighbours)
         cull_redundant(world, neighbours, self._culling)
         return self._watched()
+
+    def recount(self, wanted: Recount) -> MapView:
+        """Put a map right that was made with wrong wheels; the whole of it is adjusted next."""
+        recount(self.map, wanted)
+        self.events.append(SlamEvent(wanted.stamp_ns, "calibrated", wanted.reason))
+        self._since_global = len(self.map.keyframes)
+        self.map.version += 1
+        return self.map.view()
 
     def _correct_loops(self, index: int, neighbours: list[int]) -> None:
         """Close the loop, or join the map, when a new keyframe shows a place that is known from elsewhere."""

@@ -15,6 +15,7 @@ from vsx_ros.slam.frontend import FrontEnd
 from vsx_ros.slam.keyframe import MapView
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest, Mapper
+from vsx_ros.slam.recount import Recount
 from vsx_ros.slam.snapshot import MapSnapshot, SlamMap, TrackedFeatures, snapshot, tracked_features
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 from vsx_ros.slam.tracking_record import TrackingRecord
@@ -55,6 +56,14 @@ class TrackerAndMapper:
 
     def _begin(self) -> None:
         """What else there is to begin with."""
+
+    def track(self, frame: Frame, odometry: Odometry | None = None) -> TrackingResult:
+        """The pose of one frame."""
+        raise NotImplementedError
+
+    def recount(self, wanted: Recount) -> None:
+        """Put a map right that was made with wrong wheels."""
+        raise NotImplementedError
 
     def snapshot(self) -> MapSnapshot:
         """The newest finished map; the same object while the version is unchanged."""
@@ -104,6 +113,12 @@ class SequentialSlam(TrackerAndMapper):
             self._front.use(self._view)
         return result
 
+    def recount(self, wanted: Recount) -> None:
+        """Put a map right that was made with wrong wheels, before the next frame."""
+        self._mapper.recount(wanted)
+        self._view = self._mapper.refine()
+        self._front.use(self._view)
+
 
 class ThreadedSlam(TrackerAndMapper):
     """Live SLAM: ``track`` from one thread; ``snapshot``, ``slam_map``, ``statistics`` from any; ``close`` at the end.
@@ -112,7 +127,7 @@ class ThreadedSlam(TrackerAndMapper):
 
     def _begin(self) -> None:
         self._used: MapView = self._view
-        self._waiting: deque[KeyFrameRequest | InitialPair] = deque()
+        self._waiting: deque[KeyFrameRequest | InitialPair | Recount] = deque()
         self._tried: MapView | str | None = None
         self._work = threading.Condition()
         self._closing = False
@@ -134,6 +149,12 @@ class ThreadedSlam(TrackerAndMapper):
                 self._waiting.append(work)
                 self._work.notify()
         return result if isinstance(work, InitialPair) else result._replace(keyframe_added=taken)
+
+    def recount(self, wanted: Recount) -> None:
+        """Have a map put right that was made with wrong wheels, once the mapper has time."""
+        with self._work:
+            self._waiting.append(wanted)
+            self._work.notify()
 
     def tracked_features(self) -> TrackedFeatures | None:
         """The points looked for in the newest frame, None where there were none; from the thread that tracks."""
@@ -173,12 +194,14 @@ class ThreadedSlam(TrackerAndMapper):
         except BaseException as error:  # handed to the tracker's thread, which raises it
             self._failure = error
 
-    def _step(self, request: KeyFrameRequest | InitialPair | None) -> None:
+    def _step(self, request: KeyFrameRequest | InitialPair | Recount | None) -> None:
         if isinstance(request, InitialPair):
             tried = self._mapper.start(request)
             with self._work:
                 self._tried = tried
                 self._view = self._view if isinstance(tried, str) else tried
+        elif isinstance(request, Recount):
+            self._view = self._mapper.recount(request)
         elif request is None:
             # What waits is more urgent than refining the map.
             self._view = self._mapper.refine(lambda: bool(self._waiting) or self._closing)

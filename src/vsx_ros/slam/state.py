@@ -70,7 +70,7 @@ class SlamEvent(NamedTuple):
     """A change of state. kind: refused, initialised, restarted (the map's start has turned out wrong: it is begun
     again), lost, bridged (a keyframe placed by odometry alone), carried (the image changed though the base stood),
     relocalised, second map (begun where the first is out of sight), loop closed, merged (a second map was joined with
-    the first), gap."""
+    the first), calibrated (wheels or gyro were found wrong), gap."""
 
     stamp_ns: int
     kind: str

@@ -67,7 +67,7 @@ class VslamNode:
         """Whether the frame could be used."""
         began_s = time.monotonic()
         try:
-            result = slam.track(frame, odometry)
+            result = self._session.track(frame, odometry)
         except InputError as error:
             self._input.refused(str(error))
             return False

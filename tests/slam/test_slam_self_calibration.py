@@ -1,0 +1,70 @@
+"""Wheels and gyro that nobody calibrated: a short drive finds them, and the map gets its true size."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import Config
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.vision.patches import PATCH
+from vsx_ros.session import SlamSession
+from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.recount import Recount, recount
+from vsx_ros.slam.slam import SequentialSlam
+
+
+def test_a_short_drive_finds_wheels_and_gyro_and_resizes_the_map(wrong_wheels_drive: Any) -> None:
+    drive = wrong_wheels_drive
+    session = SlamSession(drive.T_base_cam, Config())
+    slam = session.begin(SequentialSlam, drive.camera, 1)
+    for frame, odometry, _ in drive.frames:
+        session.track(frame, odometry)
+    assert session.calibration is not None
+    now = session.calibration.correction
+    assert "calibrated" in [event.kind for event in slam.drain_events()]
+    assert now.linear == pytest.approx(1.1, abs=0.035)  # the mount's height is 1.6 % wrong at worst
+    assert now.angular == pytest.approx(1.0 / 1.05, abs=0.015)
+    assert math.degrees(now.zero) == pytest.approx(1.0, abs=0.2)
+    true, seen = {frame.stamp_ns: T for frame, _, T in drive.frames}, slam.snapshot()
+    there = np.array([true[int(stamp_ns)].translation for stamp_ns in seen.keyframe_stamps_ns])
+    here = np.array([T.translation for T in seen.T_world_cams])
+    size = np.linalg.norm(here - here[0], axis=1).sum() / np.linalg.norm(there - there[0], axis=1).sum()
+    assert size == pytest.approx(1.0, abs=0.035)
+
+
+def small_map() -> Map:
+    """Three keyframes 1 m apart by odometry, which was ignored for the second; a point seen first in each."""
+    world = Map()
+    for k in range(3):
+        data = FrameData.without_image(k, None if k == 1 else SE2(float(k), 0.0, 0.0))
+        world.add_keyframe(data, SE3(np.eye(3), np.array([k, 0.0, 0.3])), Observations.none())
+        template = NewTemplates(np.zeros((1, 4)), np.zeros((1, 2)), np.zeros((1, PATCH, PATCH), np.uint8))
+        world.add_points(np.array([[k, 2.0, 0.03]]), template, k)
+    return world
+
+
+def test_a_map_is_resized_about_its_first_camera_and_its_odometry_goes_on_from_the_newest() -> None:
+    world = small_map()
+    counted = {k: SE2(1.1 * k, 0.0, 0.1 * k) for k in range(3)}
+    recount(world, Recount(counted, 1.1, 3, "wheels"))
+    centres = [keyframe.T_world_cam.translation for keyframe in world.keyframes]
+    np.testing.assert_allclose(centres, [[1.1 * k, 0.0, 0.3] for k in range(3)], atol=1e-12)
+    np.testing.assert_allclose(world.points, [[1.1 * k, 2.2, 0.003] for k in range(3)], atol=1e-12)
+    first, second, third = (k.data.T_odom_base for k in world.keyframes)
+    assert first is not None
+    assert second is not None
+    assert third is not None
+    assert third.as_array() == pytest.approx([2.0, 0.0, 0.0]), "the next keyframe's odometry goes on from here"
+    way = first.inverse() @ second
+    assert (way.x, way.y, way.theta) == pytest.approx((1.1, 0.0, 0.1))
+    assert [k.scale for k in world.keyframes] == pytest.approx([1.1] * 3)
+
+
+def test_keyframes_of_another_time_keep_their_odometry() -> None:
+    world = small_map()
+    recount(world, Recount({2: SE2()}, 1.0, 3, "gyro"))
+    assert [k.data.T_odom_base for k in world.keyframes] == [SE2(), None, SE2(2.0, 0.0, 0.0)]
