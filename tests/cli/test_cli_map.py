@@ -75,11 +75,33 @@ def test_pgm_is_the_floor_round_the_keyframes(lab, seen, capsys):
     assert 0.3 < np.count_nonzero(grid.data == FREE) * 0.04**2 < 20.0
 
 
-def test_a_map_without_odometry_has_no_floor(lab, tmp_path, capsys):
-    save_slam_map(dataclasses.replace(load_slam_map(lab), T_base_cam=None), tmp_path / "free.vsxmap")
-    assert execute(["map", "export", str(tmp_path / "free.vsxmap"), "--format", "pgm"]) == 1
-    assert "made without odometry" in capsys.readouterr().err
-    assert not list(tmp_path.glob("*.pgm"))
+def test_a_map_without_odometry_says_its_unit_and_needs_a_level_plane(lab, tmp_path, capsys):
+    free = tmp_path / "free.vsxmap"
+    save_slam_map(dataclasses.replace(load_slam_map(lab), T_base_cam=None), free)
+    assert execute(["map", "export", str(free), "--format", "pgm"]) == 0
+    said = capsys.readouterr().err
+    assert "made without odometry, lengths are in the map's own unit, of which " in said
+    unit = float(said.split("of which ")[1].split()[0])
+    assert load_map(tmp_path / "free_ground.yaml").resolution == pytest.approx(0.05 * unit, rel=0.01)
+    assert execute(["map", "export", str(free), "--format", "pgm", "--set", "dense.enabled=false"]) == 1
+    assert "shows no floor to map" in capsys.readouterr().err
+
+
+def test_planes_and_their_surfaces(lab, capsys):
+    for format in ("planes", "dense"):
+        assert execute(["map", "export", str(lab), "--format", format]) == 0
+    assert capsys.readouterr().out == f"{lab.with_name('lab_planes.json')}\n{lab.with_name('lab_dense.ply')}\n"
+    known, cloud = json.loads(lab.with_name("lab_planes.json").read_text()), read_ply(lab.with_name("lab_dense.ply"))
+    assert known["unit"] == "metre"
+    walls = [plane for plane in known["planes"] if plane["kind"] == "wall"]
+    assert walls
+    off = np.abs(np.stack([cloud @ np.array(plane["normal"]) - plane["offset"] for plane in known["planes"]]))
+    assert len(cloud) > 50
+    assert off.min(axis=0).max() < 1e-4
+    for plane in walls:
+        assert np.linalg.norm(plane["normal"]) == pytest.approx(1.0)
+        assert plane["supporters"] >= 15
+        assert 0.0 < plane["sigma"]["offset"] < 0.1
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 from pathlib import Path
 
@@ -209,13 +210,24 @@ def test_a_camera_that_stands_still_says_why(drive, tmp_path, capsys):
     assert "There is no map" in (tmp_path / "run/report.html").read_text()
 
 
-def test_a_map_needs_odometry_and_a_missing_calibration_is_named(drive, tmp_path, capsys):
+def test_a_map_without_odometry_says_in_what_unit_it_is(drive, tmp_path, capsys):
+    shutil.copytree(drive, tmp_path / "pictures")
+    (tmp_path / "pictures/odometry.txt").unlink()
+    assert execute(["replay", str(tmp_path / "pictures"), "--map", "--out", str(tmp_path / "run")]) == 0
+    assert "made without odometry, lengths are in the map's own unit" in capsys.readouterr().out
+    folder = RunFolder.open(tmp_path / "run")
+    assert folder.read_summary()["map_note"].startswith("made without odometry")
+    planes = json.loads((folder.path / "planes.json").read_text())
+    assert planes["unit"] == "map"
+    assert planes["planes"]
+    assert (folder.path / "dense.ply").exists()
+
+
+def test_a_missing_calibration_and_a_wrong_one_are_named(drive, tmp_path, capsys):
     write_images(tmp_path / "bare", [(0, np.zeros((48, 64), np.uint8))])
     assert execute(["replay", str(tmp_path / "bare"), "--out", str(tmp_path / "run")]) == 1
     assert "--calibration FILE" in capsys.readouterr().err
     calibration = ["--calibration", str(drive / "camera.json")]
-    assert execute(["replay", str(tmp_path / "bare"), *calibration, "--map", "--out", str(tmp_path / "run")]) == 1
-    assert "leave out --map" in capsys.readouterr().err
     assert execute(["replay", str(tmp_path / "bare"), *calibration, "--out", str(tmp_path / "run")]) == 1
     assert "64x48 but the calibration is for 640x480" in capsys.readouterr().err
 

@@ -12,6 +12,15 @@ def test_points_survive_as_floats(tmp_path, count):
     assert np.array_equal(read_ply(tmp_path / "p.ply"), points.astype(np.float32).astype(float).reshape(-1, 3))
 
 
+def test_grey_points_are_coloured(tmp_path):
+    points, grey = np.arange(12.0).reshape(4, 3), np.array([0, 50, 128, 255], np.uint8)
+    write_ply(tmp_path / "p.ply", points, grey)
+    assert np.array_equal(read_ply(tmp_path / "p.ply"), points)
+    header, _, body = (tmp_path / "p.ply").read_bytes().partition(b"end_header\n")
+    assert b"property uchar red\nproperty uchar green\nproperty uchar blue\n" in header
+    assert body[15 + 12 : 15 + 15] == bytes([50, 50, 50])
+
+
 def test_the_header_is_a_ply_header(tmp_path):
     write_ply(tmp_path / "p.ply", np.zeros((2, 3)))
     header, _, body = (tmp_path / "p.ply").read_bytes().partition(b"end_header\n")

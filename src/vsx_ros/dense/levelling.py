@@ -18,7 +18,7 @@ _ROLL_RAD, _TILT_RAD, _HELD_RAD = math.radians(3.0), math.radians(20.0), math.ra
 _ALIGNED_LOG, _MANY_POINTS = 2.0, 100  # by chance one plane in seven is level or vertical
 _ALIGNED_SINE, _LEVEL_COS = math.sin(math.radians(6.0)), math.cos(math.radians(10.0))
 _APART_SINE = math.sin(math.radians(30.0))  # between two walls whose edge tells the vertical
-_LOWEST_SHARE, _BELOW_M, _UNDER_CAMERAS_M = 0.05, 0.15, 0.2
+_LOWEST_SHARE, _BELOW_M, _UNDER_CAMERAS_M = 0.05, 0.15, 0.1
 """At most that share of the points is seen farther below a floor; so high above it are the cameras, in a building."""
 
 

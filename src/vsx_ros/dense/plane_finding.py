@@ -41,7 +41,8 @@ class PlaneFinder:
     """``update`` with each snapshot of one growing map; only tiles whose points moved or changed are done again.
 
     With a floor (a map made with odometry) z is up, z = 0 the floor, lengths are metres, and planes are vertical or
-    level. Without, planes have any direction and lengths are told by the typical distance of the points."""
+    level. Without, planes have any direction and lengths are told by the typical distance of the points.
+    common_sigma_m: how far points are off besides their own noise, as the planes of the last update told."""
 
     def __init__(self, focal_px: float, config: PlanesConfig, has_floor: bool, seed: int = 0) -> None:
         self._focal_px = focal_px
@@ -49,7 +50,7 @@ class PlaneFinder:
         self._has_floor = has_floor
         self._seed = seed
         self._unit: float | None = 1.0 if has_floor else None
-        self._sigma_m = config.floor_sigma_m
+        self.common_sigma_m = config.floor_sigma_m
         self._tiles: dict[Key, _Tile] = {}
         self._ids: IntArray = np.zeros(0, np.int64)
         self._owner: IntArray = np.zeros(0, np.int64)
@@ -70,7 +71,7 @@ class PlaneFinder:
             self._unit = float(np.median(points.range)) / _TYPICAL_RANGE_M
         up = _FLOOR_NORMAL if self._has_floor else held_up(snapshot.T_world_cams)
         for _ in range(_NOISE_ROUNDS):
-            noise, used = self._noise(), self._sigma_m
+            noise, used = self._noise(), self.common_sigma_m
             floor = self._on_floor(points)
             usable = np.flatnonzero(~floor & (points.sigma < self._config.max_sigma_m * self._unit))
             candidates = points.at(usable)
@@ -79,8 +80,8 @@ class PlaneFinder:
             pieces = (Found(fit, _rows_of(ids, candidates.ids)) for fit, ids in tiled)
             still = [piece for piece in pieces if len(piece.rows)]  # a tile is not done again for few points that went
             found = merged(still, candidates, self._config.min_points, noise, self._unit)
-            self._sigma_m = common_sigma(found, candidates, used, self._config, self._unit)
-            if self._sigma_m == used:
+            self.common_sigma_m = common_sigma(found, candidates, used, self._config, self._unit)
+            if self.common_sigma_m == used:
                 break
             self._tiles = {}
         planes = list[Plane]()
@@ -96,12 +97,12 @@ class PlaneFinder:
         if not self._has_floor:
             return np.zeros(len(points.world), np.bool_)
         z = points.world[:, 2]
-        gate = _FLOOR_GATE * np.sqrt(points.covariances[:, 2, 2] + self._sigma_m**2)
+        gate = _FLOOR_GATE * np.sqrt(points.covariances[:, 2, 2] + self.common_sigma_m**2)
         return np.asarray(np.abs(z) < np.minimum(gate, _FLOOR_LIMIT_M))
 
     def _noise(self) -> Noise:
         """How far a point may lie off its plane."""
-        sigma, config = self._sigma_m * self.unit, self._config
+        sigma, config = self.common_sigma_m * self.unit, self._config
         return Noise(sigma, config.inlier_sigmas, max(config.max_distance_m * self.unit, _LIMIT_SIGMAS * sigma))
 
     def _redo(self, points: ObservedPoints, up: FloatArray, noise: Noise) -> None:
