@@ -228,6 +228,8 @@ def test_a_missing_calibration_and_a_wrong_one_are_named(drive, tmp_path, capsys
     assert execute(["replay", str(tmp_path / "bare"), "--out", str(tmp_path / "run")]) == 1
     assert "--calibration FILE" in capsys.readouterr().err
     calibration = ["--calibration", str(drive / "camera.json")]
+    assert execute(["replay", str(tmp_path / "bare"), *calibration, "--map", "--ros"]) == 1
+    assert "leave out --map or --ros" in capsys.readouterr().err
     assert execute(["replay", str(tmp_path / "bare"), *calibration, "--out", str(tmp_path / "run")]) == 1
     assert "64x48 but the calibration is for 640x480" in capsys.readouterr().err
 

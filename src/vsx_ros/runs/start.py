@@ -93,6 +93,8 @@ def opened_recording(args: argparse.Namespace) -> Recording:
     recording = open_recording(args.input, args.image_topic, args.odometry_topic)
     if recording.damage:
         print(f"vsx: {recording.damage}", file=sys.stderr)
+    if args.ros and args.map and not recording.odometry:
+        raise InputError(f"{args.input} has no odometry, so the nodes know no floor; leave out --map or --ros")
     return dataclasses.replace(recording, camera=_calibration(recording, args.calibration))
 
 
