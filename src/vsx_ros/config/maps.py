@@ -16,7 +16,7 @@ class Branch(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 class InitializationConfig(Branch, frozen=True):
     """Two-frame start of the map (paper 3.1). Without odometry the baseline gets unit_baseline_m, and the images must
-    determine the motion: the flow that a pure rotation leaves (median) is so many times the noise, 0.3 px or what the
+    determine the motion: the flow that a pure rotation leaves (median) is so many times the noise, 0.2 px or what the
     residuals show, and with that noise direction and depths (median) are known to those standard deviations. Such a
     map is watched while it is young: when of its first points fewer survive, or their depths over the baseline grow or
     shrink by a larger factor, it is begun again."""
@@ -28,11 +28,11 @@ class InitializationConfig(Branch, frozen=True):
     min_parallax_deg: Positive = 0.7
     min_parallax_without_odometry_deg: Positive = 0.25
     min_flow_sigmas: Positive = 8.0  # at 5 some starts point 15 deg elsewhere
-    max_direction_sigma_deg: Positive = 1.0  # beyond it the adjustment has other minima
-    max_depth_sigma_ratio: Positive = 0.08  # the map mends itself from here on
+    max_direction_sigma_deg: Positive = 1.5  # beyond it the adjustment has other minima
+    max_depth_sigma_ratio: Positive = 0.12  # the map mends itself from here on
     watched_keyframes: Count = 10
     min_surviving_ratio: Ratio = 0.3
-    max_depth_change: Annotated[float, Meta(gt=1)] = 1.7  # seven sigmas; good starts change by up to 1.5
+    max_depth_change: Annotated[float, Meta(gt=1)] = 1.7  # over four sigmas; good starts change by up to 1.5
     max_turn_deg: Positive = 30.0  # more than the planner bends over the baseline (phi 2 rad/m)
 
 

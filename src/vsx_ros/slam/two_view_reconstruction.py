@@ -25,7 +25,7 @@ MAX_ROTATION_ERROR_RAD = math.radians(4.0)  # images tell rotation far better th
 RIVAL, DIFFERENT_RAD = 0.92, math.radians(15.0)
 
 
-TRAIL_SIGMA_PX = 0.3  # corners are not followed more exactly, the lens and the shutter not known better
+TRAIL_SIGMA_PX = 0.2  # corners are not followed more exactly, the lens and the shutter not known better
 
 
 class InitialPair(NamedTuple):
@@ -147,7 +147,7 @@ class TwoViewReconstruction:
         start, point, frame = np.arange(0, 2 * n + 1, 2), np.repeat(np.arange(n), 2), np.tile([0, 1], n)
         observed = Observations(start, point, frame, xy, np.ones(2 * n))
         K, free = np.array([f, f, 0.0, 0.0]), np.array([-1, 0])
-        R, t, *_ = adjust(K, R, t, free, points, observed, no_factors(), no_floor(), 12, TRAIL_SIGMA_PX, START)
+        R, t, *_ = adjust(K, R, t, free, points, observed, no_factors(), no_floor(), 12, 0.3, START)
         return SE3(R[1], t[1] / max(float(np.linalg.norm(t[1])), 1e-12))
 
 
