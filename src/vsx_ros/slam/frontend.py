@@ -171,7 +171,8 @@ class FrontEnd:
     def _request(self, data: FrameData, track: Track) -> KeyFrameRequest:
         self._since_keyframe = 0
         reference = self._view.keyframes[self._reference]
-        T_ref_cam, seen = reference.T_world_cam.inverse() @ track.T_world_cam, (track.rows, track.uv, track.level)
+        T_ref_cam = reference.T_world_cam.inverse() @ track.T_world_cam
+        seen = track.rows[track.settled], track.uv[track.settled], track.level[track.settled]
         placed = self._reference, T_ref_cam, reference.scale, self._epoch
         return KeyFrameRequest(data, *placed, *seen, *self.record.counts())
 
