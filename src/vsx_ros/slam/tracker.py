@@ -35,7 +35,7 @@ class Track(NamedTuple):
     """Outcome for one frame. rows, uv, level (F,): points found where the pose puts them; searched_rows: all that were
     looked for. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden_rows: those of the
     searched that were not found and lie behind found ones. blurred: the image was; what is not found in it may be
-    there. settled (F,): which of the found are near enough to where they should be to become observations of the map."""
+    there. settled (F,): which of the found lie so near to where they should be that they may become observations."""
 
     T_world_cam: SE3
     state: TrackingState
@@ -225,11 +225,11 @@ def optimized(
 ) -> PoseEstimate:
     """Gauss-Newton with Tukey weights (PTAM 1.4) from the predictions found (S,) at uv (S, 2) px. prior (6,): diagonal
     information that pulls towards the start; effort: iterations that accept large residuals, and iterations in all."""
-    R, t, *rest = optimize_pose(
+    R, t, weights, information, sigma_px = optimize_pose(
         data.camera, start.rotation, start.translation, view.points, predictions.rows, uv, predictions.level, found,
         prior, *effort, SIGMA_MIN_PX, SIGMA_MAX_PX,
     )  # fmt: skip
-    return PoseEstimate(SE3(R, t), *rest)
+    return PoseEstimate(SE3(R, t), weights, information, sigma_px)
 
 
 def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> BoolArray:
