@@ -201,7 +201,7 @@ class FrontEnd:
 
     def _request(self, data: FrameData, track: Track) -> KeyFrameRequest:
         self._since_keyframe, self._keyframe_ns = 0, data.stamp_ns
-        seen = track.rows, track.uv, track.level
+        seen = track.rows[track.settled], track.uv[track.settled], track.level[track.settled]
         return KeyFrameRequest(data, self._anchor(track.T_world_cam), self._epoch, *seen, *self.record.counts())
 
     def _recover(self, data: FrameData, track: Track, by_odometry: SE3 | None) -> Outcome:

@@ -16,8 +16,9 @@ from vsx_ros.slam.tracker import Track, Tracker
 # Keyframes: nearest by place; of those the ones with most shared points; and the nearest in any case.
 NEAREST, COVISIBLE, ALWAYS = 40, 12, 4
 LINKED_POINTS, STRANGE_WAY = 15, 8.0  # shared points; and a way, in median depths, over which maps may drift
-# Few points found nearly all still make a good keyframe: it is where new points are needed most.
-KEYFRAME_RATIO = 0.5
+# Few points found nearly all still make a good keyframe: it is where new points are needed most. So do enough points
+# that miss their places: those that do not become its observations, and the map is adjusted to them.
+KEYFRAME_RATIO = 0.3
 MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
 # A frame with so many points, and that share of the expected ones, knows better than odometry.
 SURE_POINTS, SURE_RATIO = 100, 0.2

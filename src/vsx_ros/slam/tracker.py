@@ -35,7 +35,7 @@ class Track(NamedTuple):
     """Outcome for one frame. rows, uv, level (F,): points found where the pose puts them; searched_rows: all that were
     looked for. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden_rows: those of the
     searched that were not found and lie behind found ones. blurred: the image was; what is not found in it may be
-    there."""
+    there. settled (F,): which of the found lie so near to where they should be that they may become observations."""
 
     T_world_cam: SE3
     state: TrackingState
@@ -47,6 +47,7 @@ class Track(NamedTuple):
     reason: str
     hidden_rows: IntArray = np.zeros(0, np.int64)
     blurred: bool = False
+    settled: BoolArray = np.zeros(0, np.bool_)
 
     @property
     def ratio(self) -> float:
@@ -110,7 +111,7 @@ class Tracker:
             pose = guided
         expected = self._choose(expected)
         fit, uv, counted = self._fine(data, view, pose, expected, radius, pull)
-        kept, searched, T_cam_world = fit.settled, expected.rows[counted], fit.T_cam_world
+        kept, searched, T_cam_world = fit.weights > 0, expected.rows[counted], fit.T_cam_world
         depth = view.points[expected.rows] @ T_cam_world.rotation[2] + T_cam_world.translation[2]
         state, reason = self._judge(data, int(kept.sum()), len(searched), bool(pull.any()))
         if state is TrackingState.GOOD and (reason := self._doubt(fit, pull, depth[kept])):
@@ -118,7 +119,8 @@ class Tracker:
         concealed = searched[hidden(expected.uv[counted], depth[counted], kept[counted])]
         found = expected.rows[kept], uv[kept], expected.level[kept]
         pose = T_cam_world.inverse()
-        return Track(pose, state, *found, searched, fit.information, reason, concealed, data.blurred)
+        rest = concealed, data.blurred, fit.settled[kept]
+        return Track(pose, state, *found, searched, fit.information, reason, *rest)
 
     def _coarse(
         self, data: FrameData, view: MapView, pose: SE3, expected: Predictions, radius: float, pull: FloatArray
@@ -223,11 +225,11 @@ def optimized(
 ) -> PoseEstimate:
     """Gauss-Newton with Tukey weights (PTAM 1.4) from the predictions found (S,) at uv (S, 2) px. prior (6,): diagonal
     information that pulls towards the start; effort: iterations that accept large residuals, and iterations in all."""
-    R, t, *rest = optimize_pose(
+    R, t, weights, information, sigma_px = optimize_pose(
         data.camera, start.rotation, start.translation, view.points, predictions.rows, uv, predictions.level, found,
         prior, *effort, SIGMA_MIN_PX, SIGMA_MAX_PX,
     )  # fmt: skip
-    return PoseEstimate(SE3(R, t), *rest)
+    return PoseEstimate(SE3(R, t), weights, information, sigma_px)
 
 
 def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> BoolArray:
