@@ -27,12 +27,17 @@ def test_pictures_become_a_file_where_ros_looks_for_it(pictures, tmp_path, monke
     assert execute(["calibrate", "camera", str(pictures), *BOARD, "--name", "rgb_A1"]) == 0
     said = capsys.readouterr().out
     file = tmp_path / "camera_info/rgb_A1.yaml"
+    assert read_calibration(file).shutter is None
     for words in ("15 of 15 pictures", "px rms", "good", str(file)):
         assert words in said
     assert read_calibration(file).fx == pytest.approx(CAMERA.fx, rel=0.003)
     text = file.read_text(encoding="utf-8")
     assert text.startswith("# vsx calibrate camera: 0.")
     assert yaml.safe_load(text)["camera_name"] == "rgb_A1"
+    file.write_text(text + "shutter: {readout_s: 0.03, exposure_s: 0.01}\n", encoding="utf-8")
+    assert execute(["calibrate", "camera", str(pictures), *BOARD, "--name", "rgb_A1", "--model", "rational"]) == 0
+    again = read_calibration(file)
+    assert (again.shutter, again.model) == ((0.03, 0.01), "rational_polynomial")
 
 
 def test_a_board_of_circles_will_do(tmp_path, capsys):

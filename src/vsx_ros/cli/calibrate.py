@@ -4,6 +4,7 @@ import argparse
 import dataclasses
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from vsx_ros.arrays import GrayImage, Points3
@@ -71,7 +72,10 @@ def _from_pictures(args: argparse.Namespace, board: Board) -> int:
         return FAILED
     with explained(CalibrationError, f"{out} cannot be written", "give another file with --out", OSError):
         out.parent.mkdir(parents=True, exist_ok=True)
-        write_calibration(out, result.camera, args.name, result.remark())
+        camera = result.camera
+        with suppress(CalibrationError):  # no board tells the shutter: what was written there by hand stays
+            camera = dataclasses.replace(camera, shutter=read_calibration(out).shutter)
+        write_calibration(out, camera, args.name, result.remark())
     print(f"written: {out}", f"for a node: camera_info_url:=file://{out.resolve()}", sep="\n  ")
     return DONE
 
