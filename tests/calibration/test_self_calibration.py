@@ -95,7 +95,7 @@ def test_sigmas_are_neither_boast_nor_excuse() -> None:
     assert found.linear is not None
     assert found.angular is not None
     assert 0.009 < found.linear.sigma < 0.012  # 3 mm of 31 cm
-    assert 0.0001 < found.angular.sigma < 0.003
+    assert 0.002 < found.angular.sigma < 0.003  # the focal length is no better known
 
 
 def test_straight_ways_do_not_tell_turns() -> None:

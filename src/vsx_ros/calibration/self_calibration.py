@@ -133,7 +133,7 @@ class SelfCalibration:
             POSE_RAD,
         )  # fmt: skip
         sigma, turned = np.sqrt(np.diag(covariance)), float(np.abs(turn).sum())
-        angular = Factor(float(x[0]), float(sigma[0]), turned)
+        angular = Factor(float(x[0]), self._through_lens(float(sigma[0])), turned)
         zero = Factor(float(x[1] / x[0]), float(sigma[1] / x[0]), float(seconds.sum()))
         if angular.sigma > self._config.max_turn_sigma:
             refused.append(f"turn: known to {100 * angular.sigma:.1f} % only after {turned:.1f} rad; turn more")
@@ -152,11 +152,15 @@ class SelfCalibration:
         # Wheels of unequal size turn the base by so much per metre, which must not be taken for the track.
         prior = np.array([1.0, 0.0]), np.array([PRIOR_SCALE, PRIOR_BEND_RAD_M])
         x, covariance = robust_fit(np.column_stack([wheels, way]), seen, *prior, POSE_RAD)
-        track = Factor(float(x[0]), math.sqrt(covariance[0, 0]), float(np.abs(wheels).sum()))
+        track = Factor(float(x[0]), self._through_lens(math.sqrt(covariance[0, 0])), float(np.abs(wheels).sum()))
         if track.sigma <= self._config.max_turn_sigma:
             return track
         refused.append(f"track: known to {100 * track.sigma:.1f} % only after {track.measured:.1f} rad; turn more")
         return None
+
+    def _through_lens(self, sigma: float) -> float:
+        """Of a turn: a focal length that is wrong makes all turns wrong alike."""
+        return math.hypot(sigma, self._config.focal_sigma_ratio)
 
     def _way(self, rows: FloatArray, refused: list[str]) -> Factor | None:
         rows = rows[(np.abs(rows[:, 4]) < STRAIGHT_RAD) & (np.abs(rows[:, 3]) >= WAY_M)]

@@ -39,9 +39,11 @@ class OdometryConfig(Branch, frozen=True):
 
 class SelfCalibrationConfig(Branch, frozen=True):
     """Wheels and gyro found while driving. They are taken as they are until the images contradict them by apply_sigmas;
-    from then on they follow what is found. What is known less well than the largest sigma is not told."""
+    from then on they follow what is found. What is known less well than the largest sigma is not told. Focal length and
+    height of the camera are what turns and ways are measured by."""
 
     enabled: bool = True
+    focal_sigma_ratio: Positive = 0.002
     mount_height_sigma_m: Positive = 0.003
     apply_sigmas: Annotated[float, Meta(ge=1)] = 3.0
     max_way_sigma: Positive = 0.02
