@@ -10,9 +10,10 @@ from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
+from vsx_ros.slam.frame_tracker import FrameTracker, is_sure
 from vsx_ros.slam.initialization import Bootstrap
 from vsx_ros.slam.keyframe import Anchor, FrameData, MapView, unit_of
-from vsx_ros.slam.local_map import FrameTracker, LocalMap, becomes_keyframe, is_sure, nearest_keyframes
+from vsx_ros.slam.local_map import LocalMap, becomes_keyframe, nearest_keyframes
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.odometry import MotionModel, OdometryConsistency
@@ -22,7 +23,6 @@ from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, Tracki
 from vsx_ros.slam.tracker import Track, Tracker, nothing_tracked
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
-from vsx_ros.slam.uncertainty import PoseUncertainty
 
 # A last pose that a new map moves by more than this is a jump of the map.
 CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
@@ -39,9 +39,7 @@ class FrontEnd:
         self._new_recovery = partial(Recovery, camera, T_base_cam, config, self._tracker, self._motion)
         self._recovery = self._new_recovery()
         self._consistency = OdometryConsistency(T_base_cam)
-        self._uncertainty = PoseUncertainty(config.uncertainty)
-        self._local: LocalMap | None = None
-        self.tracking = FrameTracker(config.tracker, self._tracker, self._motion)
+        self.tracking = FrameTracker(config, self._tracker, self._motion)
         self._view = self._here = Map().view()
         self._reference = self._map_id = self._epoch = 0
         self._epochs = count(1)
@@ -80,12 +78,9 @@ class FrontEnd:
         prediction = self._motion.predict(data)
         if self._recovery.bad_frames and prediction.by_odometry:
             self._reference = int(nearest_keyframes(self._here, prediction.T_world_cam)[0])
-        local = self._around(self._reference)
+        local = self.tracking.around(self._here, self._reference)
         track = self.tracking.track(data, local, prediction, tracked_before=not self._recovery.bad_frames)
         if track.state is TrackingState.LOST:
-            if prediction.by_odometry:
-                T_before_now = self._motion.last_pose.inverse() @ prediction.T_world_cam
-                self._uncertainty.moved(T_before_now, prediction.information)
             return self._recover(data, track, prediction.T_world_cam if prediction.by_odometry else None)
         return self._tracked(data, track, local.follow(track.rows), local)
 
@@ -100,6 +95,7 @@ class FrontEnd:
         one, whose start has turned out wrong, all begins again."""
         if not view.keyframes:
             self._recovery, self._corrected = self._new_recovery(), False
+            self.tracking.begin()
             self._bootstrap.begin_again()
             self.record.forget_points()
             self._enter(view, 0)
@@ -161,20 +157,10 @@ class FrontEnd:
         result = TrackingResult(data.stamp_ns, TrackingState.NOT_INITIALISED, None, 0, 0, False, reason)
         return result, pair
 
-    def _around(self, reference: int) -> LocalMap:
-        """The local map, made anew when the map or the reference keyframe changed."""
-        known = self._local
-        if known is None or (known.view.version, known.reference) != (self._here.version, reference):
-            self._local = known = LocalMap(self._here, reference)
-            self._uncertainty.enter(known)
-        return known
-
     def _tracked(self, data: FrameData, track: Track, reference: int, local: LocalMap) -> Outcome:
         self._motion.update(data, track.T_world_cam, measured=True)
-        if is_sure(track):
-            change = self._consistency.compare(track.T_world_cam)
-            if change:
-                self._event(data.stamp_ns, "gap", change)
+        if is_sure(track) and (change := self._consistency.compare(track.T_world_cam)):
+            self._event(data.stamp_ns, "gap", change)
         if self._recovery.is_lost:
             where = "" if self._map_id == 0 else f" in map {self._map_id}"
             self.record.relocalizations += self._map_id == 0
@@ -186,10 +172,9 @@ class FrontEnd:
         new = self._has_waited(data) and becomes_keyframe(self._config.keyframes, local.linked, track, reference)
         added = new and not data.blurred
         request = self._request(data, track) if added else None
-        searched, found = len(track.searched_rows), len(track.rows)
         result = TrackingResult(
-            data.stamp_ns, track.state, None, searched, found, added, track.reason, map_id=self._map_id,
-            corrected=self._corrected, covariance=self._uncertainty.tracked(track, local),
+            data.stamp_ns, track.state, None, len(track.searched_rows), len(track.rows), added, track.reason,
+            map_id=self._map_id, corrected=self._corrected, covariance=self.tracking.covariance(track, local),
         )  # fmt: skip
         self._corrected = False
         return result.placed(track.T_world_cam), request
@@ -231,11 +216,11 @@ class FrontEnd:
         trusted = by_odometry if not recovery.carried and self._map_id == 0 else None
         state = TrackingState.LOST if recovery.is_lost or self._map_id else TrackingState.DUBIOUS
         reason = track.reason + ("; position by odometry" if trusted is not None else "")
-        searched, added = len(track.searched_rows), request is not None
-        known = None if trusted is None else self._uncertainty.covariance
+        known = None if trusted is None else self.tracking.covariance_by_odometry()
         result = TrackingResult(
-            data.stamp_ns, state, trusted, searched, 0, added, reason, self._map_id, by_odometry, covariance=known
-        )
+            data.stamp_ns, state, trusted, len(track.searched_rows), 0, request is not None, reason, self._map_id,
+            by_odometry, covariance=known,
+        )  # fmt: skip
         return result, pair or request
 
     def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> Outcome:
@@ -246,7 +231,7 @@ class FrontEnd:
         if not firm and (far or by_odometry is not None):
             self._epoch = next(self._epochs)
         self._enter(self._view, found.map_id)
-        outcome = self._tracked(data, found.track, found.reference, self._around(found.reference))
+        outcome = self._tracked(data, found.track, found.reference, self.tracking.around(self._here, found.reference))
         self.tracking.coarse_next = True
         return outcome
 

@@ -1,17 +1,16 @@
-"""The part of the map around the camera, one frame after the other tracked in it, where odometry and image check each
-other, and when it becomes a keyframe (paper 3.1): rarely where the map is known, often enough to survive a turn."""
+"""The part of the map around the camera, and when a frame becomes a keyframe of it (paper 3.1): rarely where the map is
+known, often enough to survive a turn."""
 
 import math
 
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
-from vsx_ros.config.maps import KeyframeConfig, TrackerConfig
+from vsx_ros.config.maps import KeyframeConfig
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.keyframe import FrameData, MapView
-from vsx_ros.slam.odometry import MotionModel, Prediction
+from vsx_ros.slam.keyframe import MapView
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.tracker import Track, Tracker
+from vsx_ros.slam.tracker import Track
 
 # Keyframes: nearest by place; of those the ones with most shared points; and the nearest in any case.
 NEAREST, COVISIBLE, ALWAYS = 40, 12, 4
@@ -19,10 +18,6 @@ LINKED_POINTS, STRANGE_WAY = 15, 8.0  # shared points; and a way, in median dept
 # Few points found nearly all still make a good keyframe: it is where new points are needed most. So do enough points
 # that miss their places: those that do not become its observations, and the map is adjusted to them.
 KEYFRAME_RATIO = 0.3
-MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
-# A frame with so many points, and that share of the expected ones, knows better than odometry.
-SURE_POINTS, SURE_RATIO = 100, 0.2
-ALONE_POINTS = 50  # of a good pose where odometry leads to none
 
 
 class LocalMap:
@@ -104,56 +99,3 @@ def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, refere
     few = len(track.rows) < config.overlap_ratio * max(1, len(view.keyframes[reference].observations.rows))
     far = distance > config.distance_ratio * depth or angle > math.radians(config.angle_deg)
     return far or (few and distance > 0.2 * config.distance_ratio * depth)
-
-
-class FrameTracker:
-    """``track`` searches around the predicted pose. coarse_next: whether in a wide circle first although odometry
-    predicts it. last: the newest frame's track and the map it is in, None where no point was looked for."""
-
-    def __init__(self, config: TrackerConfig, tracker: Tracker, motion: MotionModel) -> None:
-        self._coarse_radius_px = config.coarse_radius_px
-        self._tracker, self._motion = tracker, motion
-        self.coarse_next = True
-        self.last: tuple[MapView, Track] | None = None
-
-    def track(self, data: FrameData, local: LocalMap, prediction: Prediction, tracked_before: bool) -> Track:
-        """tracked_before: whether the frame before was; only then odometry tells where the camera can not be."""
-        coarse = self.coarse_next
-        track = self._search(data, local, prediction, coarse)
-        if not (coarse or prediction.by_odometry or track.state is TrackingState.GOOD or data.blurred):
-            track = self._search(data, local, prediction, coarse=True)
-        if not (prediction.by_odometry and tracked_before):
-            return track
-        if track.state is not TrackingState.LOST:
-            track = _checked(track, prediction.T_world_cam)
-        if track.state is not TrackingState.LOST:
-            return track
-        # Where the camera went on as before, the frame as tracked without odometry, which is wrong then.
-        last, by_image = self.last, self._motion.predict(data._replace(T_odom_base=None))
-        seen = self._search(data, local, by_image, coarse=True)
-        if seen.state is TrackingState.GOOD and len(seen.rows) >= ALONE_POINTS:
-            return seen
-        self.last = last
-        return track
-
-    def _search(self, data: FrameData, local: LocalMap, prediction: Prediction, coarse: bool) -> Track:
-        radius_px = self._coarse_radius_px if coarse else 0.0
-        expected, information = prediction.T_world_cam, prediction.information
-        track = self._tracker.track(data, local.view, expected, local.rows, radius_px, information)
-        self.last = local.view, track
-        return track
-
-
-def is_sure(track: Track) -> bool:
-    """Whether the image knows better than odometry where the camera is."""
-    return len(track.rows) >= SURE_POINTS and track.ratio > SURE_RATIO
-
-
-def _checked(track: Track, by_odometry: SE3) -> Track:
-    """A pose far from where odometry moved the last one is a mistake, not a measurement."""
-    step = float(np.linalg.norm(track.T_world_cam.translation - by_odometry.translation))
-    turn = track.T_world_cam.rotation_angle_to(by_odometry)
-    if step < MAX_STEP_M and turn < MAX_STEP_RAD:
-        return track
-    reason = f"contradicts odometry by {step:.2f} m and {np.degrees(turn):.1f} deg"
-    return track._replace(state=TrackingState.LOST, reason=reason)

@@ -1,0 +1,98 @@
+"""One frame after the other tracked in the map around the camera, where odometry and image check each other."""
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.config import SlamConfig
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.keyframe import FrameData, MapView
+from vsx_ros.slam.local_map import LocalMap
+from vsx_ros.slam.odometry import MotionModel, Prediction
+from vsx_ros.slam.state import TrackingState
+from vsx_ros.slam.tracker import Track, Tracker
+from vsx_ros.slam.uncertainty import PoseUncertainty
+
+MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06  # of a frame from where odometry has it; more is a mistake
+# A frame with so many points, and that share of the expected ones, knows better than odometry.
+SURE_POINTS, SURE_RATIO = 100, 0.2
+ALONE_POINTS = 50  # of a good pose where odometry leads to none
+
+
+class FrameTracker:
+    """``track`` searches around the predicted pose. coarse_next: whether in a wide circle first although odometry
+    predicts it. last: the newest frame's track and the map it is in, None where no point was looked for."""
+
+    def __init__(self, config: SlamConfig, tracker: Tracker, motion: MotionModel) -> None:
+        self._config, self._tracker, self._motion = config, tracker, motion
+        self.begin()
+
+    def begin(self) -> None:
+        """In a map of which nothing is known yet."""
+        self.coarse_next = True
+        self.last: tuple[MapView, Track] | None = None
+        self._local: LocalMap | None = None
+        self._uncertainty = PoseUncertainty(self._config.uncertainty)
+
+    def around(self, view: MapView, reference: int) -> LocalMap:
+        """The local map, made again when the map or the reference keyframe changed."""
+        known = self._local
+        if known is None or (known.view.version, known.reference) != (view.version, reference):
+            self._local = known = LocalMap(view, reference)
+            self._uncertainty.enter(known)
+        return known
+
+    def covariance(self, track: Track, local: LocalMap) -> FloatArray:
+        """(6, 6) of a pose that was found in the local map, see ``PoseUncertainty``."""
+        return self._uncertainty.tracked(track, local)
+
+    def covariance_by_odometry(self) -> FloatArray:
+        """(6, 6) of the newest frame, which was not found and is placed by odometry."""
+        return self._uncertainty.covariance
+
+    def track(self, data: FrameData, local: LocalMap, prediction: Prediction, tracked_before: bool) -> Track:
+        """tracked_before: whether the frame before was; only then odometry tells where the camera can not be."""
+        track, before = self._checked_track(data, local, prediction, tracked_before), self._motion.last_pose
+        if track.state is TrackingState.LOST and prediction.by_odometry and before is not None:
+            self._uncertainty.moved(before.inverse() @ prediction.T_world_cam, prediction.information)
+        return track
+
+    def _checked_track(self, data: FrameData, local: LocalMap, prediction: Prediction, tracked_before: bool) -> Track:
+        coarse = self.coarse_next
+        track = self._search(data, local, prediction, coarse)
+        if not (coarse or prediction.by_odometry or track.state is TrackingState.GOOD or data.blurred):
+            track = self._search(data, local, prediction, coarse=True)
+        if not (prediction.by_odometry and tracked_before):
+            return track
+        if track.state is not TrackingState.LOST:
+            track = _checked(track, prediction.T_world_cam)
+        if track.state is not TrackingState.LOST:
+            return track
+        # Where the camera went on as before, the frame as tracked without odometry, which is wrong then.
+        last, by_image = self.last, self._motion.predict(data._replace(T_odom_base=None))
+        seen = self._search(data, local, by_image, coarse=True)
+        if seen.state is TrackingState.GOOD and len(seen.rows) >= ALONE_POINTS:
+            return seen
+        self.last = last
+        return track
+
+    def _search(self, data: FrameData, local: LocalMap, prediction: Prediction, coarse: bool) -> Track:
+        radius_px = self._config.tracker.coarse_radius_px if coarse else 0.0
+        expected, information = prediction.T_world_cam, prediction.information
+        track = self._tracker.track(data, local.view, expected, local.rows, radius_px, information)
+        self.last = local.view, track
+        return track
+
+
+def is_sure(track: Track) -> bool:
+    """Whether the image knows better than odometry where the camera is."""
+    return len(track.rows) >= SURE_POINTS and track.ratio > SURE_RATIO
+
+
+def _checked(track: Track, by_odometry: SE3) -> Track:
+    """A pose far from where odometry moved the last one is a mistake, not a measurement."""
+    step = float(np.linalg.norm(track.T_world_cam.translation - by_odometry.translation))
+    turn = track.T_world_cam.rotation_angle_to(by_odometry)
+    if step < MAX_STEP_M and turn < MAX_STEP_RAD:
+        return track
+    reason = f"contradicts odometry by {step:.2f} m and {np.degrees(turn):.1f} deg"
+    return track._replace(state=TrackingState.LOST, reason=reason)
