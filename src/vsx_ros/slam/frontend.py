@@ -154,8 +154,7 @@ class FrontEnd:
     def _start(self, data: FrameData) -> Outcome:
         reason, pair = self._bootstrap.next_pair(data)
         self.record.frame_without_map(data.stamp_ns)
-        result = TrackingResult(data.stamp_ns, TrackingState.NOT_INITIALISED, None, 0, 0, False, reason)
-        return result, pair
+        return TrackingResult(data.stamp_ns, TrackingState.NOT_INITIALISED, None, 0, 0, False, reason), pair
 
     def _tracked(self, data: FrameData, track: Track, reference: int, local: LocalMap) -> Outcome:
         self._motion.update(data, track.T_world_cam, measured=True)
