@@ -118,9 +118,8 @@ class Tracker:
             state = TrackingState.DUBIOUS
         concealed = searched[hidden(expected.uv[counted], depth[counted], kept[counted])]
         found = expected.rows[kept], uv[kept], expected.level[kept]
-        pose = T_cam_world.inverse()
         rest = concealed, data.blurred, fit.settled[kept]
-        return Track(pose, state, *found, searched, fit.information, reason, *rest)
+        return Track(T_cam_world.inverse(), state, *found, searched, fit.information, reason, *rest)
 
     def _coarse(
         self, data: FrameData, view: MapView, pose: SE3, expected: Predictions, radius: float, pull: FloatArray
