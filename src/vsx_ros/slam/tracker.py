@@ -28,7 +28,7 @@ HIDING_CELL_PX, BEHIND = 16, 1.25  # side of a cell; times a found point's depth
 FIRST, SECOND = (4, 7), (1, 12)
 # Of a found patch at its level: alignment leaves as much, and no more than that even where the map is bent.
 SIGMA_MIN_PX, SIGMA_MAX_PX = 0.4, 0.7
-TINY = 1e-6  # information of nothing at all, so that every pose has a covariance
+TINY = 1e-6  # information of nothing at all, so that all poses have a covariance
 
 
 class Track(NamedTuple):
@@ -118,9 +118,8 @@ class Tracker:
             state = TrackingState.DUBIOUS
         concealed = searched[hidden(expected.uv[counted], depth[counted], kept[counted])]
         found = expected.rows[kept], uv[kept], expected.level[kept]
-        pose = T_cam_world.inverse()
         rest = concealed, data.blurred, fit.settled[kept]
-        return Track(pose, state, *found, searched, fit.information, reason, *rest)
+        return Track(T_cam_world.inverse(), state, *found, searched, fit.information, reason, *rest)
 
     def _coarse(
         self, data: FrameData, view: MapView, pose: SE3, expected: Predictions, radius: float, pull: FloatArray
@@ -192,16 +191,16 @@ class Tracker:
         """Why a pose is not to be trusted though its points, at these depths (F,), were found; empty when it is."""
         if fit.sigma_px > self._config.max_residual_px:
             return f"found points miss their places by {fit.sigma_px:.1f} px"
-        covariance = np.linalg.inv(fit.information + np.diag(pull + TINY))
-        share = math.sqrt(np.trace(covariance[:3, :3])) / float(np.median(depth))
+        information = fit.information + np.diag(pull + TINY)
+        x, y, z, *_ = np.linalg.inv(information).diagonal().tolist()
+        share = math.sqrt(x + y + z) / float(depth.mean())
         if share > self._config.max_sigma_ratio:
             return f"found points leave the position open by {100.0 * share:.0f} % of their distance"
         return ""
 
     def _judge_sharp(self, found: int, searched: int, corners: int, guided: bool) -> tuple[TrackingState, str]:
         """A pose that odometry supports needs fewer points, provided that most of them are where they should be."""
-        config = self._config
-        share = found / max(1, searched)
+        config, share = self._config, found / max(1, searched)
         if guided and found < config.min_found and found >= FEW and share > FEW_RATIO:
             return TrackingState.DUBIOUS, f"only {found} points in view"
         if found < config.min_found or share < config.lost_ratio:
