@@ -68,3 +68,7 @@ def test_keyframes_of_another_time_keep_their_odometry() -> None:
     world = small_map()
     recount(world, Recount({2: SE2()}, 1.0, 3, "gyro"))
     assert [k.data.T_odom_base for k in world.keyframes] == [SE2(), None, SE2(2.0, 0.0, 0.0)]
+
+
+def test_without_a_map_there_is_nothing_to_put_right() -> None:
+    recount(Map(), Recount({0: SE2()}, 1.1, 3, "wheels"))

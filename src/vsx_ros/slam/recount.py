@@ -35,7 +35,7 @@ def recount(world: Map, wanted: Recount) -> None:
             data = world.keyframes[k].data
             counted = T @ wanted.T_odom_base[data.stamp_ns]
             world.keyframes[k] = replace(world.keyframes[k], data=data._replace(T_odom_base=counted))
-    if wanted.factor == 1.0:
+    if wanted.factor == 1.0 or not world.keyframes:  # a start that turned out wrong leaves none
         return
     nodes, centre = world.living_in(0), world.keyframes[0].T_world_cam.translation
     old = [world.keyframes[k].T_world_cam for k in nodes]
