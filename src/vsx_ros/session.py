@@ -27,8 +27,8 @@ SlamT = TypeVar("SlamT", bound=TrackerAndMapper)
 class SlamSession:
     """``begin`` when the camera is known, then ``track`` and ``locate`` every frame.
 
-    calibration: of the odometry while driving, None where that is off. ground: what is driven, bumped and pushed.
-    where: what ``locate`` said last. From any thread: ``base_at``."""
+    calibration: of the odometry while driving, None before ``begin`` and where that is off. ground: what is driven,
+    bumped and pushed. where: what ``locate`` said last. From any thread: ``base_at``."""
 
     def __init__(
         self, T_base_cam: SE3, config: Config, slam_map: SlamMap | None = None,
@@ -38,9 +38,8 @@ class SlamSession:
         None: free is where its first keyframe stood. Raises InputError when the state is damaged."""
         self.T_base_cam, self._T_cam_base = T_base_cam, T_base_cam.inverse()
         self.slam_map = slam_map
-        self._config = config.slam
-        enabled = config.self_calibration.enabled
-        self.calibration = DrivingCalibration(T_base_cam, config, slam_map is None) if enabled else None
+        self._config = config
+        self.calibration: DrivingCalibration | None = None
         self._record = None if state is None else TrackingRecord.restored(state)
         self._localization = Localization()
         self._late: deque[TrackingResult] = deque()
@@ -58,8 +57,9 @@ class SlamSession:
         """The SLAM, of this kind. metric: whether there is odometry. Raises CalibrationError when the map was made with
         another camera or mount."""
         mount = self.T_base_cam if metric else None
-        self.calibration = self.calibration if metric else None
-        self._slam = slam = kind(camera, mount, self._config, seed, self.slam_map, self._record)
+        if metric and self._config.self_calibration.enabled:
+            self.calibration = DrivingCalibration(self.T_base_cam, camera, self._config, self.slam_map is None)
+        self._slam = slam = kind(camera, mount, self._config.slam, seed, self.slam_map, self._record)
         return slam
 
     def track(self, frame: Frame, odometry: Odometry | None) -> TrackingResult:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels import geometry
 from vsx_ros.kernels.linalg import cholesky
@@ -72,7 +73,7 @@ def scene():
 def optimize(start, points, observed, prior=0.0, sigma_max=0.7):
     every = np.arange(len(points))
     return pose.optimize_pose(
-        np.concatenate([K, np.zeros(5), [9.0, 640.0, 480.0], np.zeros(6)]),
+        kernel_camera(PinholeCamera(640, 480, *K)),
         start.rotation,
         start.translation,
         points,

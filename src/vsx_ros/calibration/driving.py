@@ -6,8 +6,10 @@ from vsx_ros.calibration.corrected_odometry import CorrectedOdometry, OdometryCo
 from vsx_ros.calibration.odometry import Factor
 from vsx_ros.calibration.self_calibration import Found, SelfCalibration
 from vsx_ros.config import Config
+from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry
+from vsx_ros.slam.preprocessing import shutter_of
 from vsx_ros.slam.recount import Recount
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.state import TrackingResult, TrackingState
@@ -19,10 +21,10 @@ WRONG_SHARE, WRONG_RAD_S, REST_WINDOWS = 0.003, 0.0005, 10
 class DrivingCalibration:
     """``corrected`` every reading before SLAM gets it, then ``learn`` what SLAM made of it."""
 
-    def __init__(self, T_base_cam: SE3, config: Config, own_map: bool) -> None:
+    def __init__(self, T_base_cam: SE3, camera: PinholeCamera, config: Config, own_map: bool) -> None:
         """own_map: whether the map is made with this odometry; the size of a loaded one is another's."""
         self._T_cam_base, self._config, self._own_map = T_base_cam.inverse(), config.self_calibration, own_map
-        self._later_s = 0.5 * (config.slam.shutter.exposure_s + config.slam.shutter.readout_s)
+        self._later_s = 0.5 * sum(shutter_of(camera, config.slam.shutter))  # to the middle of an image
         self._odometry = CorrectedOdometry()
         self._estimate = SelfCalibration(float(T_base_cam.translation[2]), config.self_calibration)
         self._doubted = set[str]()

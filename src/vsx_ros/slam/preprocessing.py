@@ -23,6 +23,15 @@ GAP_S, MAX_AGE_S = 1.0, 0.25  # between frames, told: something hangs; of odomet
 STILL_M, STILL_RAD = 0.006, 0.01
 
 
+def shutter_of(camera: PinholeCamera, config: ShutterConfig) -> Shutter:
+    """As configured, else as the camera's calibration has it; not known, all rows are exposed at once."""
+    readout_s, exposure_s = camera.shutter or Shutter(0.0, 0.0)
+    return Shutter(
+        readout_s if config.readout_s < 0.0 else config.readout_s,
+        exposure_s if config.exposure_s < 0.0 else config.exposure_s,
+    )
+
+
 class RollingShutter:
     """How a camera on wheels exposes. The map's poses and odometry are those of the middle: ``middle_ns`` after the
     stamp, half of the middle row's time."""
@@ -30,9 +39,7 @@ class RollingShutter:
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: ShutterConfig) -> None:
         self._standing = kernel_camera(camera)
         self._T_base_cam = T_base_cam
-        readout_s, exposure_s = camera.shutter or Shutter(0.0, 0.0)
-        self._readout_s = readout_s if config.readout_s < 0.0 else config.readout_s
-        exposure_s = exposure_s if config.exposure_s < 0.0 else config.exposure_s
+        self._readout_s, exposure_s = shutter_of(camera, config)
         self._middle_s = 0.5 * (exposure_s + self._readout_s)
         self.middle_ns = round(1e9 * self._middle_s)
 

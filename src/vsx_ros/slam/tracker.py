@@ -241,7 +241,7 @@ def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> BoolArray:
 
 
 def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArray) -> Predictions:
-    """Which of the points (rows) are visible from a pose, and where. camera (18,): the image's."""
+    """Which of the points (rows) are visible from a pose, and where. camera (CAMERA,): the image's."""
     return Predictions(
         *predict(
             camera, T_cam_world.rotation, T_cam_world.translation, view.points, rows, view.templates.of_point,
