@@ -64,6 +64,7 @@ _TABLES = {
     ("vsx_hw.kinect.protocol", "StreamMode"): "a row for each mode, below one another",
     ("vsx_hw.kobuki.feedback", "Core"): "unpacked from the wire, in the order of the document",
     ("vsx_hw.plausibility", "_Sums"): "field by field from two of its kind",
+    ("vsx_ros.kernels.vision.patches", "Slopes"): "sums of a compiled loop, in the order of their matrix",
     ("vsx_ros.kernels.warmup", "Edges"): "made-up arrays, in the order of their types",
     ("vsx_ros.kernels.warmup", "Factors"): "made-up arrays, in the order of their types",
     ("vsx_ros.kernels.warmup", "Lattice"): "made-up numbers",

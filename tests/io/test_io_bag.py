@@ -160,3 +160,24 @@ def test_calibration_of_another_size_is_refused(tmp_path):
     path = write(tmp_path / "z.bag", [("/c/camera_info", info(width=64)), ("/c/image_raw", image(1))])
     with pytest.raises(CalibrationError, match="32x24 but the calibration is for 64x24"):
         list(open_recording(path).frames())
+
+
+def told_shutter(times):
+    kind, layout = "std_msgs/msg/Float32MultiArray", T["std_msgs/msg/MultiArrayLayout"]([], 0)
+    return "/camera/rgb/shutter", T[kind](layout, np.array(times, np.float32))
+
+
+@pytest.mark.parametrize(("times", "shutter"), [([0.026, 0.015], (0.026, 0.015)), ([], None)])
+def test_the_shutter_that_the_camera_told_is_the_recordings(tmp_path, times, shutter):
+    path = write(tmp_path / "a.bag", [("/camera/rgb/camera_info", info()), told_shutter(times),
+                                      ("/camera/rgb/image_raw", image(1))])  # fmt: skip
+    known = open_recording(path).camera.shutter
+    assert known == (None if shutter is None else pytest.approx(shutter))
+
+
+@pytest.mark.parametrize("times", [[0.026], [0.026, -0.1], [np.nan, 0.01], [1.0, 2.0, 3.0]])
+def test_a_shutter_that_cannot_be_is_one_sentence(tmp_path, times):
+    path = write(tmp_path / "a.bag", [("/camera/rgb/camera_info", info()), told_shutter(times),
+                                      ("/camera/rgb/image_raw", image(1))])  # fmt: skip
+    with pytest.raises(CalibrationError, match="readout and exposure in seconds"):
+        _ = open_recording(path)

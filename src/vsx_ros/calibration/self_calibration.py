@@ -91,8 +91,10 @@ class SelfCalibration:
             return False
         ahead = math.copysign(1.0, (before.T_odom_base.inverse() @ odometry.T_odom_base).x)
         turn_seen, way_seen = T_world_before.angle_to(T_world_base), T_world_before.distance_to(T_world_base)
-        window = _Window(self._turned, self._wheels, seconds, ahead * way, turn_seen, ahead * way_seen)
-        self._windows.append(window)
+        self._windows.append(_Window(
+            turn=self._turned, wheel_turn=self._wheels, seconds=seconds, way=ahead * way, turn_seen=turn_seen,
+            way_seen=ahead * way_seen,
+        ))  # fmt: skip
         self.windows += 1
         self._begin(odometry, T_world_base)
         return True
@@ -114,8 +116,8 @@ class SelfCalibration:
         rows = np.array(self._windows).reshape(-1, len(_Window._fields))
         refused = list[str]()
         angular, zero = self._turns(rows, refused)
-        track = self._track(rows, refused)
-        return Found(self._way(rows, refused), angular, zero, track, tuple(refused))
+        track, linear = self._track(rows, refused), self._way(rows, refused)
+        return Found(linear=linear, angular=angular, zero=zero, track=track, refused=tuple(refused))
 
     def _begin(self, odometry: Odometry, T_world_base: SE2 | None) -> None:
         self._start = None if T_world_base is None else (odometry, T_world_base)

@@ -74,7 +74,7 @@ def _linearised(T_b_a: SE3, rays_a: Points2, rays_b: Points2) -> _Linearised:
     size = np.sqrt((lines_b[:, :2] ** 2).sum(axis=1) + (lines_a[:, :2] ** 2).sum(axis=1)) + 1e-12
     across = np.linalg.svd(t[:, None])[0][:, 1:]
     J = np.column_stack([np.cross(a, b) @ across, np.cross(a, np.cross(b, t))]) / size[:, None]
-    return _Linearised((b * lines_b).sum(axis=1) / size, J, across, a, b)
+    return _Linearised(error=(b * lines_b).sum(axis=1) / size, J=J, across=across, a=a, b=b)
 
 
 def certainty(T_b_a: SE3, rays_a: Points2, rays_b: Points2, sigma_min: float) -> Certainty:

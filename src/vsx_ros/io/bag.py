@@ -12,12 +12,13 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.bag_reader import METADATA, Messages, messages
-from vsx_ros.io.calibration_file import camera_from_info
+from vsx_ros.io.calibration_file import camera_from_info, shutter_from_topic
 from vsx_ros.io.image_encoding import decoded, gray_image, shift_for
 from vsx_ros.io.recording import Recording, open_folder, with_speeds
 from vsx_ros.robot import Frame, Odometry, OdometryEpochs
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+SHUTTER = "std_msgs/msg/Float32MultiArray"  # of the camera node
 ODOMETRY, CAMERA_INFO, POSE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
 _POSES = (POSE, "geometry_msgs/msg/PoseWithCovarianceStamped")
 _LONGEST_LISTING = 1000  # characters of topics in a message
@@ -111,8 +112,14 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
     if K is None or D is None or P is None:  # ROS 2 writes them small
         K, D, P = info.k, info.d, info.p
     if "rect" in name and any(P):
-        return camera_from_info(*size, P.reshape(3, 4)[:, :3].ravel(), (), "", source)
-    return camera_from_info(*size, K, D, info.distortion_model, source)
+        camera = camera_from_info(*size, P.reshape(3, 4)[:, :3].ravel(), (), "", source)
+    else:
+        camera = camera_from_info(*size, K, D, info.distortion_model, source)
+    told = f"{namespace}/shutter"
+    if camera is None or counts.get(told, ("", 0))[0] != SHUTTER:
+        return camera
+    _, times = next(bag.of(told), (0, None))
+    return camera if times is None else replace(camera, shutter=shutter_from_topic(times.data, told))
 
 
 def _odometry(bag: Messages, topic: str) -> list[Odometry]:

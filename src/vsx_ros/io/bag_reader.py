@@ -47,15 +47,16 @@ class Messages:
         return found
 
     def of(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """(stamp_ns, message): the header's stamp, or the time of recording where the header has none."""
+        """(stamp_ns, message): the header's stamp, or the time of recording where there is none."""
         connections = [c for c in self._reader.connections if c.topic == topic]
         read = self._types.deserialize_cdr if self._ros2 else self._types.deserialize_ros1
         for connection, recorded_ns, raw in self._reader.messages(connections):
             message: Any = read(raw, connection.msgtype)
-            stamp = message.header.stamp
+            header = getattr(message, "header", None)
             if not isinstance(recorded_ns, int):  # a column of sqlite holds anything
                 raise ValueError(f"a time of recording is {str(recorded_ns)[:40]!r}")
-            yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) or recorded_ns, message
+            stamp_ns = 0 if header is None else int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+            yield stamp_ns or recorded_ns, message
 
 
 @contextmanager

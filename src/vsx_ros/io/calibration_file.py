@@ -83,6 +83,16 @@ def _camera_of(tree: dict[str, Any], name: str) -> PinholeCamera | None:
     return replace(camera, shutter=Shutter(float(times["readout_s"]), float(times["exposure_s"])))
 
 
+def shutter_from_topic(times: Sequence[float], topic: str) -> Shutter | None:
+    """Readout and exposure [s] as the camera node tells them, None for no times. Raises CalibrationError for others."""
+    numbers = [float(time) for time in times]
+    if not numbers:
+        return None
+    if len(numbers) != len(Shutter._fields) or not all(0.0 <= time < 1.0 for time in numbers):
+        raise CalibrationError(f"topic {topic} holds {numbers[:5]}; it must be readout and exposure in seconds")
+    return Shutter(*numbers)
+
+
 def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "camera", remark: str = "") -> None:
     """A camera_info YAML that ROS's own tools read; the shutter is ours, and nobody else's. remark: comment on top."""
     tree = {

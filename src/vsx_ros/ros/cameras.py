@@ -96,7 +96,8 @@ def open_camera(
     """The driver of a ~device, KIND or KIND:NAME; it connects when started. Raises ConfigError for one without
     meaning."""
     kind, _, name = device.partition(":")
-    return CAMERAS[kind](CameraSettings(name, on_image, mode, lock_exposure, latency_s))
+    settings = CameraSettings(name, on_image, mode=mode, lock_exposure=lock_exposure, latency_s=latency_s)
+    return CAMERAS[kind](settings)
 
 
 class CameraCalibration:

@@ -3,12 +3,12 @@
 import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
-from std_msgs.msg import Header
+from std_msgs.msg import Float32MultiArray, Header
 
 from vsx_ros.arrays import ColorImage, GrayImage
-from vsx_ros.errors import CalibrationError, explained
+from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera, Shutter
-from vsx_ros.io.calibration_file import camera_from_info
+from vsx_ros.io.calibration_file import camera_from_info, shutter_from_topic
 from vsx_ros.io.image_encoding import gray_image
 from vsx_ros.robot import Frame
 from vsx_ros.ros import topics
@@ -41,23 +41,14 @@ def camera(msg: CameraInfo) -> PinholeCamera:
     return found
 
 
-def tell_shutter(shutter: Shutter | None) -> None:
-    """Say what camera_info has no place for; before the first of these."""
-    if shutter is not None:
-        rospy.set_param(topics.SHUTTER, shutter._asdict())
-    elif rospy.has_param(topics.SHUTTER):
-        rospy.delete_param(topics.SHUTTER)
+def shutter_msg(shutter: Shutter | None) -> Float32MultiArray:
+    """What camera_info has no place for: readout and exposure [s]; nothing where they are not known."""
+    return Float32MultiArray(data=list(shutter or ()))
 
 
-def shutter() -> Shutter | None:
-    """What the camera node told. Raises CalibrationError for anything but two times."""
-    told = rospy.get_param(topics.SHUTTER, None)
-    if told is None:
-        return None
-    with explained(
-        CalibrationError, f"parameter {topics.SHUTTER} is {told!r}", "remove it", (KeyError, TypeError, ValueError)
-    ):
-        return Shutter(float(told["readout_s"]), float(told["exposure_s"]))
+def shutter(msg: Float32MultiArray) -> Shutter | None:
+    """Raises CalibrationError for anything but two times or nothing."""
+    return shutter_from_topic(msg.data, rospy.resolve_name(topics.SHUTTER))
 
 
 def camera_info(camera: PinholeCamera, stamp_ns: int, frame_id: str) -> CameraInfo:

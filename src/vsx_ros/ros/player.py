@@ -12,7 +12,7 @@ import rospy
 from nav_msgs.msg import Odometry as OdometryMsg
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
-from std_msgs.msg import Float32
+from std_msgs.msg import Float32, Float32MultiArray
 from tf2_msgs.msg import TFMessage
 
 from vsx_ros.io.recording import Recording
@@ -31,14 +31,15 @@ _END_NS = 3_000_000_000  # So long time goes on after the last image, for maps t
 
 
 class Player:
-    """Publishers: /clock, camera/rgb/image_raw (mono8), camera/rgb/camera_info (latched), odom, /tf odom ->
-    base_footprint. Subscribers: vslam/stats/latency_ms, which comes once an image."""
+    """Publishers: /clock, camera/rgb/image_raw (mono8), camera/rgb/camera_info and shutter (latched), odom, /tf odom
+    -> base_footprint. Subscribers: vslam/stats/latency_ms, which comes once an image."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
         self._clock_pub = rospy.Publisher(topics.CLOCK, Clock, queue_size=10, tcp_nodelay=True)
         self._image_pub = rospy.Publisher(topics.IMAGE, Image, queue_size=5, tcp_nodelay=True)
         self._info_pub = rospy.Publisher(topics.CAMERA_INFO, CameraInfo, queue_size=5, latch=True)
+        self._shutter_pub = rospy.Publisher(topics.SHUTTER, Float32MultiArray, queue_size=1, latch=True)
         self._odom_pub = rospy.Publisher(topics.ODOM, OdometryMsg, queue_size=50, tcp_nodelay=True)
         self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=50)
         self._answer = threading.Condition()
@@ -105,7 +106,7 @@ class Player:
         camera, optical = self._recording.camera, headers.own(topics.OPTICAL_FRAME)
         assert camera is not None
         if not self.sent:
-            images.tell_shutter(camera.shutter)
+            self._shutter_pub.publish(images.shutter_msg(camera.shutter))
         self._info_pub.publish(images.camera_info(camera, frame.stamp_ns, optical))
         if not self.sent:
             time.sleep(_CALIBRATION_LEAD_S)

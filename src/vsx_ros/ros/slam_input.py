@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
-from std_msgs.msg import UInt8
+from std_msgs.msg import Float32MultiArray, UInt8
 
 from vsx_hw.readings import Hazard
 from vsx_ros.arrays import GrayImage
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.navigation.follower import LEASE_S
 from vsx_ros.robot import Frame, Odometry, odometry_at
 from vsx_ros.ros import headers, images, topics
@@ -23,6 +23,7 @@ from vsx_ros.slam.preprocessing import STILL_M, STILL_RAD
 from vsx_ros.slam.state import TrackingResult
 
 _SILENCE_S = 3.0  # without images: told
+_SHUTTER_WAIT_S = 1.0  # cameras with drivers of their own do not tell it
 _CLOCK_BACK_S = 1.0  # a clock set back, or a recording begun again
 _KEEP_ODOMETRY = 300  # readings: 6 s at 50 Hz
 # Odometry comes 30 to 50 times a second: a reading later than the image arrives within this time, or not at all.
@@ -31,7 +32,7 @@ _WAIT_FOR_ODOMETRY_S = 0.06
 
 class SlamInput:
     """``next`` frame on the thread that tracks. What does not come is told to ``status``. Subscribers:
-    camera/rgb/image_raw, camera/rgb/camera_info, odom, mobile_base/hazards."""
+    camera/rgb/image_raw, camera/rgb/camera_info, camera/rgb/shutter, odom, mobile_base/hazards."""
 
     def __init__(self, run: SlamRun, status: SlamStatus) -> None:
         self._run, self._session = run, run.session
@@ -41,6 +42,9 @@ class SlamInput:
         self._used_s = time.monotonic()
         hear_odometry(self._on_odometry, first_epoch=run.first_epoch)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
+        self._shutter: Shutter | None = None
+        self._shutter_heard = threading.Event()
+        subscribe(topics.SHUTTER, Float32MultiArray, self._on_shutter, queue_size=1)
         image_subscriber(self._on_image)
 
     def _on_image(self, msg: Image) -> None:
@@ -60,16 +64,20 @@ class SlamInput:
         if touches and self._odometry is not None and (pose := self._session.base_at(self._odometry)) is not None:
             self._session.ground.bumped(pose)
 
+    def _on_shutter(self, msg: Float32MultiArray) -> None:
+        self._shutter = images.shutter(msg)
+        self._shutter_heard.set()
+
     def camera(self) -> PinholeCamera:
         """The calibration, which comes with the images; until then say what is missing."""
         while True:
             try:
                 camera = images.camera(rospy.wait_for_message(topics.CAMERA_INFO, CameraInfo, timeout=_SILENCE_S))
                 self._used_s = time.monotonic()
-                shutter = images.shutter()
-                if shutter is None:
+                self._shutter_heard.wait(_SHUTTER_WAIT_S)
+                if self._shutter is None:
                     rospy.logwarn("the camera's shutter is not known: its rows are taken to be exposed at once")
-                return replace(camera, shutter=shutter)
+                return replace(camera, shutter=self._shutter)
             except rospy.ROSInterruptException:
                 raise
             except rospy.ROSException:

@@ -1,7 +1,8 @@
 """Node ``camera``: images and their calibration.
 
 Subscribers: none; with ros:TOPIC that topic and its camera_info.
-Publishers: camera/rgb/image_raw (bayer_grbg8 or mono8), camera/rgb/camera_info with the same stamps.
+Publishers: camera/rgb/image_raw (bayer_grbg8 or mono8), camera/rgb/camera_info with the same stamps,
+    camera/rgb/shutter (latched: readout and exposure [s], nothing where they are not known).
 Services: camera/rgb/set_camera_info (stores the calibration where the node reads it).
 Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or emulator:SOCKET.
     ~camera_info_url (""): file with the calibration; without one $ROS_HOME/camera_info/rgb_SERIAL.yaml, for an emulated
@@ -9,12 +10,12 @@ Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or emulator:SOCKET.
     ~frame_id (camera_rgb_optical_frame). ~mode (vga): of a Kinect, vga (30 Hz), uyvy (15 Hz) or sxga (1280x1024,
     10 Hz); of v4l:N size, rate and format, e.g. 1280x720@30/mjpeg or 640x480/yuyv. ~lock_exposure (true): a Kinect or
     v4l:N keeps exposure and white balance as they are after two seconds; give false where the light changes much from
-    room to room. ~latency_s (0): of v4l:N, from the start of exposure to the driver's stamp.
-    Sets camera/rgb/shutter {readout_s, exposure_s}, which camera_info has no place for; removes it where not known."""
+    room to room. ~latency_s (0): of v4l:N, from the start of exposure to the driver's stamp."""
 
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from sensor_msgs.srv import SetCameraInfo, SetCameraInfoRequest, SetCameraInfoResponse
+from std_msgs.msg import Float32MultiArray
 
 from vsx_hw.readings import ImageReading
 from vsx_ros.config import Config
@@ -35,6 +36,7 @@ class CameraNode:
         self._frames_reported = 0
         self._image_pub = rospy.Publisher(topics.IMAGE, Image, queue_size=5, tcp_nodelay=True)
         self._info_pub = rospy.Publisher(topics.CAMERA_INFO, CameraInfo, queue_size=5, tcp_nodelay=True)
+        self._shutter_pub = rospy.Publisher(topics.SHUTTER, Float32MultiArray, queue_size=1, latch=True)
         rospy.Service(topics.SET_CAMERA_INFO, SetCameraInfo, self._on_set_camera_info)
         mode, lock_exposure = str(rospy.get_param("~mode", "vga")), bool(rospy.get_param("~lock_exposure", True))
         latency_s = float(rospy.get_param("~latency_s", 0.0))
@@ -49,7 +51,7 @@ class CameraNode:
         camera = self._calibration.of(self._source, width, height)
         if camera != self._told:
             self._told = camera
-            images.tell_shutter(camera.shutter)
+            self._shutter_pub.publish(images.shutter_msg(camera.shutter))
         self._info_pub.publish(images.camera_info(camera, reading.stamp_ns, self._frame_id))
         self._image_pub.publish(images.image_msg(reading.stamp_ns, reading.image, reading.encoding, self._frame_id))
 

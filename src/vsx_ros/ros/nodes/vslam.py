@@ -1,6 +1,6 @@
 """Node ``vslam``: images and odometry to pose, sparse map and ground map.
 
-Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, odom, mobile_base/hazards.
+Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, camera/rgb/shutter, odom, mobile_base/hazards.
 Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera, gyro),
     vslam/state, vslam/stats/*, follower/lease; vslam/preview/compressed (while someone looks); map, map_metadata,
     vslam/{map_points,keyframes,path} (latched); vslam/planes, vslam/dense_points, scan (while someone listens).
