@@ -31,7 +31,8 @@ _TOPICS = (
     topics.CAMERA_INFO, topics.SHUTTER, topics.ODOM, topics.TF, topics.TF_STATIC, topics.IMU, topics.HAZARDS,
     topics.BUTTONS, topics.BATTERY, topics.MUX_ACTIVE, topics.COMMAND_SAFETY, topics.COMMAND_TELEOP,
     topics.COMMAND_NAVI, topics.POSE, topics.SLAM_STATE, topics.EXPLORE_STATUS, topics.EXPLORE_EVENTS,
-    topics.DIAGNOSTICS, topics.GLOBAL_PLAN, topics.PLAN_MS, topics.COVERAGE, *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
+    topics.DIAGNOSTICS, topics.GLOBAL_PLAN, topics.PLAN_MS, topics.COVERAGE,
+    *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
 )  # fmt: skip
 _NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
 _WARN_AFTER_S = 3.0  # without a message
