@@ -26,7 +26,7 @@ from vsx_ros.experiments.rows import Store
 from vsx_ros.exploration.decision import Action, NavigationState, Situation
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import Ranker, rank_views
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels import kernel

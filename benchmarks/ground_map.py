@@ -25,7 +25,7 @@ from planes import Score, faces_of, judged
 from vsx_ros.config import Config, DenseConfig
 from vsx_ros.dense.densify import Densifier
 from vsx_ros.evaluation.map_quality import ObstacleQuality, map_quality, observable_cells, obstacle_quality, seen_faces
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy.ground_map import Surfaces

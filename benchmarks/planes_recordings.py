@@ -17,7 +17,8 @@ import numpy as np
 from vsx_ros.config import Config
 from vsx_ros.dense.finished_map import FinishedMap
 from vsx_ros.dense.planes import Plane
-from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.io.bag import open_recording
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.slam.slam import SequentialSlam

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from vsx_ros.config import Config
-from vsx_ros.geometry.camera import mounted
+from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.bag import open_recording
 from vsx_ros.io.trajectory_file import write_trajectory

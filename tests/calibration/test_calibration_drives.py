@@ -11,7 +11,7 @@ from calibration.drives import record
 
 from vsx_ros.calibration.board import Board
 from vsx_ros.cli.main import execute
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration

@@ -9,7 +9,8 @@ from vsx_ros.calibration.mount import TrackedPose, calibrate_mount
 from vsx_ros.calibration.odometry import closing_turn, from_camera, total_turn
 from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, so3_exp
 

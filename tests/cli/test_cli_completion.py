@@ -41,7 +41,7 @@ offered=() comppostfuncs=(tell)
     [
         (["st"], ["status", "stop"]),
         (["map", ""], ["info", "export", "save", "load"]),
-        (["map", "export", "a.vsxmap", "--format", "p"], ["ply", "pgm"]),
+        (["map", "export", "a.vsxmap", "--format", "p"], ["ply", "pgm", "planes"]),
         (["explore", "--base", ""], ["kobuki", "create", "create2", "auto", "ros"]),
         (["explore", "--world", "lab", "--fa"], ["--fast"]),
         (["completion", "z"], ["zsh"]),
@@ -63,7 +63,7 @@ def test_bash_offers_what_the_parser_takes(words, offered, tmp_path):
     [
         ("vsx st", ["status", "stop"]),
         ("vsx map ", ["info", "export", "save", "load"]),
-        ("vsx map export a.vsxmap --format p", ["pgm", "ply"]),
+        ("vsx map export a.vsxmap --format p", ["pgm", "planes", "ply"]),
         ("vsx explore --base ", ["kobuki", "create", "create2", "auto", "ros"]),
         ("vsx explore --world lab --fa", ["--fast"]),
         ("vsx replay ", ["drive.bag"]),

@@ -14,7 +14,7 @@ from vsx_ros.evaluation.map_quality import (
 )
 from vsx_ros.evaluation.page import page as page_of
 from vsx_ros.experiments.ground_maps import maps_beside_truth
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid

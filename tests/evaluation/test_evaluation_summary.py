@@ -12,7 +12,7 @@ PROMISED = (
     "ate_final_rmse_m ate_final_rmse_sim3_m ate_of scale_error path_length_m duration_s "
     "coverage coverage_correct occupied_precision "
     "occupied_recall free_inside_obstacle collisions driven_m min_clearance_m planned_vs_executed_rms_m plans "
-    "plan_ms_median plan_ms_p99 stop_reason ended_well world seed planner phi continued_map version"
+    "plan_ms_median plan_ms_p99 map_note stop_reason ended_well world seed planner phi continued_map version"
 )
 STATISTICS = SlamStatistics(20, 15, 1, 1, 0.8, 7.0, 0.5, 0.1, 4, 300, 0.4)
 

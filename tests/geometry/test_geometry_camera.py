@@ -9,7 +9,8 @@ import pytest
 
 from vsx_ros.config import MountConfig
 from vsx_ros.errors import CalibrationError
-from vsx_ros.geometry.camera import PinholeCamera, mount_pose, mounted
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.mount import mount_pose, mounted
 
 CAMERA = PinholeCamera(752, 480, 420.5, 420.6, 355.2, 250.3, (-0.2966, 0.0808, 0.001, -0.0005, 0.0))
 

@@ -163,8 +163,8 @@ def test_calibration_of_another_size_is_refused(tmp_path):
 
 
 def told_shutter(times):
-    kind, layout = "std_msgs/msg/Float32MultiArray", T["std_msgs/msg/MultiArrayLayout"]([], 0)
-    return "/camera/rgb/shutter", T[kind](layout, np.array(times, np.float32))
+    kind, layout = "std_msgs/msg/Float64MultiArray", T["std_msgs/msg/MultiArrayLayout"]([], 0)
+    return "/camera/rgb/shutter", T[kind](layout, np.array(times, np.float64))
 
 
 @pytest.mark.parametrize(("times", "shutter"), [([0.026, 0.015], (0.026, 0.015)), ([], None)])

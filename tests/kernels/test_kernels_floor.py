@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_kernels_bundle import Problem
 
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.slam import factors

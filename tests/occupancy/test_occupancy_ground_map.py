@@ -5,7 +5,7 @@ import pytest
 
 from vsx_ros.config import GroundMapConfig, RobotConfig
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN

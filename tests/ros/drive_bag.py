@@ -44,6 +44,11 @@ def _info(camera: Any, stamp_ns: int) -> Any:
     )
 
 
+def _shutter(camera: Any) -> Any:
+    layout = T["std_msgs/msg/MultiArrayLayout"]([], 0)
+    return T["std_msgs/msg/Float64MultiArray"](layout, np.array(camera.shutter or (), float))
+
+
 def driver() -> EmulatedRobot:
     """The robot of the drive, at its beginning."""
     return EmulatedRobot(generate_world("lab", 3), 3)
@@ -72,6 +77,7 @@ def write_drive(path: Path, frames: int) -> Path:
                 _odometry(odometry_ns, SE3.from_se2(reading.T_odom_base), reading.v, reading.omega),
                 odometry_ns,
             )
+            write("/kinect/shutter", _shutter(robot.camera_given), stamp_ns)
             write("/kinect/camera_info", _info(robot.camera_given, stamp_ns), stamp_ns)
             write("/kinect/image_raw", image, stamp_ns)
             truth = T["geometry_msgs/msg/PoseStamped"](_header(stamp_ns), _pose(robot.truth.T_world_cam))

@@ -14,7 +14,8 @@ from sensor_msgs.msg import Image
 
 from vsx_ros.config import MountConfig
 from vsx_ros.errors import CalibrationError, InputError, MapFileError
-from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid

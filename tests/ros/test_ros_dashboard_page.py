@@ -16,7 +16,7 @@ from chromium import EXECUTABLE, Chromium
 from geometry_msgs.msg import PoseArray
 
 from vsx_ros.exploration.utility import View
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 
 from vsx_ros.errors import InputError
 from vsx_ros.exploration.utility import View
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid

@@ -8,11 +8,13 @@ import time
 import numpy as np
 import pytest
 
+from vsx_ros.arrays import GrayImage
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.densify import Densifier
 from vsx_ros.dense.mapped_ground import AnchoredSurface
 from vsx_ros.errors import VsxError
-from vsx_ros.geometry.camera import PinholeCamera, mount_pose
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.ros import dense_process
@@ -23,18 +25,37 @@ CAMERA = PinholeCamera(160, 120, 130.0, 130.0, 79.5, 59.5)
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.0)
 
 
+def _picture(T_world_cam: SE3) -> GrayImage:
+    """The wall, with waves on it."""
+    u, v = np.meshgrid(np.arange(160.0), np.arange(120.0))
+    rays = np.column_stack([(u.ravel() - 79.5) / 130.0, (v.ravel() - 59.5) / 130.0, np.ones(u.size)])
+    rays = rays @ T_world_cam.rotation.T
+    y, z = (T_world_cam.translation + rays * ((2.0 - T_world_cam.translation[0]) / rays[:, 0])[:, None])[:, 1:].T
+    grey = 128.0 + 50.0 * np.sin(40.0 * y + 9.0 * z) + 50.0 * np.sin(33.0 * z - 15.0 * y)
+    return np.asarray(grey.reshape(120, 160), np.uint8)
+
+
 def seen(n: int) -> MapSnapshot:
     """n keyframes before a wall at x = 2 with a hundred points."""
     rng = np.random.default_rng(3)
     points = np.column_stack([np.full(100, 2.0), rng.uniform(-0.7, 0.7, 100), rng.uniform(0.0, 0.6, 100)])
     cameras = tuple(SE3.from_se2(SE2(-0.1 * k, 0.15 * k, 0.0)) @ MOUNT for k in range(n))
-    image = rng.integers(0, 256, (120, 160), np.uint8)
     keyframe, point = np.repeat(np.arange(n), 100), np.tile(np.arange(100), n)
     in_camera = [T.inverse() @ points for T in cameras]
     uv = np.vstack([130.0 * p[:, :2] / p[:, 2:] + [79.5, 59.5] for p in in_camera])
     ids = np.arange(n)
     return MapSnapshot(
-        n, ids, ids, cameras, (image,) * n, np.arange(100), points, keyframe, point, uv, np.zeros(100 * n, np.int64)
+        n,
+        ids,
+        ids,
+        cameras,
+        tuple(map(_picture, cameras)),
+        np.arange(100),
+        points,
+        keyframe,
+        point,
+        uv,
+        np.zeros(100 * n, np.int64),
     )
 
 

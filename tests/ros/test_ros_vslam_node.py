@@ -58,7 +58,7 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
     heard = bare(SlamInput, _sync=sync, _status=status, _used_s=1e12, camera=lambda: None)
     node = bare(
         VslamNode, _metric=True, _input=heard, _maps=Notes(), _status=status, _lease=lease, _poses=Notes(),
-        _session=SimpleNamespace(begin=lambda *_, **__: slam, locate=lambda *_: None),
+        _session=SimpleNamespace(begin=lambda *_, **__: slam, track=track, locate=lambda *_: None),
         _run=Notes(), _preview=Notes(), _pictures=SimpleNamespace(is_new=lambda *_: True),
     )  # fmt: skip
     node._track()

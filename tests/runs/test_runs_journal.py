@@ -14,7 +14,7 @@ import pytest
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.runs.journal import FrameLine, Journal, RunEvent, read_journal
-from vsx_ros.slam.keyframe import Anchor
+from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 LINES = [RunEvent(stamp_ns=i, source="mission", state="mapping", reason="x" * 100) for i in range(5)]

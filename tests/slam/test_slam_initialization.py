@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
-from vsx_ros.geometry.camera import PinholeCamera, kernel_camera, mount_pose
+from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.epipolar import two_view_motions
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.two_view_certainty import certainty, pure_rotation

@@ -16,7 +16,8 @@ from vsx_ros.robot import VelocityCommand
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.world import Start
-from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, NewTemplates, Observations, unit_of
+from vsx_ros.slam.anchor import Anchor
+from vsx_ros.slam.keyframe import FrameData, KeyFrame, NewTemplates, Observations, unit_of
 from vsx_ros.slam.local_map import nearest_keyframes
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.recovery import REACH_M, Recovery

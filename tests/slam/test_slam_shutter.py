@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from vsx_ros.config.maps import ShutterConfig
-from vsx_ros.geometry.camera import PinholeCamera, Shutter, kernel_camera, mount_pose
+from vsx_ros.geometry.camera import PinholeCamera, Shutter, kernel_camera
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry import ideal_pixels, project_normalized, unproject_pixels

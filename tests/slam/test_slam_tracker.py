@@ -27,7 +27,9 @@ def test_wheels_lead_to_points_that_are_no_corners(arc_drive):
     bare = data._replace(corners=indexed([np.zeros((0, 2), np.int32)] * LEVELS, data.pyramid))
 
     def tracked(image, information):
-        return front._tracker.track(image, front._here, prediction.T_world_cam, front._local.rows, 0.0, information)
+        return front._tracker.track(
+            image, front._here, prediction.T_world_cam, front.tracking._local.rows, 0.0, information
+        )
 
     usual, led, alone = (
         tracked(data, prediction.information),
@@ -50,7 +52,9 @@ def sixtieth(arc_drive):
         slam.track(frame, odometry)
     front = slam._front
     data = front._preprocessor.take(*arc_drive.frames[60][:2])
-    usual = front._tracker.track(data, front._here, front._motion.predict(data).T_world_cam, front._local.rows, 0.0)
+    usual = front._tracker.track(
+        data, front._here, front._motion.predict(data).T_world_cam, front.tracking._local.rows, 0.0
+    )
     assert usual.state is TrackingState.GOOD
     return front._tracker, data, front._here, usual.T_world_cam, usual.rows
 

@@ -7,7 +7,7 @@ import pytest
 
 from vsx_ros.config import Config
 from vsx_ros.dense.mapped_ground import MappedGround
-from vsx_ros.geometry.camera import mounted
+from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry

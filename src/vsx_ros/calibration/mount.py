@@ -13,7 +13,7 @@ import numpy as np
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.camera import mount_pose
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 

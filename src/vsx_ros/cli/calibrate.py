@@ -15,7 +15,8 @@ from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_m
 from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.config import Config, MountConfig, SlamConfig
 from vsx_ros.errors import CalibrationError, ConfigError, InputError, explained
-from vsx_ros.geometry.camera import PinholeCamera, mounted
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.bag import open_recording
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.io.image_encoding import decoded

@@ -12,7 +12,7 @@ from vsx_ros.dense.finished_map import FinishedMap
 from vsx_ros.errors import ConfigError, MapFileError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
-from vsx_ros.geometry.camera import mounted
+from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.map_export import write_planes, write_ply
 from vsx_ros.io.recording import Recording
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map

@@ -50,7 +50,7 @@ class TrackerConfig(Branch, frozen=True):
     good_ratio: Ratio = 0.3
     lost_ratio: Ratio = 0.13
     min_found: Count = 30
-    max_residual_px: Positive = 1.5
+    max_residual_px: Positive = 4.0
     max_sigma_ratio: Positive = 0.01
     lost_after_frames: Count = 3
 

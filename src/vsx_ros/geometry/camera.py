@@ -1,4 +1,4 @@
-"""A camera: intrinsics and lens, as ROS camera_info and OpenCV state them, its shutter, and its mount."""
+"""A camera: intrinsics and lens, as ROS camera_info and OpenCV state them, and its shutter."""
 
 import math
 from dataclasses import dataclass
@@ -10,12 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, Pixels, Points3
-from vsx_ros.config import MountConfig
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry import lens
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.kernels import lens as array
-from vsx_ros.kernels.geometry import project_points, unproject_pixels
 
 MAX_PIXELS = 2**25  # no image is larger: twice that of a 16 megapixel camera
 VIEW_MIN_DEG, VIEW_MAX_DEG = 10.0, 150.0  # horizontal: what a plane image plane holds
@@ -84,6 +81,8 @@ class PinholeCamera:
     def project(self, points_cam: Points3) -> Pixels:
         """(N, 2) pixels of (N, 3) points; NaN where the lens does not see the point: behind, or beyond its usable
         angle."""
+        from vsx_ros.kernels.geometry import project_points  # who only holds a camera loads no compiler
+
         points_cam = np.asarray(points_cam, float).reshape(-1, 3)
         z = np.where(points_cam[:, 2] > 1e-6, points_cam[:, 2], np.nan)
         plane = points_cam[:, :2] / z[:, None]
@@ -93,6 +92,8 @@ class PinholeCamera:
     def unproject(self, pixels: Pixels) -> Points3:
         """(N, 3) points on the plane z = 1 that project to the (N, 2) pixels; without meaning where these are not
         ``usable``."""
+        from vsx_ros.kernels.geometry import unproject_pixels
+
         pixels = np.ascontiguousarray(pixels, float).reshape(-1, 2)
         return np.column_stack([unproject_pixels(kernel_camera(self), pixels), np.ones(len(pixels))])
 
@@ -114,6 +115,8 @@ def kernel_camera(camera: PinholeCamera) -> FloatArray:
 @lru_cache(maxsize=32)
 def _standing(camera: PinholeCamera) -> FloatArray:
     """Its usable part ends where the lens' does, or a little beyond the farthest corner of the image."""
+    from vsx_ros.kernels import lens as array
+
     known = camera.model, camera.distortion
     angles = np.linspace(0.0, lens.usable_angle(*known), 2000)
     radii = lens.radius(*known, angles)
@@ -135,6 +138,8 @@ def _standing(camera: PinholeCamera) -> FloatArray:
 
 def usable(camera: FloatArray, pixels: Pixels) -> BoolArray:
     """(N,) whether the lens holds at the (N, 2) pixels, of a camera array: what is beyond is masked."""
+    from vsx_ros.kernels import lens as array
+
     plane = (pixels - camera[array.CX : array.CY + 1]) / camera[array.FX : array.FY + 1]
     return np.asarray((plane**2).sum(axis=1) <= camera[array.PICTURE_R2])
 
@@ -146,22 +151,6 @@ def nominal_camera(width: int, height: int) -> PinholeCamera:
     """An uncalibrated Kinect's RGB camera (525 px at 640 columns, as ROS' own default), for images of any size [px]."""
     focal = 525.0 * width / 640.0
     return PinholeCamera(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
-
-
-def mount_pose(forward: float, left: float, height: float, pitch: float, yaw: float = 0.0) -> SE3:
-    """T_base_cam of a camera on a robot: position [m] in the base frame, pitch down and yaw left positive [rad].
-
-    Base: x forward, z up. Camera (optical): z forward, x right, y down (REP 103)."""
-    optical = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-    cp, sp, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
-    Rz = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
-    Ry = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    return SE3(Rz @ Ry @ optical, np.array([forward, left, height]))
-
-
-def mounted(mount: MountConfig) -> SE3:
-    """T_base_cam of a camera that sits on the base as configured."""
-    return mount_pose(mount.forward_m, mount.left_m, mount.height_m, mount.pitch_down_rad, mount.yaw_left_rad)
 
 
 def check_calibration(camera: PinholeCamera, T_base_cam: SE3 | None) -> None:

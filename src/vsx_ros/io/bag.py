@@ -18,7 +18,7 @@ from vsx_ros.io.recording import Recording, open_folder, with_speeds
 from vsx_ros.robot import Frame, Odometry, OdometryEpochs
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
-SHUTTER = "std_msgs/msg/Float32MultiArray"  # of the camera node
+SHUTTER = "std_msgs/msg/Float64MultiArray"  # of the camera node
 ODOMETRY, CAMERA_INFO, POSE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
 _POSES = (POSE, "geometry_msgs/msg/PoseWithCovarianceStamped")
 _LONGEST_LISTING = 1000  # characters of topics in a message

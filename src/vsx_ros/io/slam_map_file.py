@@ -26,7 +26,8 @@ from vsx_ros.io.image_encoding import check_image_size, picture
 from vsx_ros.io.sealed_archive import array_bytes, array_of, seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check
 from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes, json_tree
-from vsx_ros.slam.keyframe import Anchor, FrameData, KeyFrame, MapView, Observations, Templates
+from vsx_ros.slam.anchor import Anchor
+from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations, Templates
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.vision.corners import indexed
 from vsx_ros.vision.patch_search import moving

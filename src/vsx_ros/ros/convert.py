@@ -17,7 +17,7 @@ from vsx_hw.readings import Hazard
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.config import MountConfig
 from vsx_ros.errors import InputError, MapFileError
-from vsx_ros.geometry.camera import mount_pose, mounted
+from vsx_ros.geometry.mount import mount_pose, mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, OccupancyGrid

@@ -3,7 +3,7 @@
 import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
-from std_msgs.msg import Float32MultiArray, Header
+from std_msgs.msg import Float64MultiArray, Header
 
 from vsx_ros.arrays import ColorImage, GrayImage
 from vsx_ros.errors import CalibrationError
@@ -41,12 +41,12 @@ def camera(msg: CameraInfo) -> PinholeCamera:
     return found
 
 
-def shutter_msg(shutter: Shutter | None) -> Float32MultiArray:
+def shutter_msg(shutter: Shutter | None) -> Float64MultiArray:
     """What camera_info has no place for: readout and exposure [s]; nothing where they are not known."""
-    return Float32MultiArray(data=list(shutter or ()))
+    return Float64MultiArray(data=list(shutter or ()))
 
 
-def shutter(msg: Float32MultiArray) -> Shutter | None:
+def shutter(msg: Float64MultiArray) -> Shutter | None:
     """Raises CalibrationError for anything but two times or nothing."""
     return shutter_from_topic(msg.data, rospy.resolve_name(topics.SHUTTER))
 

@@ -20,7 +20,7 @@ from std_msgs.msg import Float32, String, UInt8, UInt32
 from vsx_ros.config import MountConfig
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.camera import mounted
+from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.navigation.follower import decode_report

@@ -12,7 +12,7 @@ import rospy
 from nav_msgs.msg import Odometry as OdometryMsg
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
-from std_msgs.msg import Float32, Float32MultiArray
+from std_msgs.msg import Float32, Float64MultiArray
 from tf2_msgs.msg import TFMessage
 
 from vsx_ros.io.recording import Recording
@@ -39,7 +39,7 @@ class Player:
         self._clock_pub = rospy.Publisher(topics.CLOCK, Clock, queue_size=10, tcp_nodelay=True)
         self._image_pub = rospy.Publisher(topics.IMAGE, Image, queue_size=5, tcp_nodelay=True)
         self._info_pub = rospy.Publisher(topics.CAMERA_INFO, CameraInfo, queue_size=5, latch=True)
-        self._shutter_pub = rospy.Publisher(topics.SHUTTER, Float32MultiArray, queue_size=1, latch=True)
+        self._shutter_pub = rospy.Publisher(topics.SHUTTER, Float64MultiArray, queue_size=1, latch=True)
         self._odom_pub = rospy.Publisher(topics.ODOM, OdometryMsg, queue_size=50, tcp_nodelay=True)
         self._tf_pub = rospy.Publisher(topics.TF, TFMessage, queue_size=50)
         self._answer = threading.Condition()

@@ -10,7 +10,7 @@ import rospy
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
-from vsx_ros.geometry.camera import mounted
+from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.recording import Recording
 from vsx_ros.ros import logs, topics

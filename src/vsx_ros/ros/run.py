@@ -15,7 +15,7 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import with_accuracy
 from vsx_ros.evaluation.trajectory import path_length
 from vsx_ros.exploration.decision import MissionState
-from vsx_ros.geometry.camera import mounted
+from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.ros import headers, launch, logs

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
-from std_msgs.msg import Float32MultiArray, UInt8
+from std_msgs.msg import Float64MultiArray, UInt8
 
 from vsx_hw.readings import Hazard
 from vsx_ros.arrays import GrayImage
@@ -44,7 +44,7 @@ class SlamInput:
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
         self._shutter: Shutter | None = None
         self._shutter_heard = threading.Event()
-        subscribe(topics.SHUTTER, Float32MultiArray, self._on_shutter, queue_size=1)
+        subscribe(topics.SHUTTER, Float64MultiArray, self._on_shutter, queue_size=1)
         image_subscriber(self._on_image)
 
     def _on_image(self, msg: Image) -> None:
@@ -64,7 +64,7 @@ class SlamInput:
         if touches and self._odometry is not None and (pose := self._session.base_at(self._odometry)) is not None:
             self._session.ground.bumped(pose)
 
-    def _on_shutter(self, msg: Float32MultiArray) -> None:
+    def _on_shutter(self, msg: Float64MultiArray) -> None:
         self._shutter = images.shutter(msg)
         self._shutter_heard.set()
 

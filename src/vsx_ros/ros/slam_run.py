@@ -10,7 +10,7 @@ import rospy
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.camera import mounted
+from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry

@@ -42,7 +42,7 @@ CLOCK = "/clock"
 # camera
 IMAGE = _topic("camera/rgb/image_raw", "sensor_msgs/Image", "camera")
 CAMERA_INFO = _topic("camera/rgb/camera_info", "sensor_msgs/CameraInfo", "camera")
-SHUTTER = _topic("camera/rgb/shutter", "std_msgs/Float32MultiArray", "camera")  # readout, exposure [s], or nothing
+SHUTTER = _topic("camera/rgb/shutter", "std_msgs/Float64MultiArray", "camera")  # readout, exposure [s], or nothing
 SET_CAMERA_INFO = _service("camera/rgb/set_camera_info", "sensor_msgs/SetCameraInfo", "camera")
 
 # mobile_base: driver, mux and safety

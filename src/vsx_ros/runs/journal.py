@@ -18,7 +18,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import write_bytes
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.robot import Odometry
-from vsx_ros.slam.keyframe import Anchor
+from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 Stamp: TypeAlias = Annotated[int, msgspec.Meta(ge=-(2**62), lt=2**62)]

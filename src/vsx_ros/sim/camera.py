@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, GrayImage, IntArray
 from vsx_ros.config import MountConfig
-from vsx_ros.geometry.camera import PinholeCamera, Shutter, mounted
+from vsx_ros.geometry.camera import PinholeCamera, Shutter
+from vsx_ros.geometry.mount import mounted
 from vsx_ros.kernels.sim.raycast_cull import Scene
 from vsx_ros.kernels.sim.raycast_pixels import expose
 from vsx_ros.sim.body import NonNegative, Positive

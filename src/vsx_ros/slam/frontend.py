@@ -10,9 +10,10 @@ from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
+from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.frame_tracker import FrameTracker, is_sure
 from vsx_ros.slam.initialization import Bootstrap
-from vsx_ros.slam.keyframe import Anchor, FrameData, MapView, unit_of
+from vsx_ros.slam.keyframe import FrameData, MapView, unit_of
 from vsx_ros.slam.local_map import LocalMap, becomes_keyframe, nearest_keyframes
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest

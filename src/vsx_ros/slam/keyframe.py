@@ -15,6 +15,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.lens import CAMERA
 from vsx_ros.kernels.vision.patches import PATCH, Target
+from vsx_ros.slam.anchor import Anchor
 from vsx_ros.vision.corners import Corners, no_corners
 from vsx_ros.vision.patch_search import target_of
 from vsx_ros.vision.pyramid import LEVELS, Pyramid, SmallImage
@@ -73,20 +74,6 @@ class FrameData(NamedTuple):
         return FrameData(
             stamp_ns, nothing, no_corners(nothing), np.zeros((0, 0), np.float32), T_odom_base, np.zeros(CAMERA)
         )
-
-
-class Anchor(NamedTuple):
-    """What carries a pose wherever the map goes: a keyframe (index), the pose in its camera, and its scale then. A
-    culled keyframe is carried by a living one, a frame by the one it was tracked from."""
-
-    keyframe: int
-    T_keyframe_this: SE3
-    scale: float = 1.0
-
-    def pose(self, keyframes: Sequence[KeyFrame]) -> SE3:
-        """T_world_this, now that the keyframes stand as they do."""
-        holder = keyframes[self.keyframe]
-        return holder.T_world_cam @ self.T_keyframe_this.scaled(holder.scale / self.scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

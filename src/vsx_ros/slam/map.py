@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, IntArray, Points3
 from vsx_ros.geometry.se3 import SE3, stacked
+from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.keyframe import (
-    Anchor,
     FrameData,
     KeyFrame,
     MapView,

@@ -13,8 +13,9 @@ from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster
-from vsx_ros.slam.keyframe import Anchor, FrameData, MapView, Observations
+from vsx_ros.slam.keyframe import FrameData, MapView, Observations
 from vsx_ros.slam.loop_closing import LoopDetector
 from vsx_ros.slam.loop_correction import correct_loops
 from vsx_ros.slam.map import Map

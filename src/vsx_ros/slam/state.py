@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.keyframe import Anchor
+from vsx_ros.slam.anchor import Anchor
 
 
 class TrackingState(Enum):

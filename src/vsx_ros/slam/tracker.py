@@ -26,8 +26,9 @@ MIN_FIRST = 10  # points; with fewer only what pulls towards odometry keeps the 
 HIDING_CELL_PX, BEHIND = 16, 1.25  # side of a cell; times a found point's depth: what is hidden by it
 # (iterations that accept almost everything, iterations): the first pose only has to guide the second search.
 FIRST, SECOND = (4, 7), (1, 12)
-# Of a found patch at its level: alignment leaves as much, and no more than that even where the map is bent.
-SIGMA_MIN_PX, SIGMA_MAX_PX = 0.4, 0.7
+# Of found patches about their places [px of their level]: alignment leaves as much; a lens and a shutter that are not
+# known exactly leave more, and beyond that they are other things of the same look.
+SIGMA_MIN_PX, SIGMA_MAX_PX = 0.4, 3.0
 TINY = 1e-6  # information of nothing at all, so that all poses have a covariance
 
 
@@ -164,20 +165,20 @@ class Tracker:
         templates, usable = warp_templates(looks.patches, looks.offset, expected.template, expected.inverse_warp)
         found, uv = search(data.target, templates, usable, expected.level, expected.uv, radius, 0)
         fit = optimized(data, pose, view, expected, found, uv, pull, FIRST)
-        settled, pose = fit.settled, fit.T_cam_world
+        kept, pose = fit.weights > 0, fit.T_cam_world
         # Where odometry holds the pose, points that are no corners in this image need none to lead to them.
-        if np.count_nonzero(settled) < MIN_FIRST and not pull.any():
+        if np.count_nonzero(kept) < MIN_FIRST and not pull.any():
             return fit, uv, np.ones(len(uv), np.bool_)
         where, inside = project_rows(
             data.camera, pose.rotation, pose.translation, view.points, expected.rows, MARGIN_PX
         )
         shift = np.abs(where - expected.uv)[inside]
         if shift.sum() > AGAIN_RADIUS_PX * shift.size:
-            settled = np.zeros(len(uv), np.bool_)
-        left = inside & ~settled & usable
+            kept = np.zeros(len(uv), np.bool_)
+        left = inside & ~kept & usable
         found, more = search(data.target, templates, left, expected.level, where, AGAIN_RADIUS_PX, AGAIN_REACH)
-        uv = np.where(settled[:, None], uv, more)
-        return optimized(data, pose, view, expected, settled | found, uv, pull, SECOND), uv, settled | inside
+        uv = np.where(kept[:, None], uv, more)
+        return optimized(data, pose, view, expected, kept | found, uv, pull, SECOND), uv, kept | inside
 
     def _judge(self, data: FrameData, found: int, searched: int, guided: bool) -> tuple[TrackingState, str]:
         """A blurred image makes no good pose."""

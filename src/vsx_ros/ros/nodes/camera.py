@@ -15,7 +15,7 @@ Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or emulator:SOCKET.
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from sensor_msgs.srv import SetCameraInfo, SetCameraInfoRequest, SetCameraInfoResponse
-from std_msgs.msg import Float32MultiArray
+from std_msgs.msg import Float64MultiArray
 
 from vsx_hw.readings import ImageReading
 from vsx_ros.config import Config
@@ -36,7 +36,7 @@ class CameraNode:
         self._frames_reported = 0
         self._image_pub = rospy.Publisher(topics.IMAGE, Image, queue_size=5, tcp_nodelay=True)
         self._info_pub = rospy.Publisher(topics.CAMERA_INFO, CameraInfo, queue_size=5, tcp_nodelay=True)
-        self._shutter_pub = rospy.Publisher(topics.SHUTTER, Float32MultiArray, queue_size=1, latch=True)
+        self._shutter_pub = rospy.Publisher(topics.SHUTTER, Float64MultiArray, queue_size=1, latch=True)
         rospy.Service(topics.SET_CAMERA_INFO, SetCameraInfo, self._on_set_camera_info)
         mode, lock_exposure = str(rospy.get_param("~mode", "vga")), bool(rospy.get_param("~lock_exposure", True))
         latency_s = float(rospy.get_param("~latency_s", 0.0))
