@@ -60,8 +60,10 @@ class DrivingCalibration:
         self._put_right(slam, result.stamp_ns)
 
     def _followed(self, name: str, found: Factor | None, now: float) -> float:
-        """What is found where it has contradicted once what was taken for true, else what is applied now."""
-        if found is not None and abs(found.value - now) > self._config.apply_sigmas * found.sigma:
+        """What is found where it has contradicted once what was taken for true, by enough to matter; else what is
+        applied now."""
+        least = self._config.apply_zero_rad_s if name == "zero" else self._config.apply_ratio
+        if found is not None and abs(found.value - now) > max(least, self._config.apply_sigmas * found.sigma):
             self._doubted.add(name)
         return found.value if found is not None and name in self._doubted else now
 

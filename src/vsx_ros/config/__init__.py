@@ -38,14 +38,18 @@ class OdometryConfig(Branch, frozen=True):
 
 
 class SelfCalibrationConfig(Branch, frozen=True):
-    """Wheels and gyro found while driving. They are taken as they are until the images contradict them by apply_sigmas;
-    from then on they follow what is found. What is known less well than the largest sigma is not told. Focal length and
-    height of the camera are what turns and ways are measured by."""
+    """Wheels and gyro found while driving. They are taken as they are until the images contradict them by apply_sigmas
+    and by a share of the way or turn (apply_ratio) or a rate (apply_zero_rad_s) that matters: a calibrated robot is
+    off by less, and to correct it costs more than it gains. From then on they follow what is found. What is known less
+    well than the largest sigma is not told. Focal length and height of the camera are what turns and ways are measured
+    by."""
 
     enabled: bool = True
     focal_sigma_ratio: Positive = 0.002
     mount_height_sigma_m: Positive = 0.003
     apply_sigmas: Annotated[float, Meta(ge=1)] = 3.0
+    apply_ratio: NonNegative = 0.03
+    apply_zero_rad_s: NonNegative = 0.004
     max_way_sigma: Positive = 0.02
     max_turn_sigma: Positive = 0.01
     max_zero_sigma_rad_s: Positive = 0.004
