@@ -20,7 +20,7 @@ TEMPLATE = 10
 _ITERATIONS = 10
 # A match is judged against the template's own contrast: loosely at whole pixels (half a pixel of misfit costs much
 # on a sharp edge), strictly once it is aligned. The floor is what sensor noise alone costs.
-MAX_SHARE, MAX_ALIGNED_SHARE, NOISE_FLOOR = 0.6, 0.25, 2000.0
+MAX_SHARE, MAX_ALIGNED_SHARE, NOISE_FLOOR = 0.55, 0.22, 2000.0
 # What light may have done to a patch: more makes any bare wall look like a faint template, and noise like a sharp one.
 GAINS = (0.4, 2.5)
 
