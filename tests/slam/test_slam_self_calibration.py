@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vsx_ros.config import Config
+from vsx_ros.config import Config, overridden
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
@@ -19,7 +19,8 @@ from vsx_ros.slam.slam import SequentialSlam
 
 def test_a_short_drive_finds_wheels_and_gyro_and_resizes_the_map(wrong_wheels_drive: Any) -> None:
     drive = wrong_wheels_drive
-    session = SlamSession(drive.T_base_cam, Config())
+    config = overridden(Config(), {"self_calibration.enabled": True})
+    session = SlamSession(drive.T_base_cam, config)
     slam = session.begin(SequentialSlam, drive.camera, 1)
     for frame, odometry, _ in drive.frames:
         session.track(frame, odometry)

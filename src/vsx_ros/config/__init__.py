@@ -44,7 +44,7 @@ class SelfCalibrationConfig(Branch, frozen=True):
     well than the largest sigma is not told. Focal length and height of the camera are what turns and ways are measured
     by."""
 
-    enabled: bool = True
+    enabled: bool = False  # a calibrated robot maps better without
     focal_sigma_ratio: Positive = 0.002
     mount_height_sigma_m: Positive = 0.003
     apply_sigmas: Annotated[float, Meta(ge=1)] = 3.0
