@@ -54,8 +54,8 @@ def test_what_is_far_off_the_axis_has_no_pixel():
     assert at_rim.tolist() == [True, False]
 
 
-@given(st.lists(st.floats(-0.3, 0.3), min_size=4, max_size=4), st.sampled_from(list(lens.COEFFICIENTS)))
-@settings(max_examples=150, deadline=None, derandomize=True)
+@given(st.lists(st.floats(-0.6, 0.6), min_size=4, max_size=4), st.sampled_from(list(lens.COEFFICIENTS)))
+@settings(max_examples=150, deadline=None)
 def test_any_coefficients_are_undone_or_refused(ks, model):
     """Radius grows with the angle up to where the lens is said to hold, and round trips stay exact there."""
     k1, k2, k3, k4 = ks

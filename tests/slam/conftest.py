@@ -61,7 +61,7 @@ def clear_start(world: World, parts: list[tuple[float, float, float]]) -> Start:
 def record(
     seed: int,
     parts: list[tuple[float, float, float]],
-    config: SimulationConfig = SimulationConfig(),  # noqa: B008
+    config: SimulationConfig = SimulationConfig(),  # noqa: B008 (immutable)
 ) -> Drive:
     world = generate_world("lab", seed)
     world = msgspec.structs.replace(world, start=clear_start(world, parts))

@@ -83,8 +83,8 @@ class SelfCalibration:
             self._begin(odometry, T_world_base)
             return False
         self._turned += last.T_odom_base.angle_to(odometry.T_odom_base)
-        known = last.wheel_turn is not None and odometry.wheel_turn is not None
-        self._wheels += odometry.wheel_turn - last.wheel_turn if known else math.nan  # type: ignore[operator]
+        turned, turns = last.wheel_turn, odometry.wheel_turn
+        self._wheels += math.nan if turned is None or turns is None else turns - turned
         before, T_world_before = self._start
         seconds, way = _seconds(before, odometry), before.T_odom_base.distance_to(odometry.T_odom_base)
         if way < WINDOW_M and abs(self._turned) < WINDOW_RAD and seconds < WINDOW_S:
@@ -137,13 +137,13 @@ class SelfCalibration:
         sigma, turned = np.sqrt(np.diag(covariance)), float(np.abs(turn).sum())
         angular = Factor(float(x[0]), self._through_lens(float(sigma[0])), turned)
         zero = Factor(float(x[1] / x[0]), float(sigma[1] / x[0]), float(seconds.sum()))
-        if angular.sigma > self._config.max_turn_sigma:
+        tells_turn = angular.sigma <= self._config.max_turn_sigma
+        tells_zero = zero.sigma <= self._config.max_zero_sigma_rad_s
+        if not tells_turn:
             refused.append(f"turn: known to {100 * angular.sigma:.1f} % only after {turned:.1f} rad; turn more")
-            angular = None  # type: ignore[assignment]
-        if zero.sigma > self._config.max_zero_sigma_rad_s:
+        if not tells_zero:
             refused.append(f"zero: known to {math.degrees(zero.sigma):.2f} deg/s only; drive on for a while")
-            zero = None  # type: ignore[assignment]
-        return angular, zero
+        return angular if tells_turn else None, zero if tells_zero else None
 
     def _track(self, rows: FloatArray, refused: list[str]) -> Factor | None:
         rows = rows[np.isfinite(rows[:, 1])]

@@ -78,11 +78,39 @@ def _undistort_equidistant(camera: FloatArray, xd: float, yd: float) -> tuple[fl
 
 @kernel
 def _undistort_polynomial(camera: FloatArray, xd: float, yd: float) -> tuple[float, float]:
-    """Newton steps on the point; none leads much farther out than ``PLANE_R2``, because the polynomial may turn back
-    there."""
+    """Newton steps on the point; where they end outside of what is used, again from the right distance off the axis."""
+    x, y = _newton(camera, xd, yd, xd, yd)
+    if x * x + y * y <= camera[PLANE_R2]:
+        u, v = distort(camera, x, y)
+        if abs(u - xd) + abs(v - yd) < 1e-9:
+            return x, y
+    radius = math.sqrt(xd * xd + yd * yd)
+    share = _radius_on_plane(camera, radius) / max(radius, 1e-12)
+    return _newton(camera, xd, yd, xd * share, yd * share)
+
+
+@kernel
+def _radius_on_plane(camera: FloatArray, radius: float) -> float:
+    """By halving, what the lens makes ``radius`` in the picture, p1 and p2 left out: up to ``PLANE_R2`` it grows."""
+    k1, k2, k3 = camera[4], camera[5], camera[8]
+    k4, k5, k6 = camera[RATIONAL], camera[RATIONAL + 1], camera[RATIONAL + 2]
+    low, high = 0.0, math.sqrt(camera[PLANE_R2])
+    for _ in range(50):
+        r = 0.5 * (low + high)
+        r2 = r * r
+        above, below = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
+        if r * above < radius * below:
+            low = r
+        else:
+            high = r
+    return 0.5 * (low + high)
+
+
+@kernel
+def _newton(camera: FloatArray, xd: float, yd: float, x: float, y: float) -> tuple[float, float]:
+    """Steps from (x, y); none leads much farther out than ``PLANE_R2``, because the polynomial may turn back there."""
     k1, k2, p1, p2, k3 = camera[4], camera[5], camera[6], camera[7], camera[8]
     k4, k5, k6, most = camera[RATIONAL], camera[RATIONAL + 1], camera[RATIONAL + 2], camera[PLANE_R2]
-    x, y = xd, yd
     for _ in range(30):
         r2 = x * x + y * y
         if r2 > 1.5 * most:
