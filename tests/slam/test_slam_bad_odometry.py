@@ -135,5 +135,5 @@ def test_a_heading_of_the_wheels_that_the_image_contradicts_is_never_tracked(arc
         for r, (_, _, truth) in zip(done.results, arc_drive.frames)
         if r.state in TRACKED
     ]
-    assert max(abs(wrap_angle(heading - headings[0])) for heading in headings) < math.radians(1.5)
+    assert max(abs(wrap_angle(heading - headings[0])) for heading in headings) < math.radians(1.0)
     assert done.worst_m < 0.04

@@ -16,6 +16,8 @@ MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06  # of a frame from where odometry has it; 
 # A frame with so many points, and that share of the expected ones, knows better than odometry.
 SURE_POINTS, SURE_RATIO = 100, 0.2
 ALONE_POINTS = 50  # of a good pose where odometry leads to none
+# Found points that miss their places by more than noise and lens explain: odometry may have pulled the pose away.
+PULLED_PX = 1.5
 
 
 class FrameTracker:
@@ -65,12 +67,14 @@ class FrameTracker:
             return track
         if track.state is not TrackingState.LOST:
             track = _checked(track, prediction.T_world_cam)
-        if track.state is not TrackingState.LOST:
+        lost = track.state is TrackingState.LOST
+        if not lost and track.sigma_px < PULLED_PX:
             return track
         # Where the camera went on as before, the frame as tracked without odometry, which is wrong then.
         last, by_image = self.last, self._motion.predict(data._replace(T_odom_base=None))
         seen = self._search(data, local, by_image, coarse=True)
-        if seen.state is TrackingState.GOOD and len(seen.rows) >= ALONE_POINTS:
+        better = lost or np.count_nonzero(seen.settled) > np.count_nonzero(track.settled)
+        if seen.state is TrackingState.GOOD and len(seen.rows) >= ALONE_POINTS and better:
             return seen
         self.last = last
         return track

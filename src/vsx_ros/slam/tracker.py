@@ -36,7 +36,8 @@ class Track(NamedTuple):
     """Outcome for one frame. rows, uv, level (F,): points found where the pose puts them; searched_rows: all that were
     looked for. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden_rows: those of the
     searched that were not found and lie behind found ones. blurred: the image was; what is not found in it may be
-    there. settled (F,): which of the found lie so near to where they should be that they may become observations."""
+    there. settled (F,): which of the found lie so near to where they should be that they may become observations.
+    sigma_px: robust standard deviation of the found about their places, px of their level."""
 
     T_world_cam: SE3
     state: TrackingState
@@ -49,6 +50,7 @@ class Track(NamedTuple):
     hidden_rows: IntArray = np.zeros(0, np.int64)
     blurred: bool = False
     settled: BoolArray = np.zeros(0, np.bool_)
+    sigma_px: float = 0.0
 
     @property
     def ratio(self) -> float:
@@ -118,9 +120,11 @@ class Tracker:
         if state is TrackingState.GOOD and (reason := self._doubt(fit, pull, depth[kept])):
             state = TrackingState.DUBIOUS
         concealed = searched[hidden(expected.uv[counted], depth[counted], kept[counted])]
-        found = expected.rows[kept], uv[kept], expected.level[kept]
-        rest = concealed, data.blurred, fit.settled[kept]
-        return Track(T_cam_world.inverse(), state, *found, searched, fit.information, reason, *rest)
+        return Track(
+            T_cam_world.inverse(), state, rows=expected.rows[kept], uv=uv[kept], level=expected.level[kept],
+            searched_rows=searched, information=fit.information, reason=reason, hidden_rows=concealed,
+            blurred=data.blurred, settled=fit.settled[kept], sigma_px=fit.sigma_px,
+        )  # fmt: skip
 
     def _coarse(
         self, data: FrameData, view: MapView, pose: SE3, expected: Predictions, radius: float, pull: FloatArray
