@@ -5,7 +5,12 @@ import signal
 import sys
 import tempfile
 import time
+from argparse import Namespace
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
+
+from vsx_ros.experiments.rows import Store
 
 TESTS = Path(__file__).resolve().parents[1] / "tests" / "ros"
 START_S = 15.0
@@ -59,3 +64,30 @@ def ready(stack: object) -> bool:
         if wait_for_motion(stack, 30.0):
             return True
     return False
+
+
+def measure(
+    store: Store, key: str, values: Sequence[float], args: Namespace, stack: Any,
+    once_on: Callable[[Any], Callable[[float], dict[str, Any] | None]],
+) -> None:  # fmt: skip
+    """Rows of what the store does not know: for each value (``key``) so many as args.repetitions, on one robot, within
+    args.minutes. once_on(stack) measures one, when the robot drives; None is tried again."""
+    end_s = time.monotonic() + 60.0 * args.minutes
+    questions = [{key: value, "repetition": k} for k in range(args.repetitions) for value in values]
+    missing = [asked for asked in questions if asked not in store]
+    if not missing:
+        return
+    try:
+        stack.up()
+        once = once_on(stack)
+        begin(stack)
+        for asked in missing:
+            found = None
+            while found is None and time.monotonic() < end_s and ready(stack):
+                found = once(asked[key])
+            if found is None:
+                break
+            store.add(asked, found)
+            print(asked, found, flush=True)
+    finally:
+        stack.down()

@@ -15,8 +15,9 @@ import argparse
 import subprocess
 import sys
 import time
+from functools import partial
 
-from exploring_robot import begin, home, new_stack, ready, wait_for_motion
+from exploring_robot import home, measure, new_stack, wait_for_motion
 from tables import RESULTS, rooms_of
 
 from vsx_ros.experiments.rows import Store
@@ -93,23 +94,8 @@ def main() -> None:
     parser.add_argument("--repetitions", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=240.0)
     args = parser.parse_args()
-    end_s, folder = time.monotonic() + 60.0 * args.minutes, home()
-    store = Store(RESULTS / "fault_master.jsonl", rooms=rooms_of("fault_master"))
-    questions = [{"away_s": away_s, "repetition": k} for k in range(args.repetitions) for away_s in args.away]
-    missing = [asked for asked in questions if asked not in store]
-    if not missing:
-        return
-    stack = new_stack(folder)
-    try:
-        stack.up()
-        begin(stack)
-        for asked in missing:
-            if time.monotonic() > end_s or not ready(stack):
-                break
-            store.add(asked, repetition(stack, asked["away_s"]))
-            print(asked, store[asked], flush=True)
-    finally:
-        stack.down()
+    folder, store = home(), Store(RESULTS / "fault_master.jsonl", rooms=rooms_of("fault_master"))
+    measure(store, "away_s", args.away, args, new_stack(folder), lambda stack: partial(repetition, stack))
 
 
 if __name__ == "__main__":

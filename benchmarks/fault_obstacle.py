@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from exploring_robot import begin, home, new_stack, ready
+from exploring_robot import home, measure, new_stack
 from tables import RESULTS, rooms_of
 
 from vsx_ros.config import Config
@@ -217,27 +217,8 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=240.0)
     parser.add_argument("--out", type=Path, default=RESULTS / "fault_obstacle.jsonl")
     args = parser.parse_args()
-    end_s, folder = time.monotonic() + 60.0 * args.minutes, home()
-    store = Store(args.out, rooms=rooms_of("fault_obstacle"))
-    questions = [{"ahead_m": ahead_m, "repetition": k} for k in range(args.repetitions) for ahead_m in args.ahead]
-    missing = [asked for asked in questions if asked not in store]
-    if not missing:
-        return
-    stack = stack_with_relay(folder)
-    try:
-        stack.up()
-        post = Post(stack)
-        begin(stack)
-        for asked in missing:
-            found = None
-            while found is None and time.monotonic() < end_s and ready(stack):
-                found = post.repetition(asked["ahead_m"])
-            if found is None:
-                break
-            store.add(asked, found)
-            print(asked, found, flush=True)
-    finally:
-        stack.down()
+    folder, store = home(), Store(args.out, rooms=rooms_of("fault_obstacle"))
+    measure(store, "ahead_m", args.ahead, args, stack_with_relay(folder), lambda stack: Post(stack).repetition)
 
 
 if __name__ == "__main__":

@@ -16,12 +16,16 @@ from vsx_ros.vision.corners import indexed
 from vsx_ros.vision.pyramid import LEVELS
 
 
-def test_wheels_lead_to_points_that_are_no_corners(arc_drive):
-    slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam, 1)
-    for frame, odometry, _ in arc_drive.frames[:60]:
+def on_the_way(drive):
+    """The front end after sixty frames, and the image of the next."""
+    slam = SequentialSlam(drive.camera, drive.T_base_cam, Config().slam, 1)
+    for frame, odometry, _ in drive.frames[:60]:
         slam.track(frame, odometry)
-    front = slam._front
-    data = front._preprocessor.take(*arc_drive.frames[60][:2])
+    return slam._front, slam._front._preprocessor.take(*drive.frames[60][:2])
+
+
+def test_wheels_lead_to_points_that_are_no_corners(arc_drive):
+    front, data = on_the_way(arc_drive)
     prediction = front._motion.predict(data)
     assert prediction.by_odometry
     bare = data._replace(corners=indexed([np.zeros((0, 2), np.int32)] * LEVELS, data.pyramid))
@@ -47,11 +51,7 @@ def test_wheels_lead_to_points_that_are_no_corners(arc_drive):
 @pytest.fixture(scope="module")
 def sixtieth(arc_drive):
     """(tracker, image, map, pose, rows) of a frame on the way."""
-    slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam, 1)
-    for frame, odometry, _ in arc_drive.frames[:60]:
-        slam.track(frame, odometry)
-    front = slam._front
-    data = front._preprocessor.take(*arc_drive.frames[60][:2])
+    front, data = on_the_way(arc_drive)
     usual = front._tracker.track(
         data, front._here, front._motion.predict(data).T_world_cam, front.tracking._local.rows, 0.0
     )

@@ -87,7 +87,8 @@ def test_points_looked_for_in_vain_are_hopeless():
     record = TrackingRecord()
     for k in range(1, 6):
         record.tracked(k, track(1, 2), 2, True)
-    assert record.hopeless().tolist() == [False, True]
+    assert record.hopeless(np.arange(2)).tolist() == [False, True]
+    assert record.hopeless(np.array([1])).tolist() == [True]
 
 
 def test_lifetimes_in_frames_seconds_and_metres():

@@ -168,7 +168,7 @@ class FrontEnd:
         self._recovery.over(data)
         self._reference, self.tracking.coarse_next = reference, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
-        local.leave_out(self.record.hopeless())
+        local.leave_out(self.record.hopeless(local.rows))
         new = self._has_waited(data) and becomes_keyframe(self._config.keyframes, local.linked, track, reference)
         added = new and not data.blurred
         request = self._request(data, track) if added else None

@@ -57,9 +57,9 @@ class LocalMap:
         gap = np.abs(np.stack([known[after], known[np.maximum(after - 1, 0)]]) - way[view.living]).min(axis=0)
         return view._replace(living=view.living[gap <= STRANGE_WAY * view.depths[self.reference]])
 
-    def leave_out(self, points: BoolArray) -> None:
-        """Points (P,) that are looked for in vain are not worth it until the map removes them."""
-        self.rows = self.rows[~points[self.rows]]
+    def leave_out(self, hopeless: BoolArray) -> None:
+        """Those of ``rows`` (R,) that are looked for in vain are not worth it until the map removes them."""
+        self.rows = self.rows[~hopeless]
 
     def follow(self, found: IntArray) -> int:
         """The keyframe that sees most of the found points; the reference stays unless another one is 20 % better."""

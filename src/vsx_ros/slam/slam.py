@@ -2,6 +2,7 @@
 mapper a thread of its own. The only file here that may use threads."""
 
 import threading
+from abc import ABC, abstractmethod
 from collections import deque
 from typing import Any
 
@@ -24,7 +25,7 @@ from vsx_ros.slam.two_view_reconstruction import InitialPair
 MAX_WAITING = 3  # keyframes for the mapper; more would be old before their turn comes
 
 
-class TrackerAndMapper:
+class TrackerAndMapper(ABC):
     """Who of the two works when is for the classes made of it.
 
     World: with odometry and T_base_cam the odometry frame (z up, metres); without, the first keyframe's camera frame
@@ -54,16 +55,17 @@ class TrackerAndMapper:
             self._front.resume(self._view)
         self._begin()
 
+    @abstractmethod
     def _begin(self) -> None:
         """What else there is to begin with."""
 
+    @abstractmethod
     def track(self, frame: Frame, odometry: Odometry | None = None) -> TrackingResult:
         """The pose of one frame."""
-        raise NotImplementedError
 
+    @abstractmethod
     def recount(self, wanted: Recount) -> None:
         """Put a map right that was made with wrong wheels."""
-        raise NotImplementedError
 
     def snapshot(self) -> MapSnapshot:
         """The newest finished map; the same object while the version is unchanged."""
@@ -95,6 +97,9 @@ class TrackerAndMapper:
 
 class SequentialSlam(TrackerAndMapper):
     """``track`` every frame in the order of the stamps; the mapper's work of a keyframe is done before it returns."""
+
+    def _begin(self) -> None:
+        """Nothing: there is no thread."""
 
     def track(self, frame: Frame, odometry: Odometry | None = None) -> TrackingResult:
         """The pose of one frame. Raises InputError as ``FrontEnd.process`` does."""

@@ -118,9 +118,9 @@ class TrackingRecord:
         """(searched, found) per map row, copies."""
         return self._of_point["searched"].copy(), self._of_point["found"].copy()
 
-    def hopeless(self) -> BoolArray:
-        """(P,) points that are looked for in vain."""
-        return is_hopeless(self._of_point["searched"], self._of_point["found"])
+    def hopeless(self, rows: IntArray) -> BoolArray:
+        """(R,) which of the points (rows) are looked for in vain."""
+        return is_hopeless(self._of_point["searched"][rows], self._of_point["found"][rows])
 
     def statistics(self, keyframes: int, map_points: int) -> SlamStatistics:
         """The run so far."""

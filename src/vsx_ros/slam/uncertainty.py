@@ -5,9 +5,9 @@ Covariances are of xi = (translation [m], rotation [rad]) in the camera's own ax
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.config.maps import UncertaintyConfig
-from vsx_ros.geometry.se3 import SE3, skew
+from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import MapView
 from vsx_ros.slam.local_map import LINKED_POINTS, LocalMap
 from vsx_ros.slam.tracker import Track
@@ -17,11 +17,16 @@ _CERTAIN = 1e-12  # added to what an image tells, so that one with few points ha
 
 def carried(covariance: FloatArray, T_a_b: SE3) -> FloatArray:
     """The covariance (6, 6) of frame a, as that of frame b which is fixed to it (Barfoot 2017, eq. 7.75)."""
-    R = T_a_b.rotation.T
-    adjoint = np.zeros((6, 6))
-    adjoint[:3, :3] = adjoint[3:, 3:] = R
-    adjoint[:3, 3:] = -R @ skew(T_a_b.translation)
-    return np.asarray(adjoint @ covariance @ adjoint.T)
+    return _carried(covariance, T_a_b.rotation, T_a_b.translation)
+
+
+def _carried(covariance: FloatArray, R_a_b: FloatArray, t_a_b: FloatArray) -> FloatArray:
+    """The same for (..., 6, 6), rotations (..., 3, 3) and translations (..., 3) at once."""
+    R_b_a = np.swapaxes(R_a_b, -1, -2)
+    adjoint = np.zeros((*t_a_b.shape[:-1], 6, 6))
+    adjoint[..., :3, :3] = adjoint[..., 3:, 3:] = R_b_a
+    adjoint[..., :3, 3:] = -R_b_a @ np.cross(np.eye(3), t_a_b[..., None, :])  # rows of the skew-symmetric matrix of t
+    return np.asarray(adjoint @ covariance @ np.swapaxes(adjoint, -1, -2))
 
 
 class PoseUncertainty:
@@ -33,47 +38,57 @@ class PoseUncertainty:
 
     def __init__(self, config: UncertaintyConfig) -> None:
         self._config = config
-        self._known: dict[int, FloatArray] = {}
+        # Of the map's keyframes, those that are known.
+        self._known: BoolArray = np.zeros(0, np.bool_)
+        self._of_keyframe: FloatArray = np.zeros((0, 6, 6))
         self.covariance: FloatArray = np.zeros((6, 6))
 
     def enter(self, local: LocalMap) -> None:
         """Take in a local map: its reference is known by its neighbours, then they by it."""
-        view, near = local.view, local.near
-        reference = local.reference
-        if not any(k in self._known for k in view.living.tolist()):
+        view, reference = local.view, np.array([local.reference])
+        more = len(view.keyframes) - len(self._known)
+        self._known = np.append(self._known, np.zeros(more, np.bool_))
+        self._of_keyframe = np.append(self._of_keyframe, np.zeros((more, 6, 6)), axis=0)
+        if not self._known[view.living].any():
             self._begin(view)
-        tied = [(int(k), int(n)) for k, n in zip(near, local.shared) if n >= LINKED_POINTS and int(k) != reference]
-        for k, points in tied:
-            self._pass_on(view, k, reference, points)
-        for k, points in tied:
-            self._pass_on(view, reference, k, points)
+        tied = (local.shared >= LINKED_POINTS) & (local.near != local.reference)
+        near, points = local.near[tied], local.shared[tied]
+        self._pass_on(view, near, reference, points)
+        self._pass_on(view, reference, near, points)
 
     def _begin(self, view: MapView) -> None:
         """A map's first keyframe is where it says; in a map made before, each is known by the one before it."""
         living: IntArray = view.living
-        self._known[int(living[0])] = np.zeros((6, 6))
-        for a, b in zip(living[:-1].tolist(), living[1:].tolist()):
-            self._pass_on(view, a, b, LINKED_POINTS)
+        self._known[living[0]] = True
+        for k in range(len(living) - 1):
+            self._pass_on(view, living[k : k + 1], living[k + 1 : k + 2], np.array([LINKED_POINTS]))
 
-    def _pass_on(self, view: MapView, a: int, b: int, points: int) -> None:
-        """Keyframe b is known by a, if that is better than what is known of it. points: they share."""
-        if a not in self._known:
+    def _pass_on(self, view: MapView, a: IntArray, b: IntArray, points: IntArray) -> None:
+        """Keyframes b are known by keyframes a (one of the two is a single one), where that is better than what is
+        known of them. points: each pair shares."""
+        a, b = np.broadcast_arrays(a, b)
+        a, b, points = (column[self._known[a]] for column in (a, b, points))
+        if not len(a):
             return
-        T_a_b = view.keyframes[a].T_world_cam.inverse() @ view.keyframes[b].T_world_cam
-        depth, config = float(view.depths[b]), self._config
-        way_m = float(np.linalg.norm(T_a_b.translation))
+        config, depth, R_a = self._config, view.depths[b], view.R_world_cam[a]
+        t_a_b = np.einsum("nji,nj->ni", R_a, view.centres[b] - view.centres[a])
+        way_m = np.linalg.norm(t_a_b, axis=1)
         metres2 = (config.shared_depth_ratio * depth) ** 2 / points + config.distance_sigma_sqrt_m**2 * way_m
         radians2 = config.shared_turn_rad**2 / points + config.turn_sigma_rad_sqrt_m**2 * way_m
-        covariance = carried(self._known[a], T_a_b) + np.diag(np.repeat([metres2, radians2], 3))
-        if b not in self._known or _size(covariance, depth) < _size(self._known[b], depth):
-            self._known[b] = covariance
+        covariance = _carried(self._of_keyframe[a], np.swapaxes(R_a, 1, 2) @ view.R_world_cam[b], t_a_b)
+        covariance[:, range(6), range(6)] += np.repeat(np.column_stack([metres2, radians2]), 3, axis=1)
+        size = _size(covariance, depth)
+        better = ~self._known[b] | (size < _size(self._of_keyframe[b], depth))
+        order = np.argsort(-size[better], kind="stable")  # where several know one, the surest is written last
+        self._of_keyframe[b[better][order]] = covariance[better][order]
+        self._known[b[better]] = True
 
     def tracked(self, track: Track, local: LocalMap) -> FloatArray:
         """(6, 6) of a frame whose pose was found in the local map."""
         view, reference = local.view, local.reference
         T_ref_cam = view.keyframes[reference].T_world_cam.inverse() @ track.T_world_cam
         seen = np.linalg.inv(track.information + _CERTAIN * np.eye(6)) * self._config.image_factor
-        of_map = self._known.get(reference, np.zeros((6, 6)))
+        of_map = self._of_keyframe[reference]
         from_start = view.keyframes[int(view.living[0])].T_world_cam.inverse() @ track.T_world_cam
         along = from_start.rotation.T @ from_start.translation * self._config.size_sigma_ratio
         self.covariance = carried(of_map, T_ref_cam) + 0.5 * (seen + seen.T)
@@ -86,6 +101,7 @@ class PoseUncertainty:
         return self.covariance
 
 
-def _size(covariance: FloatArray, depth_m: float) -> float:
-    """Variance of where a point of the scene is put [m^2]."""
-    return float(np.trace(covariance[:3, :3]) + depth_m**2 * np.trace(covariance[3:, 3:]))
+def _size(covariance: FloatArray, depth_m: FloatArray) -> FloatArray:
+    """(N,) variance of where a point of the scene is put [m^2], of (N, 6, 6)."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    return np.asarray(variance[:, :3].sum(axis=1) + depth_m**2 * variance[:, 3:].sum(axis=1))
