@@ -273,7 +273,7 @@ def test_who_does_not_read_is_dropped(served: Served, monkeypatch: pytest.Monkey
 def test_many_may_come_at_once() -> None:
     """Before one of them is answered."""
     listening = ViewServer(Board(), {}, lambda _: None, TOKEN, port=0)
-    come = [socket.create_connection(listening.server_address, timeout=2.0) for _ in range(100)]  # type: ignore[arg-type]
+    come = [socket.create_connection(listening.server_address, timeout=2.0) for _ in range(100)]  # type: ignore[arg-type]  # the address has two parts here
     for connection in [listening.socket, *come]:
         connection.close()
 

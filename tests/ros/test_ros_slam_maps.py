@@ -60,8 +60,8 @@ def test_a_map_of_a_building_is_densified_less_often(
         return SimpleNamespace(is_due=lambda _: True), None
 
     dense = DenseMapping(Config())
-    dense._process = SimpleNamespace(update=update)  # type: ignore[assignment]
+    dense._process = SimpleNamespace(update=update)  # type: ignore[assignment]  # only update is asked
     for _ in range(60):
-        dense.refresh(SimpleNamespace(keyframe_ids=np.arange(keyframes)))  # type: ignore[arg-type]
+        dense.refresh(SimpleNamespace(keyframe_ids=np.arange(keyframes)))  # type: ignore[arg-type]  # only ids are
         now_s[0] += UPDATE_EVERY_S
     assert len(updates) == 60 // calls_each

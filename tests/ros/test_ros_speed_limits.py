@@ -56,7 +56,7 @@ def test_the_watchdogs_are_let_go_only_once_the_wheels_surely_stand(stands: bool
     node = SimpleNamespace(
         _driver=SimpleNamespace(close=lambda: stands), _watchdogs=SimpleNamespace(release=lambda: released.append(True))
     )
-    mobile_base.MobileBaseNode.close(node)  # type: ignore[arg-type]
+    mobile_base.MobileBaseNode.close(node)  # type: ignore[arg-type]  # a bare one
     assert released == [True] * stands
 
 

@@ -163,6 +163,6 @@ class BoundedRos2(Ros2Reader):  # type: ignore[misc]  # as above
 
 
 storage_mcap.DECOMPRESSORS.update({kind: lambda d, n, kind=kind: _exactly(kind, d, n) for kind in ("lz4", "zstd")})  # type: ignore[misc]
-ros2_reader.zstd = SimpleNamespace(decompress=_message, open=_File)  # type: ignore[assignment]
+ros2_reader.zstd = SimpleNamespace(decompress=_message, open=_File)  # type: ignore[assignment]  # as above
 for module in (storage_mcap, storage_sqlite3, ros2_reader):
-    module.parse_qos = lambda _profiles: []  # type: ignore[attr-defined]
+    module.parse_qos = lambda _profiles: []  # type: ignore[attr-defined]  # as above
