@@ -90,6 +90,15 @@ def test_another_file_of_code_or_another_name_is_other_code(room: Path) -> None:
     assert rows.code_hash([room]) == hashes[-1]
 
 
+def test_words_about_code_are_no_other_code(room: Path) -> None:
+    source = 'def f() -> str:\n    """{doc}"""\n    return """# {text}"""{comment}\n'
+    of = {}
+    for doc, text, comment in (("a", "t", ""), ("b\n\n    c\n    ", "t", "  # why"), ("a", "u", "")):
+        (room / "slam.py").write_text(source.format(doc=doc, text=text, comment=comment))
+        of[doc, text] = rows.code_hash([room])
+    assert of["a", "t"] == of["b\n\n    c\n    ", "t"] != of["a", "u"]
+
+
 def test_a_row_of_another_configuration_is_not_taken_and_told(
     file: Path, room: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

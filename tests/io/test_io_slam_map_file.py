@@ -35,7 +35,7 @@ def slam_map():
         wheels = None if k == 2 else SE2(0.1 * k, 0.2, -0.3 * k)
         camera = moving(kernel_camera(CAMERA), rng.normal(0.0, 0.01, 6))
         data = FrameData(7 * k + 10**18, pyramid, detector.detect(pyramid), small_image(pyramid), wheels, camera)
-        world.odom_epoch = k // 3
+        world.odom_segment = k // 3
         world.add_keyframe(data, SE3.exp(rng.normal(0.0, 0.3, 6)), Observations.none(), map_id=int(k == 4))
         templates = NewTemplates(
             rng.normal(size=(30, 4)), rng.random((30, 2)), rng.integers(0, 256, (30, PATCH, PATCH))
@@ -63,7 +63,7 @@ def test_everything_comes_back_bit_for_bit(slam_map, saved):
     assert (back.view.version, back.view.living.tolist()) == (42, [0, 2, 3, 4])
     assert [k.alive for k in back.view.keyframes] == [True, False, True, True, True]
     for ours, theirs in zip(slam_map.view.keyframes, back.view.keyframes, strict=True):
-        assert (ours.id, ours.odom_epoch, ours.map_id) == (theirs.id, theirs.odom_epoch, theirs.map_id)
+        assert (ours.id, ours.odom_segment, ours.map_id) == (theirs.id, theirs.odom_segment, theirs.map_id)
         assert ours.median_depth == theirs.median_depth
         assert (ours.data.stamp_ns, ours.data.T_odom_base) == (theirs.data.stamp_ns, theirs.data.T_odom_base)
         assert all(np.array_equal(a, b) for a, b in zip(ours.data.pyramid, theirs.data.pyramid, strict=True))

@@ -150,7 +150,7 @@ def world_base(k):
 
 def test_no_wheels_between_epochs():
     world, _ = driven_map(4)
-    world.odom_epoch = 1
+    world.odom_segment = 1
     index = world.add_keyframe(FrameData.without_image(9, SE2(7.0, 0.0, 0.0)), SE3.identity(), Observations.none())
     assert adjuster().by_odometry(world, index) is None
     assert adjuster().by_odometry(world, index - 1) is not None
@@ -158,7 +158,7 @@ def test_no_wheels_between_epochs():
 
 def test_no_wheels_and_no_floor_in_a_map_that_began_without_them():
     world, _ = driven_map(4)
-    world.odom_epoch = 1
+    world.odom_segment = 1
     bases = [None, SE2(7.0, 0.0, 0.0), SE2(7.1, 0.0, 0.0)]
     frames = [FrameData.without_image(9 + k, base) for k, base in enumerate(bases)]
     indices = [world.add_keyframe(data, SE3.identity(), Observations.none(), map_id=1) for data in frames]

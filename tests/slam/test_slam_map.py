@@ -150,7 +150,7 @@ def test_predecessors_are_living_and_of_the_same_epoch():
     resumed = Map.resumed(world.view())
     for _ in range(3):
         resumed.add_keyframe(FrameData.without_image(9, None), SE3.identity(), seeing(range(12)))
-    assert [k.odom_epoch for k in resumed.keyframes] == [0, 0, 0, 1, 1, 1]
+    assert [k.odom_segment for k in resumed.keyframes] == [0, 0, 0, 1, 1, 1]
     resumed.cull_keyframe(1)
     resumed.cull_keyframe(4)
     assert [resumed.predecessor(k) for k in (0, 2, 3, 5)] == [None, 0, None, 3]
@@ -253,8 +253,8 @@ def test_a_second_session_is_lost_until_recognised_and_goes_on_in_the_same_world
     frames = slam.slam_map().view.keyframes
     old = len(made_before.view.keyframes)
     assert len(frames) > old
-    assert {k.odom_epoch for k in frames[:old]} == {0}
-    assert len({k.odom_epoch for k in frames[old:]} - {0}) == 1
+    assert {k.odom_segment for k in frames[:old]} == {0}
+    assert len({k.odom_segment for k in frames[old:]} - {0}) == 1
     assert slam._mapper.map.predecessor(old) is None
 
 

@@ -119,7 +119,9 @@ def test_without_wheels_a_camera_found_again_begins_an_epoch_of_keyframes(arc_dr
     world = slam._mapper.map
     after = [k.id for k in world.keyframes if k.data.stamp_ns >= arc_drive.frames[75][0].stamp_ns]
     assert after
-    assert {world.keyframes[k].odom_epoch for k in after}.isdisjoint(k.odom_epoch for k in world.keyframes[: after[0]])
+    assert {world.keyframes[k].odom_segment for k in after}.isdisjoint(
+        k.odom_segment for k in world.keyframes[: after[0]]
+    )
     assert world.predecessor(after[0]) is None
 
 

@@ -83,10 +83,10 @@ def test_a_camera_found_again_meanwhile_stays_where_it_is(arc_drive, monkeypatch
     front = slam._front
     assert front._bootstrap.claim(pairs[0]) is pairs[0]
     assert front._bootstrap.claim(pairs[0]) is None
-    second = make(pairs[0]._replace(odom_epoch=next(front._epochs)))
+    second = make(pairs[0]._replace(odom_segment=next(front._segments)))
     assert second.keyframes[-1].map_id == 1
     assert front.started(second) is None
-    assert next(front._epochs) > second.keyframes[-1].odom_epoch > front._epoch
+    assert next(front._segments) > second.keyframes[-1].odom_segment > front._segment
     frame, odometry, _ = arc_drive.frames[40]
     result = slam.track(frame, odometry)
     assert (result.state, result.map_id) == (TrackingState.GOOD, 0)

@@ -8,7 +8,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import tracked_features
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.tracker import Track, nothing_tracked
+from vsx_ros.slam.track import Track, nothing_tracked
 
 
 def test_missed_points_are_where_the_pose_puts_them():

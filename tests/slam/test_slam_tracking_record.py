@@ -5,7 +5,8 @@ import pytest
 
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.tracker import Track, hidden
+from vsx_ros.slam.track import Track
+from vsx_ros.slam.tracker import hidden
 from vsx_ros.slam.tracking_record import TrackingRecord, is_hopeless
 
 

@@ -8,7 +8,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.local_map import LocalMap
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.tracker import Track
+from vsx_ros.slam.track import Track
 from vsx_ros.slam.uncertainty import PoseUncertainty, carried
 
 CONFIG = Config().slam.uncertainty

@@ -98,7 +98,17 @@ def calibrate_camera(
     focal, centre = float(sigmas[:2].max()), float(sigmas[2:4].max())
     verdict = _verdict(rms_px, focal / camera.fx, len(kept), cover, tilt)
     view_rms_px = tuple(map(float, of_views_px))
-    return CameraCalibration(camera, rms_px, view_rms_px, tuple(left_out), focal, centre, cover, tilt, verdict)
+    return CameraCalibration(
+        camera=camera,
+        rms_px=rms_px,
+        view_rms_px=view_rms_px,
+        left_out=tuple(left_out),
+        focal_sigma_px=focal,
+        centre_sigma_px=centre,
+        cover=cover,
+        tilt=tilt,
+        verdict=verdict,
+    )
 
 
 def covered(views: Sequence[BoardView], width: int, height: int) -> float:
@@ -125,7 +135,7 @@ def _fit(
     rms, K, distortion, rotations, sigmas, view_rms = min(fits, key=lambda fit: fit[0])
     coefficients = tuple(distortion.ravel()[: COEFFICIENTS[name]].tolist())
     fx, fy, cx, cy = float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])
-    camera = PinholeCamera(width, height, fx, fy, cx, cy, coefficients, name)
+    camera = PinholeCamera(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy, distortion=coefficients, model=name)
     normals = np.array([cv2.Rodrigues(rotation)[0][:, 2] for rotation in rotations])
     return camera, float(rms), view_rms.ravel(), sigmas.ravel(), normals
 

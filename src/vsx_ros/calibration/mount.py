@@ -74,7 +74,14 @@ def calibrate_mount(drive: Sequence[TrackedPose], points_ref: Points3, forward: 
     seen = metres * (first.inverse() @ np.asarray(points_ref, float).reshape(-1, 3))
     floor = _floor(seen @ T_base_cam.rotation.T)
     way = float(np.linalg.norm(moved_base, axis=1).sum())
-    return MountCalibration(pitch, yaw, sigma, way, floor, _verdict(pitch, yaw, sigma, floor))
+    return MountCalibration(
+        pitch_down=pitch,
+        yaw_left=yaw,
+        direction_sigma=sigma,
+        way=way,
+        floor=floor,
+        verdict=_verdict(pitch, yaw, sigma, floor),
+    )
 
 
 def _straight_windows(drive: Sequence[TrackedPose], lever: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -126,7 +133,9 @@ def _floor(points: Points3) -> Floor | None:
     covariance = np.linalg.inv(rows[inlier].T @ rows[inlier]) * float(off @ off) / (len(off) - 3)
     level = math.sqrt(1.0 + plane[1] ** 2 + plane[2] ** 2)
     height, sigma = float(-plane[0] / level), math.sqrt(covariance[0, 0])
-    return Floor(height, sigma, -math.atan(plane[1]), -math.atan(plane[2]), int(inlier.sum()))
+    return Floor(
+        height=height, sigma=sigma, pitch_off=-math.atan(plane[1]), roll=-math.atan(plane[2]), points=int(inlier.sum())
+    )
 
 
 def _verdict(pitch: float, yaw: float, sigma: float, floor: Floor | None) -> Verdict:

@@ -83,7 +83,7 @@ class Densifier:
         cells = Cells.concatenated([on.cells(plane, points[rows], seen_by[rows], living) for on, plane, rows in seen])
         complete = not any(surface.due.any() for surface in self._surfaces.values())
         newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
-        return DenseMap(snapshot.version, newest, planes, cells, complete)
+        return DenseMap(version=snapshot.version, newest_keyframe=newest, planes=planes, cells=cells, complete=complete)
 
     def _believed(self, planes: tuple[Plane, ...], snapshot: MapSnapshot) -> tuple[Plane, ...]:
         """The planes for which the pictures speak: those that are neither level nor vertical want more of it."""

@@ -73,14 +73,17 @@ class KeyframeImages:
             if number not in self._slot:
                 self._slot[number] = self._add(image)
         T_world_cams = snapshot.T_world_cams[:count]
+        R, t = stacked([T.inverse() for T in T_world_cams])
+        slots = np.array([self._slot[number] for number in ids.tolist()], np.int64)
         return Views(
             ids,
-            *stacked([T.inverse() for T in T_world_cams]),
-            stacked(T_world_cams)[1],
-            np.array([self._slot[number] for number in ids.tolist()], np.int64),
-            self._store,
-            self._table,
-            self._K,
+            R=R,
+            t=t,
+            centres=stacked(T_world_cams)[1],
+            slots=slots,
+            store=self._store,
+            table=self._table,
+            K=self._K,
         )
 
     def _add(self, image: GrayImage) -> int:
@@ -108,4 +111,4 @@ def judge(views: Views, frame: FloatArray, centres: Points3, config: DenseConfig
         views, frame, centres, 0.5 * config.patch_m * unit, limits, (config.min_texture, _HOPELESS_ZNCC), _RIVAL_DEPTHS
     )
     ids = np.append(views.ids, -1)
-    return Judgement(texture, score, rival, counts, ids[reference].astype(np.int64))
+    return Judgement(texture=texture, score=score, rival=rival, views=counts, keyframe=ids[reference].astype(np.int64))

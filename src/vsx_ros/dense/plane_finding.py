@@ -147,7 +147,16 @@ def _plane(
 ) -> Plane:  # fmt: skip
     axes = in_plane_axes(normal)
     ends = np.quantile(points.world[rows] @ axes.T, [_EXTENT_SHARE, 1.0 - _EXTENT_SHARE], axis=0)
-    return Plane(number, normal, offset, covariance, kind, axes, ends.T.ravel(), rows)
+    return Plane(
+        id=number,
+        normal=normal,
+        offset=offset,
+        covariance=covariance,
+        kind=kind,
+        axes=axes,
+        extent=ends.T.ravel(),
+        points=rows,
+    )
 
 
 def observed_points(snapshot: MapSnapshot, focal_px: float, noise_px: float) -> ObservedPoints:
@@ -161,7 +170,9 @@ def observed_points(snapshot: MapSnapshot, focal_px: float, noise_px: float) -> 
     views = rays / np.maximum(np.linalg.norm(rays, axis=1), 1e-9)[:, None]
     sigma = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
     ranges = distances[:, 1] / np.maximum(distances[:, 0], 1.0)
-    return ObservedPoints(snapshot.point_ids, world, covariances, views, sigma, ranges)
+    return ObservedPoints(
+        ids=snapshot.point_ids, world=world, covariances=covariances, views=views, sigma=sigma, range=ranges
+    )
 
 
 def _rows_of(ids: IntArray, among: IntArray) -> IntArray:

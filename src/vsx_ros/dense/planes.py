@@ -108,4 +108,8 @@ def fit_plane(
     determined, plane, covariance, middle, spread = plane_fits.fit_plane(
         points, rows, normal, int(attitude), noise.floor, cutoff, _ROUNDS
     )
-    return Fit(plane[:3], float(plane[3]), attitude, covariance, middle, spread) if determined else None
+    if not determined:
+        return None
+    return Fit(
+        normal=plane[:3], offset=float(plane[3]), attitude=attitude, covariance=covariance, middle=middle, spread=spread
+    )

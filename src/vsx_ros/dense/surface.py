@@ -52,8 +52,15 @@ class Cells(NamedTuple):
     def concatenated(parts: list[Cells]) -> Cells:
         """All of them in one, in order."""
         none = np.zeros(0, np.int64)
-        first = Cells(none, np.zeros((0, 2), np.int64), np.zeros((0, 3)), none, np.zeros(0), none)
-        return Cells(*(np.concatenate(columns) for columns in zip(first, *parts)))
+        first = Cells(
+            plane=none,
+            cell=np.zeros((0, 2), np.int64),
+            centre=np.zeros((0, 3)),
+            kind=none,
+            score=np.zeros(0),
+            keyframe=none,
+        )
+        return Cells._make(np.concatenate(columns) for columns in zip(first, *parts))
 
 
 class Surface:
@@ -67,7 +74,7 @@ class Surface:
         self._stands = has_floor and plane.kind is PlaneKind.WALL
         self.low, shape = self._bounds(plane)
         self.due, self._passing = np.ones(shape, np.bool_), np.zeros(shape, np.int64)
-        self._said = Judgement(*(np.full(shape, blank) for blank in _UNJUDGED))
+        self._said = Judgement._make(np.full(shape, blank) for blank in _UNJUDGED)
         self._contact = Contact(*(np.full(shape[0], blank) for blank in _NO_CONTACT))
 
     def _bounds(self, plane: Plane) -> tuple[NDArray[np.int64], tuple[int, int]]:
@@ -89,7 +96,7 @@ class Surface:
         pad = [(int(before[0]), int(after[0])), (int(before[1]), int(after[1]))]
         self.low = self.low - before
         self.due, self._passing = np.pad(self.due, pad, constant_values=True), np.pad(self._passing, pad)
-        self._said = Judgement(*(np.pad(a, pad, constant_values=blank) for a, blank in zip(self._said, _UNJUDGED)))
+        self._said = Judgement._make(np.pad(a, pad, constant_values=blank) for a, blank in zip(self._said, _UNJUDGED))
         contact = zip(self._contact, _NO_CONTACT)
         self._contact = Contact(*(np.pad(a, pad[0], constant_values=blank) for a, blank in contact))
 
@@ -164,12 +171,12 @@ class Surface:
         where = np.nonzero(kind >= 0)
         cells = np.stack(where, axis=1).astype(np.int64)
         return Cells(
-            np.full(len(cells), plane.id, np.int64),
-            cells + self.low,
-            self.centres(plane, cells),
-            kind[where],
-            np.clip(score[where], 0.0, 1.0),
-            np.searchsorted(living, keyframe[where]).astype(np.int64),
+            plane=np.full(len(cells), plane.id, np.int64),
+            cell=cells + self.low,
+            centre=self.centres(plane, cells),
+            kind=kind[where],
+            score=np.clip(score[where], 0.0, 1.0),
+            keyframe=np.searchsorted(living, keyframe[where]).astype(np.int64),
         )
 
     def evidence(self, plane: Plane, points: Points3) -> float:

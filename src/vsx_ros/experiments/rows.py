@@ -9,11 +9,15 @@ import os
 import platform
 import subprocess
 import sys
+import token
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime, timezone
+from functools import cache
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
+from tokenize import tokenize
 from typing import Any
 
 import msgspec
@@ -57,12 +61,27 @@ def made_by() -> str:
 
 
 def code_hash(rooms: Iterable[Path]) -> str:
-    """Of all sources in them, by name and content."""
+    """Of all sources in them, by name and code; comments and docstrings move no figure."""
     digest = hashlib.sha256()
     for room in sorted(rooms):
         for path in sorted(room.rglob("*.py")) if room.is_dir() else [room]:
-            digest.update(str(path.relative_to(room.parent)).encode() + b"\0" + path.read_bytes() + b"\0")
+            digest.update(str(path.relative_to(room.parent)).encode() + b"\0" + _code(path.read_bytes()) + b"\0")
     return digest.hexdigest()[:_DIGITS]
+
+
+@cache
+def _code(source: bytes) -> bytes:
+    """Without comments, strings that are a statement of their own, and lines that are empty then."""
+    lines = source.decode().splitlines()
+    tokens = [t for t in tokenize(BytesIO(source).readline) if t.type not in (token.NL, token.ENCODING)]
+    begins = {token.NEWLINE, token.INDENT, token.DEDENT}
+    for before, this, after in reversed(list(zip([None, *tokens], tokens, [*tokens[1:], None]))):
+        alone = before is None or before.type in begins | {token.COMMENT}
+        said = this.type == token.STRING and alone and after is not None and after.type == token.NEWLINE
+        if said or this.type == token.COMMENT:
+            (first, begin), (last, end) = this.start, this.end
+            lines[first - 1 : last] = [lines[first - 1][:begin] + lines[last - 1][end:]]
+    return "\n".join(filter(None, map(str.rstrip, lines))).encode()
 
 
 def config_hash(config: Config) -> str:

@@ -150,7 +150,7 @@ KINECT_SHUTTER = Shutter(0.026, 0.015)  # its colour camera at 30 Hz, indoors
 def nominal_camera(width: int, height: int) -> PinholeCamera:
     """An uncalibrated Kinect's RGB camera (525 px at 640 columns, as ROS' own default), for images of any size [px]."""
     focal = 525.0 * width / 640.0
-    return PinholeCamera(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+    return PinholeCamera(width=width, height=height, fx=focal, fy=focal, cx=0.5 * (width - 1), cy=0.5 * (height - 1))
 
 
 def check_calibration(camera: PinholeCamera, T_base_cam: SE3 | None) -> None:

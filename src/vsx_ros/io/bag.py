@@ -52,7 +52,17 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
         odometry = _odometry(bag, odometry_from) if odometry_from else []
         truth = _ground_truth(bag, truth_from[0]) if truth_from else []
         frames = partial(_frames, path, images)
-        return Recording(path, images, odometry_from, count, camera, odometry, truth, frames, bag.damage)
+        return Recording(
+            source=path,
+            image_topic=images,
+            odometry_topic=odometry_from,
+            frame_count=count,
+            camera=camera,
+            odometry=odometry,
+            ground_truth=truth,
+            open_frames=frames,
+            damage=bag.damage,
+        )
 
 
 def _listing(counts: dict[str, tuple[str, int]]) -> str:

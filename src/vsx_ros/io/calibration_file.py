@@ -40,7 +40,9 @@ def camera_from_info(
             "plumb_bob (5), rational_polynomial (8) or equidistant (4)"
         )
     coefficients = tuple((d + [0.0] * count)[:count])
-    return PinholeCamera(int(width), int(height), k[0], k[4], k[2], k[5], coefficients, known)
+    return PinholeCamera(
+        width=int(width), height=int(height), fx=k[0], fy=k[4], cx=k[2], cy=k[5], distortion=coefficients, model=known
+    )
 
 
 def read_calibration(path: Path) -> PinholeCamera:

@@ -118,7 +118,16 @@ def open_folder(folder: Path) -> Recording:
     camera = read_calibration(calibration) if calibration is not None else None
     odometry = _odometry(folder / "odometry.txt")
     known = sorted(read_trajectory(truth), key=_STAMP) if truth.exists() else []
-    return Recording(folder, None, None, len(listed), camera, odometry, known, frames)
+    return Recording(
+        source=folder,
+        image_topic=None,
+        odometry_topic=None,
+        frame_count=len(listed),
+        camera=camera,
+        odometry=odometry,
+        ground_truth=known,
+        open_frames=frames,
+    )
 
 
 def _listed_images(folder: Path) -> list[tuple[int, str]]:

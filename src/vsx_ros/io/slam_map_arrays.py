@@ -36,7 +36,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] =
     "rotation": ("<f8", ("K", 3, 3), lambda v: v.R_world_cam),
     "translation": ("<f8", ("K", 3), lambda v: v.centres),
     "median_depth": ("<f8", ("K",), lambda v: [k.median_depth for k in v.keyframes]),
-    "chain": ("<i8", ("K",), lambda v: [k.odom_epoch for k in v.keyframes]),
+    "chain": ("<i8", ("K",), lambda v: [k.odom_segment for k in v.keyframes]),
     "map_id": ("<i8", ("K",), lambda v: [k.map_id for k in v.keyframes]),
     "has_odometry": ("|b1", ("K",), lambda v: [k.data.T_odom_base is not None for k in v.keyframes]),
     "odometry": ("<f8", ("K", 3), lambda v: [_pose(k.data.T_odom_base) for k in v.keyframes]),
@@ -61,7 +61,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] =
     "template_patch": ("|u1", ("T", PATCH, PATCH), lambda v: v.templates.patches),
 }
 """Type and shape of every array, and what of a view it is; anchor is -1 for a living keyframe, odometry is x, y, theta
-where there is any, readout_motion as ``moving`` takes it, chain the odometry's epoch."""
+where there is any, readout_motion as ``moving`` takes it, chain the keyframe's odom_segment."""
 
 MAX_KEYFRAMES = 2**16  # Many times those of the largest buildings
 _ORTHONORMAL = 1e-6  # rounding of rotations

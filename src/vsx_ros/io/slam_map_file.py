@@ -106,10 +106,14 @@ def _manifest(entries: Mapping[str, bytes]) -> dict[str, Any]:
 
 def _camera(manifest: Mapping[str, Any]) -> PinholeCamera:
     tree = manifest["camera"]
-    lens = tuple(float(k) for k in tree["distortion"]), str(tree.get("model", PLUMB_BOB))
-    fx, fy, cx, cy = (float(tree[name]) for name in ("fx", "fy", "cx", "cy"))
-    shutter = None if tree.get("shutter") is None else Shutter(*(float(t) for t in tree["shutter"]))
-    return PinholeCamera(int(tree["width"]), int(tree["height"]), fx, fy, cx, cy, *lens, shutter)
+    return PinholeCamera(
+        width=int(tree["width"]),
+        height=int(tree["height"]),
+        **{name: float(tree[name]) for name in ("fx", "fy", "cx", "cy")},
+        distortion=tuple(float(k) for k in tree["distortion"]),
+        model=str(tree.get("model", PLUMB_BOB)),
+        shutter=None if tree.get("shutter") is None else Shutter(*(float(t) for t in tree["shutter"])),
+    )
 
 
 def _mount(manifest: Mapping[str, Any]) -> SE3 | None:
@@ -127,10 +131,19 @@ def _view(arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera, v
     parts = (slice(*pair) for pair in pairwise(ends))
     frames = tuple(_keyframe(k, part, arrays, entries, camera) for k, part in enumerate(parts))
     living, depths = np.flatnonzero(arrays["anchor"] < 0), np.array([k.median_depth or 1.0 for k in frames])
-    poses, points = (arrays["rotation"], arrays["translation"]), (arrays["point"], arrays["point_alive"])
-    parts_of = (arrays[f"template_{name}"] for name in ("source", "basis", "offset", "patch"))
-    templates = Templates(arrays["point_templates"], *parts_of)
-    return MapView(version, frames, living, *poses, depths, *points, arrays["point_source"], templates)
+    names = "point_templates", "template_source", "template_basis", "template_offset", "template_patch"
+    return MapView(
+        version=version,
+        keyframes=frames,
+        living=living,
+        R_world_cam=arrays["rotation"],
+        centres=arrays["translation"],
+        depths=depths,
+        points=arrays["point"],
+        alive=arrays["point_alive"],
+        source=arrays["point_source"],
+        templates=Templates._make(arrays[name] for name in names),
+    )
 
 
 def _keyframe(k: int, part: slice, arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera) -> KeyFrame:
@@ -141,8 +154,17 @@ def _keyframe(k: int, part: slice, arrays: Arrays, entries: Mapping[str, bytes],
         T = SE3(arrays["anchor_rotation"][k], arrays["anchor_translation"][k])
         anchor = Anchor(int(arrays["anchor"][k]), T)
     T_world_cam = SE3(arrays["rotation"][k], arrays["translation"][k])
-    depth, epoch, map_id = float(arrays["median_depth"][k]), int(arrays["chain"][k]), int(arrays["map_id"][k])
-    return KeyFrame(k, _frame_data(k, arrays, entries, camera), T_world_cam, observed, depth, epoch, anchor, map_id)
+    depth, segment, map_id = float(arrays["median_depth"][k]), int(arrays["chain"][k]), int(arrays["map_id"][k])
+    return KeyFrame(
+        id=k,
+        data=_frame_data(k, arrays, entries, camera),
+        T_world_cam=T_world_cam,
+        observations=observed,
+        median_depth=depth,
+        odom_segment=segment,
+        anchor=anchor,
+        map_id=map_id,
+    )
 
 
 def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera) -> FrameData:
@@ -157,7 +179,14 @@ def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: Pi
     ends = first + np.cumsum(counts[k])
     corners = indexed(np.split(arrays["corner"][first : ends[-1]], ends[:-1] - first), pyramid)
     own = moving(kernel_camera(camera), arrays["readout_motion"][k])
-    return FrameData(stamp_ns, pyramid, corners, small_image(pyramid), T_odom_base, own)
+    return FrameData(
+        stamp_ns=stamp_ns,
+        pyramid=pyramid,
+        corners=corners,
+        small=small_image(pyramid),
+        T_odom_base=T_odom_base,
+        camera=own,
+    )
 
 
 def array_name(name: str) -> str:

@@ -23,7 +23,15 @@ from vsx_ros.sim.renderer import Picture, Renderer, lit
 PosesAt = Callable[[IntArray], FloatArray]
 """(N,) stamps [ns] to (N, 4) x, y [m], theta [rad] and travelled path [m] of the base, as ``Body.poses_at``."""
 
-KINECT = PinholeCamera(640, 480, 517.3, 516.5, 318.6, 255.3, (0.262383, -0.953104, -0.005358, 0.002628, 1.163314))
+KINECT = PinholeCamera(
+    width=640,
+    height=480,
+    fx=517.3,
+    fy=516.5,
+    cx=318.6,
+    cy=255.3,
+    distortion=(0.262383, -0.953104, -0.005358, 0.002628, 1.163314),
+)
 """Colour camera of one Kinect (TUM RGB-D benchmark, sequence family fr1)."""
 
 VIBRATION_WAVES_PER_M = np.array([7.0, 13.0, 23.0, 41.0])  # incommensurable: joints of a floor, treads, wheels

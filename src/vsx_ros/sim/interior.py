@@ -146,9 +146,19 @@ class _Hanging(NamedTuple):
     raised: float
 
 
-_POSTERS = _Hanging((0.5, 0.9), (0.5, 0.9), (0.5, 1.1), (0.55, 1.1), (0.8, 1.2), 0.5, 0.3)
+_POSTERS = _Hanging(
+    first=(0.5, 0.9), width=(0.5, 0.9), height=(0.5, 1.1), middle=(0.55, 1.1), spacing=(0.8, 1.2), end=0.5, raised=0.3
+)
 # Small things low on the walls: sockets, signs, vents.
-_NOTICES = _Hanging((0.2, 0.6), (0.12, 0.34), (0.12, 0.34), (0.3, 0.6), (0.6, 1.4), 0.2, 0.0)
+_NOTICES = _Hanging(
+    first=(0.2, 0.6),
+    width=(0.12, 0.34),
+    height=(0.12, 0.34),
+    middle=(0.3, 0.6),
+    spacing=(0.6, 1.4),
+    end=0.2,
+    raised=0.0,
+)
 
 
 def _hung(rng: Rng, stretches: Stretches, kind: _Hanging, spacing_m: float) -> list[Poster]:

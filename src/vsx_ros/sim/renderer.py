@@ -120,7 +120,7 @@ class Renderer:
         radiance = np.zeros(shape, np.float32)
         depth = np.zeros(shape if want_depth else (0, 0), np.float32)
         ident = np.full(shape if want_depth else (0, 0), -1, np.int32)
-        view = View(self._scene, forms, self._rx, self._ry, bayer)
+        view = View(scene=self._scene, forms=forms, rx=self._rx, ry=self._ry, bayer=bayer)
 
         def rows(first: int, last: int) -> None:
             render_tile_rows(first, last, view, pool, self._bounds, radiance, depth, ident)

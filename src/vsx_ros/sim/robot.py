@@ -122,4 +122,11 @@ class EmulatedRobot:
         R, t = self.camera.poses_cam(base)
         x, y, theta, path = (float(v) for v in base[0])
         body = self.body
-        return Truth(stamp_ns, SE2(x, y, theta), SE3(R[0], t[0]), path, body.collisions, body.min_clearance_m)
+        return Truth(
+            stamp_ns=stamp_ns,
+            T_world_base=SE2(x, y, theta),
+            T_world_cam=SE3(R[0], t[0]),
+            path_length_m=path,
+            collisions=body.collisions,
+            min_clearance_m=body.min_clearance_m,
+        )

@@ -144,9 +144,8 @@ class BundleAdjuster:
         n = len(found)
         pairs = np.array([(a, b) for a, b, _ in found], np.int64).reshape(n, 2)
         information = np.array([factor.information for _, _, factor in found]).reshape(n, 6, 6)
-        return Factors(
-            pairs[:, 0].copy(), pairs[:, 1].copy(), *stacked([factor.T_a_b for _, _, factor in found]), information
-        )
+        R, t = stacked([factor.T_a_b for _, _, factor in found])
+        return Factors(a=pairs[:, 0].copy(), b=pairs[:, 1].copy(), R=R, t=t, information=information)
 
     def _knows_floor(self, world: Map) -> bool:
         return self._T_base_cam is not None and world.is_metric(0)
@@ -160,11 +159,11 @@ class BundleAdjuster:
         on_wheels = [k.data.T_odom_base is not None and level[k.map_id] for k in keyframes]
         tilt = self._noise.floor_tilt_sigma_rad
         return Floor(
-            np.flatnonzero(on_wheels),
-            np.array(self._T_base_cam.rotation),
-            np.array(self._T_base_cam.inverse().translation),
-            np.array([self._noise.floor_height_sigma_m, tilt, tilt]),
-            frames.index(0) if 0 in frames else -1,
+            frames=np.flatnonzero(on_wheels),
+            R_base_cam=np.array(self._T_base_cam.rotation),
+            base_in_cam=np.array(self._T_base_cam.inverse().translation),
+            sigma=np.array([self._noise.floor_height_sigma_m, tilt, tilt]),
+            anchor=frames.index(0) if 0 in frames else -1,
         )
 
 
@@ -193,7 +192,9 @@ def _observed(world: Map, frames: list[int], seen: BoolArray) -> tuple[IntArray,
     order = order[np.count_nonzero(local < 0) :]
     start = np.concatenate([[0], np.cumsum(counts[wanted])])
     scale: FloatArray = np.power(0.5, every.level[order])
-    return wanted, Observations(start, local[order], frame[order], every.ideal[order], scale)
+    return wanted, Observations(
+        start=start, point=local[order], frame=frame[order], xy=every.ideal[order], weight=scale
+    )
 
 
 def _discard(world: Map, frames: IntArray, rows: IntArray) -> None:

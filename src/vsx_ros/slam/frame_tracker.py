@@ -9,7 +9,8 @@ from vsx_ros.slam.keyframe import FrameData, MapView
 from vsx_ros.slam.local_map import LocalMap
 from vsx_ros.slam.odometry import MotionModel, Prediction
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.tracker import Track, Tracker
+from vsx_ros.slam.track import Track
+from vsx_ros.slam.tracker import Tracker
 from vsx_ros.slam.uncertainty import PoseUncertainty
 
 MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06  # of a frame from where odometry has it; more is a mistake

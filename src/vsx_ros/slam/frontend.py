@@ -21,7 +21,8 @@ from vsx_ros.slam.odometry import MotionModel, OdometryConsistency
 from vsx_ros.slam.preprocessing import Preprocessor
 from vsx_ros.slam.recovery import Recovery, Relocalization
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
-from vsx_ros.slam.tracker import Track, Tracker, nothing_tracked
+from vsx_ros.slam.track import Track, nothing_tracked
+from vsx_ros.slam.tracker import Tracker
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 
@@ -42,8 +43,8 @@ class FrontEnd:
         self._consistency = OdometryConsistency(T_base_cam)
         self.tracking = FrameTracker(config, self._tracker, self._motion)
         self._view = self._here = Map().view()
-        self._reference = self._map_id = self._epoch = 0
-        self._epochs = count(1)
+        self._reference = self._map_id = self._segment = 0
+        self._segments = count(1)
         self._corrected, self._since_keyframe, self._keyframe_ns = False, 0, 0
         self.record = TrackingRecord()
         self.events: list[SlamEvent] = []
@@ -72,7 +73,9 @@ class FrontEnd:
     def _process(self, data: FrameData) -> Outcome:
         self.tracking.last = None
         if not self._view.keyframes:
-            return self._start(data)
+            reason, pair = self._bootstrap.next_pair(data)
+            self.record.frame_without_map(data.stamp_ns)
+            return TrackingResult(data.stamp_ns, TrackingState.NOT_INITIALISED, reason=reason), pair
         self._since_keyframe += 1
         if self._motion.last_pose is None:
             return self._recover(data, self._unplaced(data), None)
@@ -87,8 +90,8 @@ class FrontEnd:
 
     def resume(self, view: MapView) -> None:
         """Begin in a map made before, lost: the camera is looked for everywhere in it."""
-        self._epochs = count(1 + max(keyframe.odom_epoch for keyframe in view.keyframes))
-        self._epoch = next(self._epochs)
+        self._segments = count(1 + max(keyframe.odom_segment for keyframe in view.keyframes))
+        self._segment = next(self._segments)
         self._enter(view, 0)
 
     def use(self, view: MapView) -> None:
@@ -127,15 +130,16 @@ class FrontEnd:
             self.use(view)
             return None
         self._enter(view, newest.map_id)
-        self._epoch = newest.odom_epoch
+        self._segment = newest.odom_segment
         self._reference = len(view.keyframes) - 1
         self._motion.update(pair.second, newest.T_world_cam, measured=False)
         self._recovery.over(pair.second)
         self._since_keyframe, self._keyframe_ns = 0, pair.second.stamp_ns
         self.tracking.coarse_next = True
         result = TrackingResult(
-            pair.second.stamp_ns, TrackingState.GOOD, None, found, found, True, "map started", newest.map_id
-        )
+            pair.second.stamp_ns, TrackingState.GOOD, searched=found, found=found, keyframe_added=True,
+            reason="map started", map_id=newest.map_id,
+        )  # fmt: skip
         return self._told(result.placed(newest.T_world_cam))
 
     def refused(self, reason: str) -> None:
@@ -152,11 +156,6 @@ class FrontEnd:
         """The run so far."""
         return self.record.statistics(len(self._view.living), int(np.count_nonzero(self._view.alive)))
 
-    def _start(self, data: FrameData) -> Outcome:
-        reason, pair = self._bootstrap.next_pair(data)
-        self.record.frame_without_map(data.stamp_ns)
-        return TrackingResult(data.stamp_ns, TrackingState.NOT_INITIALISED, None, 0, 0, False, reason), pair
-
     def _tracked(self, data: FrameData, track: Track, reference: int, local: LocalMap) -> Outcome:
         self._motion.update(data, track.T_world_cam, measured=True)
         if is_sure(track) and (change := self._consistency.compare(track.T_world_cam)):
@@ -169,25 +168,25 @@ class FrontEnd:
         self._reference, self.tracking.coarse_next = reference, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
         local.leave_out(self.record.hopeless(local.rows))
-        new = self._has_waited(data) and becomes_keyframe(self._config.keyframes, local.linked, track, reference)
-        added = new and not data.blurred
+        config, seconds = self._config.keyframes, (data.stamp_ns - self._keyframe_ns) * 1e-9
+        has_waited = self._since_keyframe >= config.min_gap_frames or seconds >= config.min_gap_s
+        added = has_waited and not data.blurred and becomes_keyframe(config, local.linked, track, reference)
         request = self._request(data, track) if added else None
         result = TrackingResult(
-            data.stamp_ns, track.state, None, len(track.searched_rows), len(track.rows), added, track.reason,
-            map_id=self._map_id, corrected=self._corrected, covariance=self.tracking.covariance(track, local),
+            data.stamp_ns, track.state, searched=len(track.searched_rows), found=len(track.rows), keyframe_added=added,
+            reason=track.reason, map_id=self._map_id, corrected=self._corrected,
+            covariance=self.tracking.covariance(track, local),
         )  # fmt: skip
         self._corrected = False
         return result.placed(track.T_world_cam), request
 
-    def _has_waited(self, data: FrameData) -> bool:
-        """Whether the last keyframe is long enough ago for another one."""
-        config, seconds = self._config.keyframes, (data.stamp_ns - self._keyframe_ns) * 1e-9
-        return self._since_keyframe >= config.min_gap_frames or seconds >= config.min_gap_s
-
     def _request(self, data: FrameData, track: Track) -> KeyFrameRequest:
         self._since_keyframe, self._keyframe_ns = 0, data.stamp_ns
-        seen = track.rows[track.settled], track.uv[track.settled], track.level[track.settled]
-        return KeyFrameRequest(data, self._anchor(track.T_world_cam), self._epoch, *seen, *self.record.counts())
+        settled, (searched, found) = track.settled, self.record.counts()
+        return KeyFrameRequest(
+            data, self._anchor(track.T_world_cam), self._segment, rows=track.rows[settled], uv=track.uv[settled],
+            level=track.level[settled], searched=searched, found=found,
+        )  # fmt: skip
 
     def _recover(self, data: FrameData, track: Track, by_odometry: SE3 | None) -> Outcome:
         """Too little was found: try everything to find the camera again, at once and in every frame."""
@@ -203,7 +202,7 @@ class FrontEnd:
         if recovery.is_lost and not was_lost:
             self._event(data.stamp_ns, "lost", track.reason)
         pair = None if data.blurred else self._bootstrap.claim(recovery.second_map(data, by_odometry is not None))
-        pair = pair._replace(odom_epoch=next(self._epochs)) if pair is not None else None
+        pair = pair._replace(odom_segment=next(self._segments)) if pair is not None else None
         request = None
         if by_odometry is not None:
             self._motion.update(data, by_odometry, measured=False)
@@ -218,18 +217,18 @@ class FrontEnd:
         reason = track.reason + ("; position by odometry" if trusted is not None else "")
         known = None if trusted is None else self.tracking.covariance_by_odometry()
         result = TrackingResult(
-            data.stamp_ns, state, trusted, len(track.searched_rows), 0, request is not None, reason, self._map_id,
-            by_odometry, covariance=known,
+            data.stamp_ns, state, trusted, searched=len(track.searched_rows), keyframe_added=request is not None,
+            reason=reason, map_id=self._map_id, T_map_cam=by_odometry, covariance=known,
         )  # fmt: skip
         return result, pair or request
 
     def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> Outcome:
-        """The camera is somewhere in the maps; where odometry does not vouch for the way, its next epoch begins."""
+        """The camera is somewhere in the maps; where odometry does not vouch for the way, its next segment begins."""
         expected = self._recovery.expected_pose(by_odometry, self._map_id)
         firm = expected is not None and expected.is_firm
         far = self._recovery.is_lost or found.map_id != self._map_id
         if not firm and (far or by_odometry is not None):
-            self._epoch = next(self._epochs)
+            self._segment = next(self._segments)
         self._enter(self._view, found.map_id)
         outcome = self._tracked(data, found.track, found.reference, self.tracking.around(self._here, found.reference))
         self.tracking.coarse_next = True

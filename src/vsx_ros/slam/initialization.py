@@ -65,7 +65,9 @@ class Initializer:
         return "odometry is silent: waiting for it"
 
     def _restart(self, data: FrameData, reason: str) -> str:
-        keyframe = KeyFrame(0, data, SE3.identity(), Observations.none(), 0.0)
+        keyframe = KeyFrame(
+            id=0, data=data, T_world_cam=SE3.identity(), observations=Observations.none(), median_depth=0.0
+        )
         self._reference = self._last = data
         self._heard_ns = data.stamp_ns
         self._candidates = candidates_in(keyframe, TRAILS)
@@ -121,7 +123,15 @@ class Initializer:
         if self._T_base_cam is not None and reference.T_odom_base is not None:
             T_world_first = SE3.from_se2(reference.T_odom_base) @ self._T_base_cam
         uv = np.ascontiguousarray(self._positions[self._sure])
-        return InitialPair(reference, data, T_world_first, odometry, self._candidates, index, uv)
+        return InitialPair(
+            first=reference,
+            second=data,
+            T_world_first=T_world_first,
+            odometry=odometry,
+            candidates=self._candidates,
+            chosen=index,
+            uv=uv,
+        )
 
 
 def _flow(before: GrayImage, now: GrayImage, start: Pixels, guess: Pixels) -> tuple[Pixels, BoolArray]:

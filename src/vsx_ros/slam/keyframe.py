@@ -72,7 +72,12 @@ class FrameData(NamedTuple):
         """The instant and odometry alone."""
         nothing = Pyramid(np.zeros(0, np.uint8), np.zeros((LEVELS, 4), np.int64))
         return FrameData(
-            stamp_ns, nothing, no_corners(nothing), np.zeros((0, 0), np.float32), T_odom_base, np.zeros(CAMERA)
+            stamp_ns=stamp_ns,
+            pyramid=nothing,
+            corners=no_corners(nothing),
+            small=np.zeros((0, 0), np.float32),
+            T_odom_base=T_odom_base,
+            camera=np.zeros(CAMERA),
         )
 
 
@@ -80,7 +85,7 @@ class FrameData(NamedTuple):
 class KeyFrame:
     """A frame the map is made of. Replaced, never changed.
 
-    odom_epoch: odometry tells the way between successive living keyframes of one epoch, never between two. A culled
+    odom_segment: odometry tells the way between successive living keyframes of one segment, never between two. A culled
     keyframe has an anchor, no image and no observations; its pose is still that of the templates cut from it. map_id:
     0 is the first map, whose frame is the world; others, begun where the first was out of sight, have frames of their
     own until they are joined with it. scale: the length now of what was 1 when the keyframe was made."""
@@ -90,7 +95,7 @@ class KeyFrame:
     T_world_cam: SE3
     observations: Observations
     median_depth: float
-    odom_epoch: int = 0
+    odom_segment: int = 0
     anchor: Anchor | None = None
     map_id: int = 0
     scale: float = 1.0
@@ -198,7 +203,9 @@ class TemplateStore:
 
     def view(self) -> Templates:
         """All templates, for searching."""
-        return Templates(self._of_point[: self._points].copy(), *(column[: self._count] for column in self._columns))
+        return Templates._make(
+            [self._of_point[: self._points].copy(), *(rows[: self._count] for rows in self._columns)]
+        )
 
 
 def grown(rows: NDArray[Entry], needed: int) -> NDArray[Entry]:

@@ -10,7 +10,7 @@ from vsx_ros.config.maps import KeyframeConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import MapView
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.tracker import Track
+from vsx_ros.slam.track import Track
 
 # Keyframes: nearest by place; of those the ones with most shared points; and the nearest in any case.
 NEAREST, COVISIBLE, ALWAYS = 40, 12, 4
@@ -45,7 +45,10 @@ class LocalMap:
             chosen.append(reference)
         self.keyframes = chosen
         seen = [view.keyframes[k].observations.rows for k in chosen]
-        self._seen, self._seer = np.concatenate(seen), np.repeat(np.arange(len(chosen)), [len(rows) for rows in seen])
+        self._seen, self._observer = (
+            np.concatenate(seen),
+            np.repeat(np.arange(len(chosen)), [len(rows) for rows in seen]),
+        )
         mark[self._seen] = True
         self.rows: IntArray = np.flatnonzero(mark & view.alive)
 
@@ -65,7 +68,7 @@ class LocalMap:
         """The keyframe that sees most of the found points; the reference stays unless another one is 20 % better."""
         mark = np.zeros(len(self.view.points), np.bool_)
         mark[found] = True
-        counts = np.bincount(self._seer[mark[self._seen]], minlength=len(self.keyframes))
+        counts = np.bincount(self._observer[mark[self._seen]], minlength=len(self.keyframes))
         best = max(range(len(counts)), key=lambda i: (counts[i], -self.keyframes[i]))
         current = counts[self.keyframes.index(self.reference)]
         return self.keyframes[best] if counts[best] > 1.2 * current else self.reference

@@ -126,7 +126,9 @@ class LoopDetector:
                 return None
             factor = float(np.exp(middle))
         T_older_newer = world.keyframes[seen.keyframe].T_world_cam.inverse() @ track.T_world_cam
-        return LoopClosure(seen.keyframe, index, T_older_newer, factor, len(track.rows))
+        return LoopClosure(
+            older=seen.keyframe, newer=index, T_older_newer=T_older_newer, factor=factor, points=len(track.rows)
+        )
 
     def _agree(self, world: Map, a: LoopClosure, b: LoopClosure) -> bool:
         """Whether two keyframes tell of the same displacement; one that was culled since tells of none."""

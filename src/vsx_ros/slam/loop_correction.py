@@ -59,11 +59,16 @@ def optimize_pose_graph(world: Map, map_id: int, loops: list[LoopClosure], free_
     before = [world.keyframes[k].T_world_cam for k in nodes]
     metre = unit_of(world.keyframes, loops[-1].newer, loops[-1].older).metre
     sigma = LOOP_SIGMA * np.repeat([metre, 1.0], [3, 4])
-    edges = [_Edge(number[e.older], number[e.newer], e.T_older_newer, e.factor, sigma) for e in loops]
+    edges = [
+        _Edge(a=number[e.older], b=number[e.newer], T_a_b=e.T_older_newer, scale=e.factor, sigma=sigma) for e in loops
+    ]
     edges += _edges_within(world, nodes, before)
     a, b, T_a_b, scale, sigmas = zip(*edges)
     information = np.array([np.diag(s**-2.0) for s in sigmas])
-    graph = Edges(np.array(a, np.int64), np.array(b, np.int64), *stacked(T_a_b), np.array(scale), information)
+    R, t = stacked(T_a_b)
+    graph = Edges(
+        a=np.array(a, np.int64), b=np.array(b, np.int64), R=R, t=t, s=np.array(scale), information=information
+    )
     fixed = np.arange(len(nodes)) == 0
     R, t, s, _ = optimize_graph(*stacked(before), np.ones(len(nodes)), fixed, graph, free_scale, ITERATIONS)
     after = [SE3(*pose) for pose in zip(R, t)]
@@ -109,7 +114,7 @@ def _edge(world: Map, nodes: list[int], poses: list[SE3], a: int, b: int, loose:
     angle = ANGLE_RAD + ANGLE_RAD_M * distance / metre
     scale = SCALE + SCALE_RATIO * distance / depth
     sigma = np.array([off] * 3 + [angle] * 3 + [scale])
-    return _Edge(a, b, T_a_b, 1.0, LOOSE * sigma if loose else sigma)
+    return _Edge(a=a, b=b, T_a_b=T_a_b, scale=1.0, sigma=LOOSE * sigma if loose else sigma)
 
 
 def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) -> SlamEvent:

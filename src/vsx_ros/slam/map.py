@@ -26,11 +26,11 @@ _ENOUGH_DEPTHS = 5  # points whose median depth can be believed; with fewer the 
 
 class Map:
     """The mutable map. points (P, 3) world; alive (P,): whether a row is still in the map; source (P,): the keyframe
-    index each was made in. Rows are never reused. odom_epoch is that of the keyframes to come."""
+    index each was made in. Rows are never reused. odom_segment is that of the keyframes to come."""
 
     def __init__(self) -> None:
         self.version = 0
-        self.odom_epoch = 0
+        self.odom_segment = 0
         self.keyframes: list[KeyFrame] = []
         self._carried: dict[int, list[int]] = {}
         self._observers = PointObservers()
@@ -41,10 +41,10 @@ class Map:
 
     @staticmethod
     def resumed(view: MapView) -> Map:
-        """The map of a view, to go on with; its new keyframes begin an odometry epoch of their own."""
+        """The map of a view, to go on with; its new keyframes begin an odometry segment of their own."""
         world = Map()
         world.version, world.keyframes = view.version, list(view.keyframes)
-        world.odom_epoch = 1 + max(keyframe.odom_epoch for keyframe in view.keyframes)
+        world.odom_segment = 1 + max(keyframe.odom_segment for keyframe in view.keyframes)
         for k, keyframe in enumerate(view.keyframes):
             if keyframe.anchor is not None:
                 world._carried.setdefault(keyframe.anchor.keyframe, []).append(k)
@@ -61,7 +61,18 @@ class Map:
         """Append a keyframe; returns its index, which is also its id."""
         index = len(self.keyframes)
         depth = self.keyframes[-1].median_depth if self.keyframes else 0.0
-        self.keyframes.append(KeyFrame(index, data, T_world_cam, observations, depth, self.odom_epoch, None, map_id))
+        self.keyframes.append(
+            KeyFrame(
+                id=index,
+                data=data,
+                T_world_cam=T_world_cam,
+                observations=observations,
+                median_depth=depth,
+                odom_segment=self.odom_segment,
+                anchor=None,
+                map_id=map_id,
+            )
+        )
         self._observers.add(index, observations.rows)
         self.update_depth(index)
         return index
@@ -138,19 +149,19 @@ class Map:
         return first.data.T_odom_base is not None
 
     def predecessors(self, index: int) -> Iterator[int]:
-        """The living keyframes before this one in its epoch, latest first."""
-        epoch = self.keyframes[index].odom_epoch
+        """The living keyframes before this one in its segment, latest first."""
+        segment = self.keyframes[index].odom_segment
         before = range(index - 1, -1, -1)
-        return (k for k in before if self.keyframes[k].alive and self.keyframes[k].odom_epoch == epoch)
+        return (k for k in before if self.keyframes[k].alive and self.keyframes[k].odom_segment == segment)
 
     def predecessor(self, index: int) -> int | None:
         """The first of them, None where there is none."""
         return next(self.predecessors(index), None)
 
     def successor(self, index: int) -> int | None:
-        """The living keyframe after this one in its epoch, None for the last."""
-        epoch = self.keyframes[index].odom_epoch
-        return next((k for k in self.living if k > index and self.keyframes[k].odom_epoch == epoch), None)
+        """The living keyframe after this one in its segment, None for the last."""
+        segment = self.keyframes[index].odom_segment
+        return next((k for k in self.living if k > index and self.keyframes[k].odom_segment == segment), None)
 
     def observers(self, rows: IntArray) -> list[int]:
         """All living keyframes that see any of the points (rows), and some that do not, ascending."""
@@ -224,14 +235,16 @@ class Map:
 
     def view(self) -> MapView:
         """What the tracker works on until the next version."""
+        R, centres = stacked([k.T_world_cam for k in self.keyframes])
         return MapView(
-            self.version,
-            tuple(self.keyframes),
-            np.array(self.living, np.int64),
-            *stacked([k.T_world_cam for k in self.keyframes]),
-            np.array([k.median_depth or 1.0 for k in self.keyframes]),
-            self.points.copy(),
-            self.alive.copy(),
-            self.source.copy(),
-            self.templates.view(),
+            version=self.version,
+            keyframes=tuple(self.keyframes),
+            living=np.array(self.living, np.int64),
+            R_world_cam=R,
+            centres=centres,
+            depths=np.array([k.median_depth or 1.0 for k in self.keyframes]),
+            points=self.points.copy(),
+            alive=self.alive.copy(),
+            source=self.source.copy(),
+            templates=self.templates.view(),
         )

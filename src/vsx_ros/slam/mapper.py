@@ -35,11 +35,11 @@ BASELINES = (0.07, 0.025, 0.12, 0.045)
 
 class KeyFrameRequest(NamedTuple):
     """A tracked frame that shall enter the map. anchor: its pose by its reference keyframe, which may have moved since.
-    odom_epoch: see KeyFrame. searched, found (P,): the tracker's counts per point so far."""
+    odom_segment: see KeyFrame. searched, found (P,): the tracker's counts per point so far."""
 
     data: FrameData
     anchor: Anchor
-    odom_epoch: int
+    odom_segment: int
     rows: IntArray
     uv: FloatArray
     level: IntArray
@@ -70,7 +70,7 @@ class Mapper:
             return start
         world = self.map
         map_id = 1 + max((keyframe.map_id for keyframe in world.keyframes), default=-1)
-        world.odom_epoch = pair.odom_epoch
+        world.odom_segment = pair.odom_segment
         first = world.add_keyframe(self._with_corners(pair.first), start.poses[0], Observations.none(), map_id)
         second = world.add_keyframe(self._with_corners(pair.second), start.poses[1], Observations.none(), map_id)
         self._points.enter(first, second, pair.candidates, start.matches)
@@ -91,7 +91,7 @@ class Mapper:
         if not world.keyframes:
             return world.view()
         pose, map_id = request.anchor.pose(world.keyframes), world.keyframes[request.anchor.keyframe].map_id
-        world.odom_epoch = request.odom_epoch
+        world.odom_segment = request.odom_segment
         observed = observations_at(request.data, pose, world.points, request.rows, request.uv, request.level)
         self._points.remove_unfound(request.searched, request.found)
         observed = observed.where(world.alive[observed.rows])

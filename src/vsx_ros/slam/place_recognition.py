@@ -14,7 +14,8 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations
 from vsx_ros.slam.local_map import LocalMap
-from vsx_ros.slam.tracker import Track, Tracker
+from vsx_ros.slam.track import Track
+from vsx_ros.slam.tracker import Tracker
 from vsx_ros.vision.corners import Features, describe, match
 from vsx_ros.vision.pyramid import SmallImage
 

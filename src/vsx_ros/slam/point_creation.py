@@ -71,7 +71,7 @@ def candidates_in(keyframe: KeyFrame, budget: int) -> Candidates:
         uv, levels = from_level(corners.astype(float), level), np.full(len(corners), level, np.int64)
         rays, patches = cast_rays(keyframe.data.camera, corners, level), cut_patches(pyramid, corners, level)
         parts.append((uv, levels, *rays, patches))
-    return Candidates(*(np.concatenate(column) for column in zip(*parts)))
+    return Candidates._make(np.concatenate(column) for column in zip(*parts))
 
 
 def masked(camera: FloatArray, level: int, shape: tuple[int, ...]) -> BoolArray:

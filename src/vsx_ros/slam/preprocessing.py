@@ -102,10 +102,25 @@ class Preprocessor:
         small = small_image(pyramid)
         if self._is_frozen(pyramid, T_odom_base):
             self._gap(frame.stamp_ns, "the image is the last one to the bit though the base moves: the camera hangs")
-            return FrameData(frame.stamp_ns, pyramid, no_corners(pyramid), small, T_odom_base, array)
+            return FrameData(
+                stamp_ns=frame.stamp_ns,
+                pyramid=pyramid,
+                corners=no_corners(pyramid),
+                small=small,
+                T_odom_base=T_odom_base,
+                camera=array,
+            )
         blurred = self._blur.blurred(pyramid)
         corners = self._detector.detect(pyramid, steer=not blurred)
-        return FrameData(frame.stamp_ns, pyramid, corners, small, T_odom_base, array, blurred)
+        return FrameData(
+            stamp_ns=frame.stamp_ns,
+            pyramid=pyramid,
+            corners=corners,
+            small=small,
+            T_odom_base=T_odom_base,
+            camera=array,
+            blurred=blurred,
+        )
 
     def _is_frozen(self, pyramid: Pyramid, T_odom_base: SE2 | None) -> bool:
         """Whether the camera repeats its last image, which noise never does, though the base has moved since."""

@@ -16,7 +16,8 @@ from vsx_ros.slam.local_map import LocalMap, nearest_keyframes
 from vsx_ros.slam.odometry import MotionModel, motion_by_odometry
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, occupied_cells
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.tracker import Track, Tracker
+from vsx_ros.slam.track import Track
+from vsx_ros.slam.tracker import Tracker
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 from vsx_ros.vision.corners import features_of
 from vsx_ros.vision.pyramid import rotation_between

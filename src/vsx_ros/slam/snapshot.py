@@ -11,7 +11,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import MapView, Observations
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.tracker import Track
+from vsx_ros.slam.track import Track
 
 _SAME = 1e-6  # of calibrations: what printing numbers to files may change
 
@@ -46,17 +46,17 @@ def snapshot(view: MapView) -> MapSnapshot:
     kept = number[every.rows] >= 0
     observed = every.where(kept)
     return MapSnapshot(
-        view.version,
-        np.array([k.id for k in keyframes], np.int64),
-        np.array([k.data.stamp_ns for k in keyframes], np.int64),
-        tuple(k.T_world_cam for k in keyframes),
-        tuple(k.data.pyramid.level(0) for k in keyframes),
-        rows,
-        view.points[rows],
-        observer[kept],
-        number[observed.rows],
-        observed.uv,
-        observed.level,
+        version=view.version,
+        keyframe_ids=np.array([k.id for k in keyframes], np.int64),
+        keyframe_stamps_ns=np.array([k.data.stamp_ns for k in keyframes], np.int64),
+        T_world_cams=tuple(k.T_world_cam for k in keyframes),
+        images=tuple(k.data.pyramid.level(0) for k in keyframes),
+        point_ids=rows,
+        points_world=view.points[rows],
+        obs_keyframe=observer[kept],
+        obs_point=number[observed.rows],
+        obs_uv=observed.uv,
+        obs_level=observed.level,
     )
 
 

@@ -42,11 +42,11 @@ class TrackingResult(NamedTuple):
 
     stamp_ns: int
     state: TrackingState
-    T_world_cam: SE3 | None
-    searched: int
-    found: int
-    keyframe_added: bool
-    reason: str
+    T_world_cam: SE3 | None = None
+    searched: int = 0
+    found: int = 0
+    keyframe_added: bool = False
+    reason: str = ""
     map_id: int = 0
     T_map_cam: SE3 | None = None
     corrected: bool = False

@@ -13,6 +13,7 @@ from vsx_ros.kernels.slam.pose import optimize_pose
 from vsx_ros.kernels.vision.search import predict, search, warp_templates
 from vsx_ros.slam.keyframe import FrameData, MapView
 from vsx_ros.slam.state import TrackingState
+from vsx_ros.slam.track import Track
 from vsx_ros.vision.patch_search import Predictions, find_patches
 
 COARSE_POINTS = 80  # enough for a first pose; all would cost the time of the fine search again
@@ -30,43 +31,6 @@ FIRST, SECOND = (4, 7), (1, 12)
 # known exactly leave more, and beyond that they are other things of the same look.
 SIGMA_MIN_PX, SIGMA_MAX_PX = 0.4, 3.0
 TINY = 1e-6  # information of nothing at all, so that all poses have a covariance
-
-
-class Track(NamedTuple):
-    """Outcome for one frame. rows, uv, level (F,): points found where the pose puts them; searched_rows: all that were
-    looked for. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden_rows: those of the
-    searched that were not found and lie behind found ones. blurred: the image was; what is not found in it may be
-    there. settled (F,): which of the found lie so near to where they should be that they may become observations.
-    sigma_px: robust standard deviation of the found about their places, px of their level."""
-
-    T_world_cam: SE3
-    state: TrackingState
-    rows: IntArray
-    uv: Pixels
-    level: IntArray
-    searched_rows: IntArray
-    information: FloatArray
-    reason: str
-    hidden_rows: IntArray = np.zeros(0, np.int64)
-    blurred: bool = False
-    settled: BoolArray = np.zeros(0, np.bool_)
-    sigma_px: float = 0.0
-
-    @property
-    def ratio(self) -> float:
-        """Found over searched."""
-        return len(self.rows) / max(1, len(self.searched_rows))
-
-    @property
-    def visible_ratio(self) -> float:
-        """Found over those of the searched that no found point hides."""
-        return len(self.rows) / max(1, len(self.searched_rows) - len(self.hidden_rows))
-
-
-def nothing_tracked(reason: str, T_world_cam: SE3 | None = None) -> Track:
-    """A frame no point was looked for in; the pose is the one given, or means nothing."""
-    none, pose = np.zeros(0, np.int64), T_world_cam or SE3.identity()
-    return Track(pose, TrackingState.LOST, none, np.zeros((0, 2)), none, none, np.zeros((6, 6)), reason)
 
 
 class PoseEstimate(NamedTuple):
@@ -247,8 +211,8 @@ def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> BoolArray:
 
 def predicted(camera: FloatArray, T_cam_world: SE3, view: MapView, rows: IntArray) -> Predictions:
     """Which of the points (rows) are visible from a pose, and where. camera (CAMERA,): the image's."""
-    return Predictions(
-        *predict(
+    return Predictions._make(
+        predict(
             camera, T_cam_world.rotation, T_cam_world.translation, view.points, rows, view.templates.of_point,
             view.templates.source, view.templates.basis, view.R_world_cam, view.centres, MARGIN_PX,
         )

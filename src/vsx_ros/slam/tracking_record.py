@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.errors import InputError
 from vsx_ros.slam.state import SlamStatistics, TrackingState
-from vsx_ros.slam.tracker import Track
+from vsx_ros.slam.track import Track
 
 LONG_LIVED = 3  # frames a point was found in; rarer ones are mostly wrong matches
 # Frames. A right point is found in more than every second: five times in vain is one of fifty of them.
@@ -132,10 +132,16 @@ class TrackingRecord:
             for name in ("found", "seconds", "metres")
         )
         return SlamStatistics(
-            *(self._frames, self._tracked, self._lost, self.relocalizations),
-            self._ratio_sum / after if started else None,
-            *(frames, seconds, metres),
-            *(keyframes, map_points),
-            (self._initialized_ns - max(self._first_ns, 0)) * 1e-9 if started else None,
-            self._visible_sum / self._sharp if self._sharp else None,
+            frames=self._frames,
+            frames_tracked=self._tracked,
+            frames_lost=self._lost,
+            relocalizations=self.relocalizations,
+            u1=self._ratio_sum / after if started else None,
+            u2_frames=frames,
+            u2_seconds=seconds,
+            u2_metres=metres,
+            keyframes=keyframes,
+            map_points=map_points,
+            initialized_at_s=(self._initialized_ns - max(self._first_ns, 0)) * 1e-9 if started else None,
+            visible_ratio=self._visible_sum / self._sharp if self._sharp else None,
         )

@@ -31,7 +31,7 @@ TRAIL_SIGMA_PX = 0.2  # corners are not followed more exactly, the lens and the 
 class InitialPair(NamedTuple):
     """Two frames worth a try. T_world_first: the pose the first shall have; odometry: T_second_first of the cameras by
     odometry, None without. chosen (N,): the first one's candidates that were followed into the second, uv (N,
-    2): to where [px]. odom_epoch: that of the keyframes they become."""
+    2): to where [px]. odom_segment: that of the keyframes they become."""
 
     first: FrameData
     second: FrameData
@@ -40,7 +40,7 @@ class InitialPair(NamedTuple):
     candidates: Candidates
     chosen: IntArray
     uv: Pixels
-    odom_epoch: int = 0
+    odom_segment: int = 0
 
 
 class InitialMap(NamedTuple):
@@ -145,7 +145,7 @@ class TwoViewReconstruction:
         R, t = stacked([SE3.identity(), T_b_a])
         xy = np.stack([rays_a, rays_b], axis=1).reshape(-1, 2) * f
         start, point, frame = np.arange(0, 2 * n + 1, 2), np.repeat(np.arange(n), 2), np.tile([0, 1], n)
-        observed = Observations(start, point, frame, xy, np.ones(2 * n))
+        observed = Observations(start=start, point=point, frame=frame, xy=xy, weight=np.ones(2 * n))
         K, free = np.array([f, f, 0.0, 0.0]), np.array([-1, 0])
         R, t, *_ = adjust(K, R, t, free, points, observed, no_factors(), no_floor(), 12, 0.3, START)
         return SE3(R[1], t[1] / max(float(np.linalg.norm(t[1])), 1e-12))

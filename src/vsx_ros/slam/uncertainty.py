@@ -10,7 +10,7 @@ from vsx_ros.config.maps import UncertaintyConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import MapView
 from vsx_ros.slam.local_map import LINKED_POINTS, LocalMap
-from vsx_ros.slam.tracker import Track
+from vsx_ros.slam.track import Track
 
 _CERTAIN = 1e-12  # added to what an image tells, so that one with few points has a covariance, too
 

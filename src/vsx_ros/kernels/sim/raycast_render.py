@@ -196,9 +196,9 @@ def render_tile_rows(
     height, width = picture.shape
     f, most = np.zeros(FLOATS, dtype=np.float32), len(pool) + 1
     scratch = Scratch(
-        f, f.view(np.int32), np.zeros(INTEGERS, dtype=np.int32), np.empty((most, 18), dtype=np.float32),
-        np.empty(RING * RING, dtype=np.float32), np.empty(RING * RING, dtype=np.int32), np.empty(N, dtype=np.int32),
-        np.empty((N, most), dtype=np.float32),
+        f=f, bits=f.view(np.int32), g=np.zeros(INTEGERS, dtype=np.int32), m=np.empty((most, 18), dtype=np.float32),
+        nearest=np.empty(RING * RING, dtype=np.float32), winner=np.empty(RING * RING, dtype=np.int32),
+        edge_at=np.empty(N, dtype=np.int32), edge_weight=np.empty((N, most), dtype=np.float32),
     )  # fmt: skip
     strip, found, cover = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64), np.empty(most, dtype=np.bool_)
     forms, sub_frames = view.forms, view.forms.shape[0]

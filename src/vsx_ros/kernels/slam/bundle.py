@@ -178,8 +178,12 @@ def adjust(
     most ``iterations`` trials, whatever happens."""
     pattern = pattern_of(free, observed, factors.a, factors.b)
     n_obs = observed.frame.shape[0]
-    now = Estimate(R0.copy(), t0.copy(), points0.copy(), np.zeros((n_obs, 2)), np.empty(n_obs))
-    trial = Estimate(R0.copy(), t0.copy(), points0.copy(), np.zeros((n_obs, 2)), np.empty(n_obs))
+    now = Estimate(
+        R=R0.copy(), t=t0.copy(), points=points0.copy(), residuals=np.zeros((n_obs, 2)), squares=np.empty(n_obs)
+    )
+    trial = Estimate(
+        R=R0.copy(), t=t0.copy(), points=points0.copy(), residuals=np.zeros((n_obs, 2)), squares=np.empty(n_obs)
+    )
     linear = room_for(pattern.extent.shape[0], points0.shape[0], n_obs)
     blocks = np.empty((pattern.column.shape[0], 6, 6))
     fill_residuals(K, now, observed)

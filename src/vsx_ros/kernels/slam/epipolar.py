@@ -127,7 +127,9 @@ def search_rays(
     n = rays.shape[0]
     found, position, level = np.zeros(n, np.bool_), np.zeros((n, 2)), np.zeros(n, np.int64)
     template, warped = np.empty((TEMPLATE, TEMPLATE), np.int32), np.empty((TEMPLATE, TEMPLATE), np.int32)
-    memory = Memory(warped, np.empty(64, np.int32), np.zeros(2), np.empty(4), np.empty(4), np.empty(4))
+    memory = Memory(
+        warped=warped, core=np.empty(64, np.int32), centred=np.zeros(2), A=np.empty(4), B=np.empty(4), w=np.empty(4)
+    )
     for c in range(n):
         far, near = inverse_depth[c]
         k, lv = _search_ray(camera, R, t, rays[c], basis[c], patches[c], far, near, target, template, memory)

@@ -31,7 +31,7 @@ class Factors(NamedTuple):
 def no_factors() -> Factors:
     """Nothing is measured between frames."""
     none = np.zeros(0, np.int64)
-    return Factors(none, none, np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 6, 6)))
+    return Factors(a=none, b=none, R=np.zeros((0, 3, 3)), t=np.zeros((0, 3)), information=np.zeros((0, 6, 6)))
 
 
 @kernel
@@ -153,7 +153,9 @@ class Floor(NamedTuple):
 
 def no_floor() -> Floor:
     """Nothing is known about a floor."""
-    return Floor(np.zeros(0, np.int64), np.eye(3), np.zeros(3), np.ones(3), -1)
+    return Floor(
+        frames=np.zeros(0, np.int64), R_base_cam=np.eye(3), base_in_cam=np.zeros(3), sigma=np.ones(3), anchor=-1
+    )
 
 
 @kernel

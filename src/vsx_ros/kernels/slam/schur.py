@@ -38,7 +38,9 @@ class Blocks(NamedTuple):
 def room_for(n: int, points: int, observations: int) -> Blocks:
     """Blocks of so many free frames, points and observations."""
     L, W = np.zeros((points, 6)), np.empty((observations, 3, 6))
-    return Blocks(np.zeros((n, 6, 6)), np.zeros((n, 6)), np.zeros((points, 6)), np.zeros((points, 3)), W, L)
+    return Blocks(
+        H=np.zeros((n, 6, 6)), g=np.zeros((n, 6)), V=np.zeros((points, 6)), gp=np.zeros((points, 3)), W=W, L=L
+    )
 
 
 class Pattern(NamedTuple):
@@ -94,7 +96,7 @@ def pattern_of(free: IntArray, observed: Observations, factor_a: IntArray, facto
                 index[k, j], column[count] = count, j
                 count += 1
         begin[k + 1] = count
-    return Pattern(number, index, begin, column[:count], entry, extent)
+    return Pattern(number=number, block=index, begin=begin, column=column[:count], entry=entry, extent=extent)
 
 
 @kernel
