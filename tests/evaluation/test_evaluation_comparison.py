@@ -51,10 +51,10 @@ def test_same_runs_differ_in_nothing():
 
 
 def test_settings_have_the_names_that_set_takes():
-    tracker, wheels = "  tracker:\n    ratio: 0.3  # share: of points\n", "  wheels:\n    noise_px: 1.0\n"
-    deep = f"# a: comment\nslam:\n{tracker}{wheels}limits:\n  v_m_s: 0.3\n"
+    tracker, noise = "  tracker:\n    ratio: 0.3  # share: of points\n", "  odometry_noise:\n    noise_px: 1.0\n"
+    deep = f"# a: comment\nslam:\n{tracker}{noise}limits:\n  v_m_s: 0.3\n"
     text = compare(("a", replace(A, config_yaml=deep)), ("b", replace(A, config_yaml=deep.replace("1.0", "2.0"))))
-    assert "<pre>- slam.wheels.noise_px: 1.0\n+ slam.wheels.noise_px: 2.0</pre>" in text
+    assert "<pre>- slam.odometry_noise.noise_px: 1.0\n+ slam.odometry_noise.noise_px: 2.0</pre>" in text
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ class SlamConfig(Branch, frozen=True):
     culling: CullingConfig = CullingConfig()
     recognition: RecognitionConfig = RecognitionConfig()
     drift: DriftConfig = DriftConfig()
-    wheels: OdometryNoiseConfig = OdometryNoiseConfig()
+    odometry_noise: OdometryNoiseConfig = OdometryNoiseConfig()
     shutter: ShutterConfig = ShutterConfig()
     uncertainty: UncertaintyConfig = UncertaintyConfig()
 

@@ -156,10 +156,10 @@ class BundleAdjuster:
             return no_floor()
         level = {map_id: world.is_metric(map_id) for map_id in {world.keyframes[k].map_id for k in frames}}
         keyframes = [world.keyframes[k] for k in frames]
-        on_wheels = [k.data.T_odom_base is not None and level[k.map_id] for k in keyframes]
+        with_odometry = [k.data.T_odom_base is not None and level[k.map_id] for k in keyframes]
         tilt = self._noise.floor_tilt_sigma_rad
         return Floor(
-            frames=np.flatnonzero(on_wheels),
+            frames=np.flatnonzero(with_odometry),
             R_base_cam=np.array(self._T_base_cam.rotation),
             base_in_cam=np.array(self._T_base_cam.inverse().translation),
             sigma=np.array([self._noise.floor_height_sigma_m, tilt, tilt]),

@@ -55,7 +55,7 @@ class Mapper:
         self._config, self._culling = config.mapper, config.culling
         self._points = MapPoints(world, config.mapper)
         self._reconstruction = TwoViewReconstruction(camera, config.initialization)
-        self._adjuster = BundleAdjuster(camera, T_base_cam, config.wheels)
+        self._adjuster = BundleAdjuster(camera, T_base_cam, config.odometry_noise)
         self._since_global = 0
         self._initialization = config.initialization
         self._new_loops = partial(LoopDetector, camera, config)
