@@ -1,9 +1,9 @@
 """Ground maps of worlds that are hard to see: ``PYTHONPATH=src:hw python benchmarks/adverse_worlds.py [NAME ...]``.
 
-``dark``: floor, walls and skirting of one dark grey, a row of boxes before a wall. ``skirting``: walls without any
-picture over bright skirting boards. ``tables``: nothing but tables with legs of 3 cm. ``posters``: the same picture on
-every wall and box. ``blank``: nothing has any texture. Explored for 40 s, judged as in ground_map.py; of ``blank`` is
-told what the robot says, and how much floor it calls free, which must not be more than it was promised and drove over.
+``dark``: floor, walls and skirting in the same dark grey, a row of boxes in front of a wall. ``skirting``: walls
+without pictures above bright skirting boards. ``tables``: only tables with legs of 3 cm. ``posters``: the same picture
+on every wall and box. ``blank``: no texture at all. Each is explored for 40 s and judged as in ground_map.py. ``blank``
+prints the robot's messages and the area called free, which must not exceed the promised and driven floor.
 """
 
 import sys
@@ -52,7 +52,7 @@ def world_of(name: str) -> World:
 
 
 def blank() -> str:
-    """What is said where nothing can be seen, and what is called free."""
+    """What the robot reports where nothing can be seen, and what it calls free."""
     config, robot = Config(), EmulatedRobot(world_of("blank"), SEED, SimulationConfig(threads=1), Config().robot)
     system = ExplorationSystem(robot.camera_given, robot.T_base_cam_given, config, SEED)
     command, tracked, said = STOP, 0, ""

@@ -1,10 +1,10 @@
 """How well and how fast bundle adjustment works: ``PYTHONPATH=src:hw python benchmarks/bundle_adjustment.py [section
 ...]``.
 
-Sections: peer, files, building (all when none is given). Everything but the milliseconds repeats exactly. The peer
-(pycolmap's adjuster, that is Ceres) is measured in the same run where ``pip install pycolmap`` provides it, and left
-out with a note where not. files needs the recordings in $VSX_DATA. Times are processor time of this process on one
-thread; in the peer section medians over the problems, each the median of three runs.
+Sections: peer, files, building (all by default). Everything except the milliseconds repeats exactly. The peer
+(pycolmap's adjuster, which is Ceres) is measured in the same run if ``pip install pycolmap`` provides it, else skipped
+with a note. files needs the recordings in $VSX_DATA. Times are processor time of this process on one thread; in the
+peer section, medians over the problems of the median of three runs.
 """
 
 import argparse
@@ -31,18 +31,18 @@ from vsx_ros.slam.map import Map
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 SEEDS, RUNS = 7, 3
-# Ours stops at the first gain below 1e-4 of the cost, so does Ceres at this tolerance. It has no Tukey loss; 1 px is
-# COLMAP's own scale of Cauchy's, 2.385 of our residual scale (0.9 px) makes it as efficient on Gaussian noise as 4.685
-# of it make Tukey's. A narrow loss has the lower median residual and the larger error, so residuals compare where
-# the loss is the same: without gross outliers, by least squares.
+# Ours stops at the first gain below 1e-4 of the cost; with this tolerance so does Ceres. Ceres has no Tukey loss.
+# COLMAP's own scale for Cauchy's loss is 1 px. Cauchy at 2.385 of our residual scale (0.9 px) is as efficient on
+# Gaussian noise as Tukey at 4.685. A narrow loss has a lower median residual but a larger error. So compare residuals
+# only with the same loss: without gross outliers, by least squares.
 TOLERANCE = 1e-4
 PEER_PX = (1.0, 2.1)
-# A robust scale at which Tukey's loss is that of least squares to a part in 1e6.
+# With this robust scale, Tukey's loss equals least squares to a part in 1e6.
 PLAIN_PX = 1e4
 
 
 class Solved(NamedTuple):
-    """What a solver made of a problem: solve_ms without and build_ms for what it wants to have built beforehand."""
+    """A solver's result. solve_ms: without preparation; build_ms: preparation of the solver's data."""
 
     solve_ms: float
     build_ms: float
@@ -52,7 +52,7 @@ class Solved(NamedTuple):
 
 
 def residual_px(problem: Problem, poses: list[SE3], points: np.ndarray) -> float:
-    """Median length of the residuals, all observations counted alike."""
+    """Median length of the residuals; all observations have equal weight."""
     R, t = np.array([T.rotation for T in poses])[problem.frame], np.array([T.translation for T in poses])[problem.frame]
     cam = np.einsum("oij,oj->oi", R, points[problem.point]) + t
     return float(np.median(np.linalg.norm(cam[:, :2] / cam[:, 2:] * K[:2] + K[2:] - problem.xy, axis=1)))
@@ -118,7 +118,7 @@ def pycolmaps(problem: Problem, cauchy_px: float | None) -> Solved:
 
 
 def section_peer() -> None:
-    """The same problem, solved by both: times, steps, residual, error."""
+    """The same problems, solved by both: times, steps, residual, error."""
     robust: dict[str, Callable[[Problem], Solved]] = {"ours": ours}
     plain: dict[str, Callable[[Problem], Solved]] = {"ours": functools.partial(ours, sigma_min_px=PLAIN_PX)}
     if importlib.util.find_spec("pycolmap") is None:
@@ -134,7 +134,7 @@ def section_peer() -> None:
 
 
 def compare(solvers: dict[str, Callable[[Problem], Solved]], problems: list[Problem]) -> None:
-    """One line a solver, the first of which is the reference."""
+    """One line per solver; the first solver is the reference."""
     counts = [int(np.median([len(part) for part in parts])) for parts in zip(*[problem[1:3] for problem in problems])]
     print(f"  {len(problems[0].poses)} keyframes, about {counts[0]} points, {counts[1]} observations; {SEEDS} problems")
     reference = np.zeros(2)
@@ -156,7 +156,7 @@ def compare(solvers: dict[str, Callable[[Problem], Solved]], problems: list[Prob
 
 
 def section_files() -> None:
-    """Third-party reconstructions, disturbed: residual before and after."""
+    """Disturbed third-party reconstructions: residual before and after."""
     import bundle_files
 
     tests = Path(__file__).parents[1] / "tests"
@@ -183,7 +183,7 @@ def section_files() -> None:
 
 
 def section_building() -> None:
-    """The whole map of a drive around a building: time of it all, the longest piece that cannot be interrupted, again
+    """The whole map of a drive around a building: total time, the longest part that cannot be interrupted, and the same
     after the last eight keyframes were moved as a local adjustment leaves them."""
     for frames, points in ((100, 12000), (300, 28000), (600, 40000)):
         problem = building(frames, points, 520)
@@ -208,7 +208,7 @@ def section_building() -> None:
 
 
 def timed_adjustment(adjuster: BundleAdjuster, world: Map, frames: int) -> tuple[float, float, int]:
-    """(all ms, ms between two moments at which it could have stopped, slices)."""
+    """(total ms, longest ms between two moments at which it could have stopped, slices)."""
     begun = time.process_time()
     moments = [begun]
 

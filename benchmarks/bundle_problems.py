@@ -19,7 +19,7 @@ MOUNT = mount_pose(0.0, 0.0, 0.3, 0.0, 0.0)
 
 class Problem(NamedTuple):
     """truth: T_cam_world; true_points (M, 3), in the order in which they are first seen; point (O,), sorted, frame
-    (O,), xy (O, 2) px: who sees what; poses, points: where an adjustment starts."""
+    (O,), xy (O, 2) px: the observations; poses, points: initial values of the adjustment."""
 
     truth: list[SE3]
     true_points: np.ndarray
@@ -57,7 +57,7 @@ def _problem(
     point_sigma_m: float,
     gross_share: float = 0.03,
 ) -> Problem:
-    """Noise of 0.6 px, a share of gross outliers of 30 px; the first two cameras start at the truth."""
+    """Noise of 0.6 px and a share of gross outliers of 30 px; the first two cameras start at the truth."""
     seen = seen & (seen.sum(axis=0) >= 2)
     kept = np.flatnonzero(seen.any(axis=0))
     kept = kept[np.argsort(seen[:, kept].argmax(axis=0), kind="stable")]
@@ -71,8 +71,8 @@ def _problem(
 
 
 def ring(frames: int, points: int, observations: int, seed: int = 0, gross_share: float = 0.03) -> Problem:
-    """Cameras on a circle of 2 m that look outwards at points 4 to 7 m from its middle, 3.6 degrees apart, about
-    ``observations`` of what they could see. They start 17 mm off."""
+    """Cameras on a circle of 2 m, 3.6 degrees apart, looking outwards at points 4 to 7 m from its centre. About
+    ``observations`` of the visible points are observed. The cameras start 17 mm off."""
     rng, step = np.random.default_rng(seed), np.deg2rad(3.6)
     truth = [
         (SE3.from_se2(SE2(2.0 * np.cos(step * k), 2.0 * np.sin(step * k), step * k)) @ MOUNT).inverse()
@@ -94,9 +94,9 @@ def _walls(half_x: float, half_y: float, inwards: float) -> list[tuple[float, ..
 
 
 def building(frames: int, points: int, per_frame: int, seed: int = 0) -> Problem:
-    """A drive around a corridor of 4 m about a block of 8 m x 4 m, 0.2 m a keyframe, 36 m a lap: points on the walls up
-    to 7 m away, seen with a probability of their own. It starts as local adjustment leaves it: 5 mm, 3 cm in the
-    points."""
+    """A drive around a corridor of 4 m around a block of 8 m x 4 m; 0.2 m per keyframe, 36 m per lap. Points on the
+    walls are seen up to 7 m away, each with its own probability. Initial errors as after local adjustment: 5 mm, and 3
+    cm in the points."""
     rng = np.random.default_rng(seed)
     walls = np.array(_walls(8.0, 6.0, 1.0) + _walls(4.0, 2.0, -1.0))
     length = np.hypot(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1])
@@ -120,7 +120,7 @@ def building(frames: int, points: int, per_frame: int, seed: int = 0) -> Problem
 
 
 def driven_map(problem: Problem, seed: int = 0) -> Map:
-    """The problem as a SLAM's map, with wheels that are 0.5 % and 2 mrad a step wrong."""
+    """The problem as a SLAM map, with wheel errors of 0.5 % and 2 mrad per step."""
     rng, world = np.random.default_rng(seed), Map()
     bases = [(T.inverse() @ MOUNT.inverse()).to_se2() for T in problem.truth]
     wheels = bases[0]

@@ -2,10 +2,10 @@
 
 PYTHONPATH=src:hw:benchmarks python benchmarks/calibration.py [--seeds 100-109]
 
-Generated labs, the emulator as a user gets it: lens known to 0.3 % and 1 px only, rolling shutter, blur, noise, wheels
-and gyro wrong by up to 0.5 % and 0.3 %, slip. The camera looks and sits elsewhere for each seed: pitch up to 8 deg, yaw
-up to 5 deg, 0.25 to 0.5 m high. Told is how far what 'vsx calibrate mount' finds is off; a height counts what the
-wheels' own scale makes of it, too. Everything repeats exactly.
+Generated labs with the standard emulator: lens known only to 0.3 % and 1 px, rolling shutter, blur, noise, wheels and
+gyro wrong by up to 0.5 % and 0.3 %, slip. The camera's pose differs for each seed: pitch up to 8 deg, yaw up to 5 deg,
+0.25 to 0.5 m high. It prints the errors of 'vsx calibrate mount'. The height error includes the effect of the wheels'
+scale error. Everything repeats exactly.
 """
 
 import argparse
@@ -27,7 +27,7 @@ WAY_M, SPEED_M_S, RATE_HZ = 2.0, 0.15, 15.0
 
 
 def errors(seed: int) -> tuple[float, float, float | None, str]:
-    """Errors of pitch and yaw [deg] and height [mm, None where none was found], and the verdict."""
+    """Errors of pitch and yaw [deg] and height [mm, None if not found], and the verdict."""
     rng = np.random.default_rng(seed)
     pitch, yaw = math.radians(8.0) * rng.uniform(-1.0, 1.0), math.radians(5.0) * rng.uniform(-1.0, 1.0)
     mount = MountConfig(pitch_down_rad=pitch, yaw_left_rad=yaw, height_m=rng.uniform(0.25, 0.5))

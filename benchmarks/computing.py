@@ -1,11 +1,11 @@
-"""What rankings of views and plans cost here, and the entries of ``computing`` in the configuration that follow.
+"""Times of view rankings and plans on this machine, and the resulting configuration entries ``computing``.
 
     PYTHONPATH=src:hw python benchmarks/computing.py [--worlds lab,office] [--seeds 20-21] [--time 300] [--share 2]
 
-Worlds are explored in lock-step. Every ranking and every plan is timed, in processor time, so that other work on the
-machine disturbs little, and explained by the work that can be counted: known ground, length of the way (non-negative
-least squares). The number of candidate views explains nothing more. On the robot SLAM and dense mapping run at the same
-time on the same two cores: ``--share`` is what that makes of the times.
+Worlds are explored in lock-step. Every ranking and plan is timed in processor time, so that other programs
+disturb little. The times are fitted to countable work: known ground and length of the path (non-negative least
+squares). The number of candidate views explains nothing more. On the robot, SLAM and dense mapping run at the same
+time on the same two cores: ``--share`` is the factor by which that lengthens the times.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from vsx_ros.runs.world import open_world
 
 
 def watched(run: FastRun) -> tuple[list[list[float]], list[list[float]]]:
-    """Filled as the run goes on: rows of rankings: 1, known ground [m2], ms; of plans: 1, length [m], ms."""
+    """Rows that fill during the run. Rankings: 1, known ground [m2], ms; plans: 1, length [m], ms."""
     mission, planner, system = run.system.mission, run.system.planner, run.system
     rankings, plans = [], []
     decide, timed = mission.decide, planner.timed
@@ -72,7 +72,7 @@ def main() -> None:
             run = FastRun(open_world(world, seed), seed, "fov", Config())
             ranked, planned = watched(run)
             run.run(args.time)
-            rankings += ranked[1:]  # the first loads what is compiled
+            rankings += ranked[1:]  # the first one loads compiled code
             plans += planned[1:]
             track_ms += run.record.track_ms
     print(f"{len(track_ms)} frames: {spread(np.array(track_ms))}")

@@ -1,10 +1,10 @@
-"""Whether the SLAM's covariances mean what they say.
+"""Whether the SLAM's covariances are correct.
 
     PYTHONPATH=src:hw python benchmarks/consistency.py [--seeds 100-159] [--keep FOLDER]
 
 NEES (Bar-Shalom 2001, 5.4) of the live pose on the floor (x, y, heading; 3 degrees of freedom) against the truth, in
 the frame of the first keyframe. One value per drive at each of three moments: a third of the way, two thirds, the end.
-In 95 of 100 drives it lies in the band of the chi-square distribution. ``--keep`` as in slam.py.
+In 95 of 100 drives it should lie in the band of the chi-square distribution. ``--keep`` as in slam.py.
 """
 
 import argparse

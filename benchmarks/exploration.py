@@ -3,12 +3,12 @@
     python benchmarks/exploration.py run [--seeds 100-119] [--jobs 2]    in lock-step, everything in the loop
     python benchmarks/exploration.py run [--seeds 100-119] --live        the same labs through the real nodes
 
-A run ends when ``--until`` of what can be seen is known and right, or the limits of time and way are over, or the
-mission ends. Each is a process of its own and leaves a row in ``--out`` as it ends; what is there already, by the same
-code and configuration and within the same limits, is not run again, so that an interrupted benchmark goes on.
-``--noise`` draws other noise for the same world; ``--pictures`` leaves the last maps, laid over the truth.
-``--strategy nearest`` chooses goals like explore_lite, on the same worlds, sensor, map and planner. ``--live`` is
-``vsx explore``, one run at a time with nobody at it. ``benchmarks/tables.py render`` makes the tables.
+A run ends when the share ``--until`` of the observable area is known correctly, at the limits of time and path length,
+or with the mission. Each run is a separate process and writes a row to ``--out`` when it ends. Existing rows of equal
+code, configuration and limits are not repeated, so an interrupted benchmark continues.
+``--noise`` draws other noise for the same world; ``--pictures`` stores the last maps, drawn over the truth.
+``--strategy nearest`` chooses goals like explore_lite, with the same worlds, sensor, map and planner. ``--live`` is
+``vsx explore``, one run at a time without an operator. ``benchmarks/tables.py render`` makes the tables.
 """
 
 import argparse
@@ -46,7 +46,7 @@ KEPT = ("coverage_correct", "breaks", "relocalizations", "collisions", "ate_rmse
 
 
 class Exploration(NamedTuple):
-    """way_m: metres after which a run in lock-step ends; live ones have a limit of time alone."""
+    """way_m: path length [m] at which a lock-step run ends; live runs have only a time limit."""
 
     world: str
     seed: int
@@ -58,7 +58,7 @@ class Exploration(NamedTuple):
 
 
 def explored(task: Exploration, pictures: Path | None = None) -> dict[str, object]:
-    """One run in lock-step. reached: metres and seconds until shares were known and right."""
+    """One lock-step run. reached: metres and seconds until each share was known correctly."""
     run = FastRun(open_world(task.world, task.seed), 1000 * task.noise + task.seed, "fov", Config())
     if task.strategy == "nearest":
         run.system.mission.view_selector._rank = nearest_frontier
@@ -93,7 +93,7 @@ def explored(task: Exploration, pictures: Path | None = None) -> dict[str, objec
 
 
 def explored_live(task: Exploration) -> dict[str, object]:
-    """One run of ``vsx explore``, every node a process, nobody at it."""
+    """One run of ``vsx explore``, each node a process, without an operator."""
     with tempfile.TemporaryDirectory(prefix="vsx-live-") as folder:
         out = Path(folder) / "run"
         words = ["--world", task.world, "--seed", task.seed, "--until", task.until, "--time", task.time_s]
@@ -110,7 +110,7 @@ def explored_live(task: Exploration) -> dict[str, object]:
 
 
 def vsx_explore(words: list[str]) -> tuple[int, str]:
-    """Exit code, and what was said beside the results. Ctrl-C is passed on, so that the nodes end in order."""
+    """Exit code, and the other output. Ctrl-C is passed on, so that the nodes end in order."""
     command = [sys.executable, "-m", "vsx_ros.cli.main", "explore", *words]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as run:
         try:
@@ -125,8 +125,8 @@ def vsx_explore(words: list[str]) -> tuple[int, str]:
 def told(
     summary: dict[str, object], events: list[dict[str, object]], until: float, reached: dict[str, list[float]]
 ) -> dict[str, object]:
-    """What a row says of a run. Where enough is known at the end it was reached, then if not before. slam: how often
-    each of its events happened."""
+    """A run's results for its row. If enough is known at the end, the share counts as reached then, if not before.
+    slam: count of each of its events."""
     if (summary["coverage_correct"] or 0.0) >= until:
         reached.setdefault(f"{100 * until:.0f}", [round(summary["driven_m"], 2), round(summary["duration_s"], 1)])
     kept = {name: round(value, 4) if isinstance(value := summary[name], float) else value for name in KEPT}
@@ -136,8 +136,8 @@ def told(
 
 
 def decisions_of(run: FastRun) -> list[tuple[float, int, float, float]]:
-    """Filled as the run goes on, a row for each goal: known ground [m2], keyframes, what choosing it
-    cost [ms of processor time], the memory used then [MB]."""
+    """Rows that fill during the run, one per goal: known ground [m2], keyframes, processor time of the choice [ms],
+    memory then [MB]."""
     system, rows = run.system, []
     decide = system._decide
 
@@ -155,7 +155,7 @@ def decisions_of(run: FastRun) -> list[tuple[float, int, float, float]]:
 
 
 def memory_mb() -> float:
-    """What this process holds in memory now [MB]: the peak would be that of all worlds before."""
+    """Current memory of this process [MB]; the peak would include all earlier worlds."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
@@ -187,7 +187,7 @@ def main() -> None:
             "--live is the robot as it is, one run at a time; leave out --noise, --strategy, --pictures, --jobs"
         )
     work = explored_live if args.live else partial(explored, pictures=args.pictures)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # nodes and runs end with it
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # nodes and runs end with this process
     store = Store(args.out or RESULTS / f"{name}.jsonl", rooms=rooms_of(name))
     run_campaign(tasks, work, store, Engine(args.jobs, apart=not args.live))
 

@@ -1,12 +1,12 @@
-"""Strategies of exploration compared without the SLAM: true poses, and landmarks of the emulated world for its map.
+"""Compares exploration strategies without the SLAM: true poses, and landmarks of the emulated world as its map.
 
     python benchmarks/exploration_strategy.py [--seeds 100-119] [--strategy views nearest] [--jobs 2]
 
-Mission, planner and ground map are the real ones. Corners of pictures from 160 random places, put where they truly
-are, stand for what the SLAM would map: each is found in a share of the keyframes that see it, drawn once, and its
-depth is as uncertain as its parallax says. The base follows its plans exactly. One run takes a quarter of a minute of
-processor time instead of three to four; it says how strategies compare, not what the whole system reaches
-(``exploration.py``). Each leaves a row, of which ``tables.py`` makes the table.
+Mission, planner and ground map are the real ones. Instead of SLAM points it uses image corners from 160 random places,
+at their true positions. Each corner is found in a share of the keyframes that see it (drawn once), and its depth is as
+uncertain as its parallax implies. The base follows its plans exactly. A run takes a quarter of a minute of processor
+time instead of three to four. It compares strategies and does not show what the whole system reaches
+(``exploration.py``). Each run writes a row, and ``tables.py`` makes the table.
 """
 
 import argparse
@@ -50,13 +50,13 @@ STRATEGIES: dict[str, Ranker] = {"views": rank_views, "nearest": nearest_frontie
 PLACES, CORNERS, SAME_M, SEEN_SHARE, NEVER = 160, (400, 150), 0.04, (0.15, 0.9), 0.35
 PIXEL_RAD, LEAST_PARALLAX_RAD, HALF_FOV_RAD, RANGE_M = 0.0012, 0.014, 0.54, 5.0
 KEYFRAME_M, KEYFRAME_RAD, STEP_S, TOUCH_M = 0.15, 0.14, 0.05, 0.03
-SLIDE_M = 0.001  # by which a base that touches something may come closer to it in a step and slide on
+SLIDE_M = 0.001  # how much closer a touching base may come to the obstacle per step while it slides along
 SECOND_NS = 1_000_000_000
 
 
 @kernel
 def in_view(heights, resolution, x0, y0, camera, yaw, points):
-    """(N,) which points (N, 3) the camera (3,) sees over ground of the given heights (H, W) [m]."""
+    """(N,) which points (N, 3) the camera (3,) sees above ground of the given heights (H, W) [m]."""
     seen = np.zeros(len(points), np.bool_)
     for k in range(len(points)):
         dx, dy, dz = points[k, 0] - camera[0], points[k, 1] - camera[1], points[k, 2] - camera[2]
@@ -104,7 +104,7 @@ def corners_of(world: World, truth: OccupancyGrid, clearance_m: np.ndarray, rng:
 
 
 class Landmarks:
-    """What a SLAM with perfect poses would have mapped; in the map's frame, which begins at the world's start pose."""
+    """The map of a SLAM with perfect poses, in the map's frame, which starts at the world's start pose."""
 
     def __init__(self, world: World, seed: int) -> None:
         ground, rng = Config().ground_map, np.random.default_rng([seed, 77])
@@ -126,7 +126,7 @@ class Landmarks:
         self._seen: list[np.ndarray] = []
 
     def _solid_heights(self, world: World) -> np.ndarray:
-        """(H, W) how high the ground is built up [m]; walls without end."""
+        """(H, W) height of solid ground [m]; infinite for walls."""
         heights = np.where(self.truth.data == FREE, 0.0, 3.0)
         for solid in prisms(world):
             if solid.z_min < 0.2 and solid.z_max < 2.5:
@@ -137,7 +137,7 @@ class Landmarks:
         return heights
 
     def look(self, pose: SE2) -> None:
-        """A keyframe from here."""
+        """Add a keyframe at this pose."""
         T = SE3.from_se2(pose) @ self._T_base_cam
         camera = np.append((self.start @ T.translation[None, :2])[0], T.translation[2])
         visible = in_view(
@@ -156,7 +156,7 @@ class Landmarks:
         self._seen.append(rows)
 
     def mapped(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points (M, 3), and of every observation its keyframe and point."""
+        """Points (M, 3), and the keyframe and point of each observation."""
         known = (self._count >= 2) & (self._parallax > LEAST_PARALLAX_RAD)
         number = np.cumsum(known) - 1
         keyframe = np.repeat(np.arange(len(self._seen)), [len(rows) for rows in self._seen])
@@ -188,7 +188,7 @@ class Run:
         self.curve: list[tuple[float, float, float, int]] = []
 
     def explore(self, until: float, way_m: float, time_s: float) -> str:
-        """Until the share is known and right, or a limit is reached; why it ended."""
+        """Run until the share is known correctly or a limit is reached; returns why it ended."""
         while self._mission.outcome is None and self._way_m < way_m and self._now_s < time_s:
             self._refresh()
             if self.curve and self.curve[-1][2] >= until:
@@ -198,7 +198,7 @@ class Run:
         return "limit" if self._mission.outcome is None else self._mission.outcome.value
 
     def _refresh(self) -> None:
-        """The map, every second and wherever the mission chooses."""
+        """Build the map, every second and wherever the mission chooses."""
         due = not self.curve or self._now_s >= self.curve[-1][0] + SAMPLE_S
         if len(self._landmarks.poses) < 3 or (self._trajectory is not None and round(self._now_s * 5) % 5 and not due):
             return
@@ -269,7 +269,7 @@ class Run:
 
 
 class Choosing(NamedTuple):
-    """A world explored with one strategy, until enough is known or the limits are over."""
+    """A world explored with one strategy, until enough is known or a limit is reached."""
 
     seed: int
     strategy: str
@@ -279,7 +279,7 @@ class Choosing(NamedTuple):
 
 
 def explored(task: Choosing) -> dict[str, object]:
-    """Metres and seconds until shares were known and right, and how it ended."""
+    """Metres and seconds until each share was known correctly, and how the run ended."""
     run = Run(task.seed, STRATEGIES[task.strategy])
     why = run.explore(task.until, task.way_m, task.time_s)
     reached: dict[str, list[float]] = {}

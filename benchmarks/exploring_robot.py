@@ -1,4 +1,4 @@
-"""The stack of the live tests, for benchmarks that hurt it: real nodes explore an emulated office over real drivers."""
+"""The stack of the live tests, for fault benchmarks: real nodes explore an emulated office over real drivers."""
 
 import os
 import signal
@@ -14,12 +14,12 @@ from vsx_ros.experiments.rows import Store
 
 TESTS = Path(__file__).resolve().parents[1] / "tests" / "ros"
 START_S = 15.0
-"""Before a map exists, a robot that is held back gives up."""
+"""If the robot is stopped before a map exists, it gives up."""
 
 
 def home() -> Path:
-    """A folder for all that the nodes write; this process and its nodes get a master's address of their own. Being
-    terminated is from now on an interruption, so that the nodes are ended."""
+    """A folder for all files of the nodes. Sets a master address for this process and its nodes. From now on SIGTERM
+    raises KeyboardInterrupt, so that the nodes are ended."""
     sys.path[:0] = [str(TESTS), str(TESTS.parent)]
     from ros_ports import HOST, free_port
 
@@ -30,14 +30,14 @@ def home() -> Path:
 
 
 def new_stack(folder: Path) -> object:
-    """A stack that is not up yet; call ``home`` first. It lives in a folder of its own within this one."""
+    """A stack that is not started yet, in its own folder within this one; call ``home`` first."""
     from conftest import Stack
 
     return Stack(Path(tempfile.mkdtemp(dir=folder)))
 
 
 def wait_for_motion(stack: object, seconds: float) -> bool:
-    """The wheels turn, and have done so for 0.3 s."""
+    """Whether the wheels turn, for 0.3 s already; waits for it."""
     deadline, since = time.monotonic() + seconds, 0.0
     while time.monotonic() < deadline:
         since = (since or time.monotonic()) if stack.plant.moving else 0.0
@@ -48,13 +48,13 @@ def wait_for_motion(stack: object, seconds: float) -> bool:
 
 
 def begin(stack: object, start_s: float = START_S) -> None:
-    """Let the map start; a stack that will not be held back and driven again needs no time for that."""
+    """Wait until the map has started; not needed if the robot will not be stopped and driven again."""
     wait_for_motion(stack, 90.0)
     time.sleep(start_s)
 
 
 def ready(stack: object) -> bool:
-    """The robot drives; where it has given up, what could have made it give up is started again."""
+    """Wait until the robot drives; if it has given up, restart the nodes that may be the reason."""
     for restart in ((), ("explore",), ("vslam", "explore"), ("vslam", "move_base", "follower", "explore")):
         for node in restart:
             stack.kill(node)
@@ -70,8 +70,8 @@ def measure(
     store: Store, key: str, values: Sequence[float], args: Namespace, stack: Any,
     once_on: Callable[[Any], Callable[[float], dict[str, Any] | None]],
 ) -> None:  # fmt: skip
-    """Rows of what the store does not know: for each value (``key``) so many as args.repetitions, on one robot, within
-    args.minutes. once_on(stack) measures one, when the robot drives; None is tried again."""
+    """Measure the missing rows of the store: args.repetitions for each value (``key``), on one robot, within
+    args.minutes. once_on(stack) measures one row while the robot drives; None is repeated."""
     end_s = time.monotonic() + 60.0 * args.minutes
     questions = [{key: value, "repetition": k} for k in range(args.repetitions) for value in values]
     missing = [asked for asked in questions if asked not in store]

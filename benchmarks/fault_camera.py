@@ -1,11 +1,11 @@
-"""How long the wheels turn after the camera of an exploring robot fails, seen at the emulator's end of the base's wire.
+"""How long an exploring robot's wheels turn after its camera fails, measured at the emulator's end of the base's wire.
 
 python benchmarks/fault_camera.py [--repetitions 5] [--faults off stuck ...] [--minutes M]
                                   [--out benchmarks/results/fault_camera.jsonl]
 
 The real nodes explore an office; a faulty cable lies between the emulated Kinect and its real driver. Each repetition
-waits until the wheels turn, lets the fault set in, measures until the wheels were told to stand, notes what the robot
-says, and mends the cable. Each repetition leaves a row; benchmarks/tables.py makes the table from them.
+waits until the wheels turn, starts the fault, measures until the wheels are told to stand, stores the robot's reports,
+and repairs the cable. Each repetition writes a row; benchmarks/tables.py makes the table from them.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from vsx_ros.experiments.rows import Store
 FAULTS = ("unplugged", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 WATCH_S = 4.0
 SLOW, DELAY_S, ON_S, OFF_S = 8, 1.0, 0.4, 0.6
-"""One image of so many; seconds late; seconds with and without images."""
+"""slow: one image in so many; delay [s]; seconds with and without images."""
 
 
 class FaultyCable:
-    """Between the driver, which opens ``path``, and the emulated Kinect at ``camera``; ``fault`` is what it does to the
-    images now."""
+    """A cable between the driver, which opens ``path``, and the emulated Kinect at ``camera``; ``fault`` is its current
+    fault."""
 
     def __init__(self, path: str, camera: str) -> None:
         self.fault, self.since_s = "", 0.0
@@ -52,7 +52,7 @@ class FaultyCable:
 
     @classmethod
     def below(cls, stack: object) -> FaultyCable:
-        """Between the camera of a stack that is not up yet and its driver."""
+        """A cable between camera and driver of a stack that is not started yet."""
         node = stack.nodes["camera"]
         camera = str(node.params["device"]).partition(":")[2]
         cable = cls(camera + "-cable", camera)
@@ -61,7 +61,7 @@ class FaultyCable:
         return cable
 
     def inject(self, fault: str) -> None:
-        """From now on; an empty name mends the cable."""
+        """Start this fault now; an empty name repairs the cable."""
         self.fault, self.since_s = fault, time.monotonic()
         if fault == "unplugged":
             for end in self._ends:
@@ -103,7 +103,7 @@ class FaultyCable:
         late.put((0.0, b"", b""))
 
     def _spoil(self, body: bytes) -> bytes:
-        """The packets as this cable passes them on; nothing when it swallows them."""
+        """The packets after this fault; empty if they are lost."""
         start_ns, packets = wire.decode_packets(body)
         since_s = time.monotonic() - self.since_s
         for k, packet in enumerate(packets):
@@ -140,7 +140,7 @@ def _send(late: queue.Queue[tuple[float, bytes, bytes]], driver: socket.socket) 
 
 
 class Ear:
-    """What the robot says of itself now."""
+    """The robot's current reports."""
 
     def __init__(self) -> None:
         import rospy
@@ -168,7 +168,7 @@ class Ear:
 
 
 def repetition(stack: object, cable: FaultyCable, ear: Ear, fault: str) -> dict[str, object]:
-    """Seconds until the wheels stood for the first time, -1 when they never did; what was said a moment later."""
+    """Seconds until the wheels first stood, -1 if they never did; the reports a moment later."""
     begin_s = time.monotonic()
     cable.inject(fault)
     while stack.plant.moving and time.monotonic() - begin_s < WATCH_S:

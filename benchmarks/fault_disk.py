@@ -1,13 +1,13 @@
-"""What becomes of a run whose disk is full or read-only, takes no file more, or loses the run folder.
+"""How runs end when the disk is full or read-only, accepts no new file, or loses the run folder.
 
 python benchmarks/fault_disk.py [--how live lockstep] [--repetitions 4] [--minutes M]
 
-Each run has a disk of its own (a tmpfs, or an ext4 on a loop device; both need root) for its folder, its logs and
-ROS_HOME. Live is ``vsx explore`` with all nodes in an emulated lab, in lock-step ``vsx explore --fast``. The disk fails
-at a random moment; then the run's time is over, or it is interrupted (SIGINT), in turn. A run is good when the wheels
-stood at the end, by the emulator's own account, the program had ended within 10 s of its end with an exit code and no
-traceback, nothing that it started was left, and every file in the run folder can be read. What is there already by
-the present code is not measured again; benchmarks/tables.py makes the table from the rows.
+Each run has its own disk (a tmpfs, or an ext4 on a loop device; both need root) for its folder, its logs and
+ROS_HOME. Live is ``vsx explore`` with all nodes in an emulated lab, lock-step is ``vsx explore --fast``. The disk fails
+at a random moment. Then the run reaches its time limit or is interrupted (SIGINT), in turn. A run is good under these
+conditions: at the end the emulator reports that the wheels stand; the program ends within 10 s, with an exit code and
+without a traceback; none of its processes is left; every file in the run folder can be read. Existing rows of the
+present code are not measured again; benchmarks/tables.py makes the table from the rows.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ rospy.spin()
 
 @contextlib.contextmanager
 def disk(fault: str) -> Iterator[Path]:
-    """An empty disk that can fail like this."""
+    """An empty disk that can fail in this way."""
     place = Path(tempfile.mkdtemp(prefix="vsx-disk-"))
     mounted, image = place / "disk", place / "image"
     mounted.mkdir()
@@ -99,7 +99,7 @@ def fill(path: Path) -> None:
 
 
 def unreadable(folder: Path) -> list[str]:
-    """What in a run folder cannot be read; unfinished files and the logs of others are none of it."""
+    """Files of a run folder that cannot be read; unfinished files and logs do not count."""
     readers: dict[str, Callable[[Path], object]] = {
         ".json": lambda path: json.loads(path.read_text()),
         ".yaml": lambda path: (
@@ -130,7 +130,7 @@ def unreadable(folder: Path) -> list[str]:
 
 
 def whole(path: Path) -> None:
-    """A journal that ends with a line."""
+    """Check that the last line is complete."""
     read_journal(path)
     if not path.read_bytes().endswith((b"\n", b"")[not path.stat().st_size :]):
         raise ValueError("half a line at its end")
@@ -145,7 +145,7 @@ def left_alive(*names: str) -> list[str]:
 
 
 class Run:
-    """One exploration on a disk that fails; leaving it ends what is left."""
+    """One exploration on a failing disk; on exit it ends remaining processes."""
 
     def __init__(self, how: str, mounted: Path, seed: int, lasts_s: float) -> None:
         self.folder, self._others = mounted / "run", Path(tempfile.mkdtemp(prefix="vsx-watch-"))
@@ -188,12 +188,12 @@ class Run:
 
     @property
     def stood(self) -> bool:
-        """Whether it stood in the last words of the emulator; in lock-step nothing moves that is not told to."""
+        """Whether the robot stood in the emulator's last report; in lock-step it cannot move uncommanded."""
         last = self.speeds[-3:]
         return self._watch is None or (bool(last) and all(abs(v) < 0.01 and abs(w) < 0.02 for v, w in last))
 
     def wait_for(self, happened: Callable[[], float]) -> float:
-        """Until it has: when it was, or now if it never did."""
+        """Wait for an event; returns its time, or now if it never came."""
         deadline_s = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline_s and self.child.poll() is None:
             if at_s := happened():
@@ -209,7 +209,7 @@ class Run:
         return time.monotonic() if journal.exists() and journal.stat().st_size > 0 else 0.0
 
     def ended(self, end_s: float) -> dict[str, object]:
-        """What came out of it; end_s: when its end began."""
+        """The results; end_s: when the end of the run began."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.child.wait(60.0)
         took_s, code = time.monotonic() - end_s, self.child.poll()
@@ -253,7 +253,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=240.0, help="begin no further run after this time")
     args = parser.parse_args()
     store = Store(RESULTS / "fault_disk.jsonl", rooms=rooms_of("fault_disk"))
-    for number in (signal.SIGINT, signal.SIGTERM):  # a shell's background job ignores SIGINT, with all it starts
+    for number in (signal.SIGINT, signal.SIGTERM):  # a shell's background job ignores SIGINT, and so do its children
         signal.signal(number, signal.default_int_handler)
     end_s = time.monotonic() + 60.0 * args.minutes
     for how in args.how:

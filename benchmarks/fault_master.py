@@ -1,14 +1,14 @@
-"""The ROS master is killed while the robot explores, and another one started a while later: what the wheels do.
+"""The ROS master is killed while the robot explores, and a new one starts later: what the wheels do.
 
 python benchmarks/fault_master.py [--away 0.5 1 5 30] [--repetitions 20] [--minutes M]
 
-As benchmarks/fault_nodes.py, on the same stack. A row is one repetition: for how long no master ran (``away_s``); how
-long the wheels turned after it was killed (``turned_s``, -1: they did not stop); when, after the new one was started,
-the stop path was there again (``path_s``: the service of the emergency stop, its node and the topics of the commands
-are registered, and the service accepts a connection); whether the wheels, once they
-stood, turned before that (``moved_before``); when the robot drove again by itself (``driving_s``, null: not within
-60 s), or what ended it (``ending``); whether 'vsx stop' then stopped it (``stopped``). What is there already by the
-present code is not measured again.
+As benchmarks/fault_nodes.py, on the same stack. A row is one repetition. ``away_s``: time without a master.
+``turned_s``: how long the wheels turned after it was killed (-1: they did not stop).
+``path_s``: time from the start of the new one until the stop path worked again: the service of the emergency stop, its
+node and the topics of the commands are registered, and the service accepts a connection.
+``moved_before``: whether the wheels, once they stood, turned before that.
+``driving_s``: when the robot drove again by itself (null: not within 60 s), or ``ending``: what ended it.
+``stopped``: whether 'vsx stop' then stopped it. Existing rows of the present code are not measured again.
 """
 
 import argparse
@@ -28,7 +28,7 @@ COMMANDS = ("safety_controller", "teleop", "navi")
 
 
 def stop_path() -> bool:
-    """Whether whoever asks the master that answers now can stop the base."""
+    """Whether a client of the current master can stop the base."""
     import rosgraph
 
     from vsx_ros.ros.calls import answers_at
@@ -45,7 +45,7 @@ def stop_path() -> bool:
 
 
 def wait_for_stop_path(plant: object, since_s: float) -> tuple[float, bool]:
-    """When it was there [s, monotonic], and whether the wheels turned again after since_s while it surely was not."""
+    """When it worked again [s, monotonic], and whether the wheels turned after since_s while it surely did not."""
     moved = False
     while True:
         asked_s = time.monotonic()
@@ -61,7 +61,7 @@ def vsx(*words: str) -> bool:
 
 
 def stops(plant: object) -> bool:
-    """Whether 'vsx stop' does what it says; the robot may drive afterwards."""
+    """Whether 'vsx stop' works; the robot may drive afterwards."""
     said = vsx("stop")
     time.sleep(0.3)
     return said and not plant.moving and vsx("stop", "--release")

@@ -1,10 +1,10 @@
-"""Off, stuck, garbage, wrong, slow, delayed, intermittent: each fault of each device, and what the robot does about it.
+"""Off, stuck, garbage, wrong, slow, delayed, intermittent: how the robot reacts to each fault of each device.
 
 python benchmarks/fault_matrix.py [--repetitions 5]
 
-Bases: the real driver with the mux before it, over an emulated base on a pseudo-terminal, commanded 0.2 m/s: how
-long the wheels turned after the fault set in, seen at the emulator's end of the wire; where it drove on, it says so.
-Camera: the real driver over the emulated Kinect. Each repetition leaves a row; benchmarks/tables.py makes the tables.
+Bases: the real driver behind the mux, over an emulated base on a pseudo-terminal, commanded 0.2 m/s: how long the
+wheels turned after the start of the fault, measured at the emulator's end of the wire, or that it drove on.
+Camera: the real driver over the emulated Kinect. Each repetition writes a row; benchmarks/tables.py makes the tables.
 """
 
 import argparse
@@ -30,7 +30,7 @@ WATCH_S = 2.5
 
 
 class Wheels:
-    """A plant that obeys at once, whose sensors may be stuck or wrong, and that knows when it was told to stand."""
+    """A plant that obeys at once, records when it was told to stand, and whose sensors may be stuck or wrong."""
 
     def __init__(self, wheel_base_m: float) -> None:
         self.wheel_base_m = wheel_base_m
@@ -118,7 +118,7 @@ def until(condition: Callable[[], bool], seconds: float) -> bool:
 
 
 def base_fault(kind: str, fault: str, folder: str) -> tuple[float | None, str]:
-    """(seconds until the wheels stood, None when they drove on; what the driver said)."""
+    """(seconds until the wheels stood, None if they drove on; the driver's message)."""
     base = Base(kind, folder)
     with base.emulator, base.driver:
         base.commander.start()
@@ -150,7 +150,7 @@ def measure_bases(store: Store, repetitions: int, folder: str) -> None:
 
 
 def camera_fault(fault: str, path: str) -> str:
-    """What arrives in two seconds of a fault, and what the driver says."""
+    """The images received in two seconds of a fault, and the driver's message."""
     images: list[object] = []
     rng = np.random.default_rng(0)
     picture = rng.integers(0, 256, (480, 640), np.uint8)

@@ -1,13 +1,13 @@
-"""How long the wheels turn after a node is killed, stopped or hung, seen at the emulator's end of the wire.
+"""How long the wheels turn after a node is killed, stopped or hung, measured at the emulator's end of the wire.
 
 python benchmarks/fault_nodes.py [--repetitions 20] [--nodes mobile_base follower ...] [--how killed hung stopped]
                                  [--out benchmarks/results/fault_nodes.jsonl] [--minutes M]
 
 The real nodes explore an office, over a real driver and a pseudo-terminal. Each repetition waits until the wheels turn,
-then does it (SIGKILL, SIGSTOP or SIGINT to that process), measures until the wheels were told to stand, and mends it;
-a stack whose master ended is built anew (benchmarks/fault_master.py starts another master instead). A watchdog of
-mobile_base ignores SIGINT, and is replaced by its node; mobile_base+watchdog are both at once.
-Each repetition leaves a row; benchmarks/tables.py makes the table of docs/reliability.md from them.
+sends SIGKILL, SIGSTOP or SIGINT to the process, measures until the wheels are told to stand, and repairs the stack.
+A stack without master is built again (benchmarks/fault_master.py starts another master instead). A watchdog of
+mobile_base ignores SIGINT, and its node replaces it; mobile_base+watchdog are both at once.
+Each repetition writes a row; benchmarks/tables.py makes the table of docs/reliability.md from them.
 """
 
 import argparse
@@ -41,7 +41,7 @@ def victims(stack: object, node: str) -> list[int]:
 
 
 def repetition(stack: object, node: str, how: str) -> float:
-    """Seconds until the wheels stand for good (for a watchdog, until it is replaced); -1 when they do not."""
+    """Seconds until the wheels stand for good (for a watchdog, until it is replaced); -1 if they do not."""
     pids = victims(stack, node)
     begin_s = time.monotonic()
     for pid in pids:

@@ -2,16 +2,15 @@
 
 python benchmarks/fault_obstacle.py [--ahead 0.5] [--repetitions 20] [--minutes M]
 
-As benchmarks/fault_nodes.py, on the same stack: real nodes and drivers, the emulated body at the wire's far end. The
-post, 10 cm thick, is put where the path is so far ahead of the base's centre (its near face; straight on, at full
-speed). The body can hit it. The camera cannot see it: when SLAM maps a new thing is another question. What the nodes
-hear as ``map`` passes through this program, which draws the post into every map from that instant on, as from a sensor
-that saw it at once; so what is measured begins with a map that shows it, and ends where the body stands.
-
-A row is one repetition: the body's speed when the post appeared (``speed_m_s``), how far its face was truly ahead
-(``ahead_m``), after how long the body was at rest (``rest_s``; null: not within 5 s), the gap left between body and
-post then (``left_m``), the least until then (``least_m``), and whether they touched (``contact``). Then the post is
-taken away, and the robot explores on. What is there already by the present code is not measured again.
+As benchmarks/fault_nodes.py, on the same stack: real nodes and drivers, the emulated body at the far end of the wire.
+The post is 10 cm thick. Its near face appears on the path at this distance from the base's centre, while the robot
+drives straight on at full speed. The body can hit it. The camera cannot see it: when SLAM maps a new thing is another
+question. This program relays ``map`` to the nodes and draws the post into every map from that instant on, like a sensor
+that sees it at once. So the measurement begins with a map that shows the post, and ends when the body stands.
+A row is one repetition: the body's speed when the post appeared (``speed_m_s``), the true distance of its face
+(``ahead_m``), the time until the body stood (``rest_s``; null: not within 5 s), the gap between body and post
+then (``left_m``), the smallest gap until then (``least_m``), and whether they touched (``contact``). Then the post is
+removed, and the robot explores on. Existing rows of the present code are not measured again.
 """
 
 import argparse
@@ -32,15 +31,15 @@ from vsx_ros.experiments.rows import Store
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 
-POST_M, SIDES = 0.05, 12  # radius, and how round it is
+POST_M, SIDES = 0.05, 12  # radius; number of sides
 LIMITS, BODY_M = Config().limits, Config().robot.radius_m
-FULL_SPEED, STRAIGHT_RAD, BEYOND_M = 0.97, 0.2, 0.3  # of the limit; to either side; of path behind the post
+FULL_SPEED, STRAIGHT_RAD, BEYOND_M = 0.97, 0.2, 0.3  # share of the limit; to either side; path length behind the post
 REST_M_S, OVER_NS, WATCH_S = 0.005, 50_000_000, 5.0
 FIND_S = 120.0
 
 
 class Post:
-    """For the body, on the emulator's thread, and for whoever hears the map. Call it once a stack is up."""
+    """The post, for the body (on the emulator's thread) and in the map. Create it once a stack is running."""
 
     def __init__(self, stack: Any) -> None:
         import rospy
@@ -79,7 +78,7 @@ class Post:
             self._say()
 
     def _say(self) -> None:
-        """The newest map, with the post if there is one."""
+        """Publish the newest map, with the post if there is one."""
         from vsx_ros.ros import convert, headers, topics
 
         grid = convert.grid(self._map)
@@ -100,20 +99,20 @@ class Post:
         self._steps.append((state.time_ns, state.path_length_m, gap_m))
 
     def _on_emulator(self, act: Callable[[], None]) -> None:
-        """Do it between two of its steps."""
+        """Run this between two steps of the emulator."""
         self._at_step = act
         while self._at_step is not None:
             time.sleep(0.001)
 
     @property
     def speed_m_s(self) -> float:
-        """Of the body, over 50 ms."""
+        """Speed of the body, over 50 ms."""
         steps = list(self._steps)[-(OVER_NS // 5_000_000) - 1 :]
         return (steps[-1][1] - steps[0][1]) / max(1e-9 * (steps[-1][0] - steps[0][0]), 1e-9) if steps else 0.0
 
     def place_ahead(self, face_m: float) -> SE2 | None:
-        """Where the post's centre would be, seen from the base; None where it does not drive straight on at full speed,
-        or its path ends there."""
+        """Centre of the post in the base frame; None if the base does not drive straight on at full speed, or its path
+        ends before."""
         from vsx_ros.ros import headers
 
         T_map_base, way = self._where.at(headers.now_ns()).pose("map"), self._way
@@ -128,7 +127,7 @@ class Post:
         return place if abs(math.atan2(place.y, place.x)) < STRAIGHT_RAD else None
 
     def appear(self, place: SE2) -> None:
-        """Seen from the base, for the body and in the map at once."""
+        """Appear for the body and in the map at once; place: in the base frame."""
         from vsx_ros.ros import headers
 
         def stand() -> None:
@@ -153,11 +152,11 @@ class Post:
             self._say()
 
     def _braked(self) -> int:
-        """How often move_base has said that an obstacle came to light."""
+        """How often move_base has reported a newly seen obstacle."""
         return self._log.read_text(errors="replace").count("an obstacle has come to light")
 
     def repetition(self, face_m: float) -> dict[str, Any] | None:
-        """None where no such moment came, or the base stopped there for another reason."""
+        """One row; None if no suitable moment came, or the base stopped for another reason."""
         deadline_s = time.monotonic() + FIND_S
         while (place := self.place_ahead(face_m)) is None:
             if time.monotonic() > deadline_s:
@@ -194,7 +193,7 @@ def restore(body: Any, kept: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
 
 
 def add_post(body: Any, kept: tuple[np.ndarray, np.ndarray, np.ndarray], centre: SE2) -> None:
-    """Beside what the body can hit already."""
+    """Add the post to the obstacles of the body."""
     angles = np.linspace(0.0, 2.0 * math.pi, SIDES + 1)
     corners = np.array([centre.x, centre.y]) + POST_M * np.column_stack([np.cos(angles), np.sin(angles)])
     edges = np.diff(corners, axis=0)
@@ -203,7 +202,7 @@ def add_post(body: Any, kept: tuple[np.ndarray, np.ndarray, np.ndarray], centre:
 
 
 def stack_with_relay(folder: Path) -> Any:
-    """SLAM's map goes to map_seen, which ``Post`` hears."""
+    """SLAM's map is published as map_seen; ``Post`` relays it."""
     stack = new_stack(folder)
     spawn = stack._spawn
     stack._spawn = lambda name, command: spawn(name, [*command, *(["map:=map_seen"] if name == "vslam" else [])])

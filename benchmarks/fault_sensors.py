@@ -1,8 +1,8 @@
-"""Each sensor of each base broken on each motion, and drives on which nothing is broken: what is told, what is done.
+"""Each sensor of each base broken during each motion, and drives without faults: what is reported and done.
 
 python benchmarks/fault_sensors.py [--minutes 5]
 
-The real driver and mux over the emulated board, in simulated time (tests/hw/hw_sensor_faults.py). Each case leaves a
+The real driver and mux over the emulated board, in simulated time (tests/hw/hw_sensor_faults.py). Each case writes a
 row; benchmarks/tables.py makes the tables of docs/reliability.md from them.
 """
 

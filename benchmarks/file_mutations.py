@@ -1,5 +1,5 @@
-"""What can be wrong in a file, drawn at random: bytes, numbers, lines, and the parts of each format with their
-checksums mended, so that the damage comes through to the reader behind them."""
+"""Random damage to files: bytes, numbers, lines, and parts of each format with corrected checksums, so that the damage
+reaches the reader behind them."""
 
 import bz2
 import io
@@ -33,13 +33,13 @@ _TOKEN = re.compile(rb"[^\s,:\[\]{}\"]+")
 
 
 def integer(rng: random.Random, bits: int) -> int:
-    """One of those that break things."""
+    """A number that often breaks readers."""
     edge = 1 << rng.choice((0, 7, 8, 15, 16, 24, 26, 30, 31, 32, 40, 62, 63))
     return rng.choice((0, 1, edge, edge - 1, edge + 1, -edge, -1, rng.getrandbits(bits))) % (1 << bits)
 
 
 def raw(rng: random.Random, data: bytes) -> bytes:
-    """Bytes flipped, lost, doubled, put in, cut off, or numbers in their place."""
+    """Flip, lose, double, insert or cut off bytes, or replace numbers."""
     changed = bytearray(data)
     for _ in range(rng.choice((1, 1, 1, 2, 5, 20))):
         at, kind = rng.randrange(len(changed) + 1), rng.randrange(7)
@@ -62,7 +62,7 @@ def raw(rng: random.Random, data: bytes) -> bytes:
 
 
 def text(rng: random.Random, data: bytes) -> bytes:
-    """Numbers and words replaced; lines lost, doubled, exchanged, moved to the right."""
+    """Replace numbers and words; lose, double, exchange or indent lines."""
     for _ in range(rng.choice((1, 1, 2, 4))):
         kind = rng.randrange(6)
         if kind < 3:
@@ -84,7 +84,7 @@ def text(rng: random.Random, data: bytes) -> bytes:
 
 
 def array(rng: random.Random, data: bytes) -> bytes:
-    """Of a .npy file the header, the type, the shape or some numbers."""
+    """Change header, type, shape or some numbers of a .npy file."""
     kind = rng.randrange(6)
     if kind == 0:
         return text(rng, data)
@@ -107,7 +107,7 @@ def array(rng: random.Random, data: bytes) -> bytes:
 
 
 def sealed(rng: random.Random, data: bytes) -> bytes:
-    """An entry of a sealed archive, or the archive's own bytes under a seal that fits."""
+    """Change an entry of a sealed archive, or the archive's own bytes with a correct seal."""
     if rng.random() < 0.3:
         body = bytearray(raw(rng, data[:-64]))
         return _resealed(bytes(body))
@@ -133,7 +133,7 @@ def _resealed(body: bytes) -> bytes:
 
 
 def _lying(rng: random.Random, entries: dict[str, bytes]) -> bytes:
-    """Sizes in the zip's directory that are not those of its entries, or another way to pack them."""
+    """Wrong sizes in the zip's directory, or another compression method."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(
         buffer, "w", rng.choice((zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA))
@@ -149,7 +149,7 @@ def _lying(rng: random.Random, entries: dict[str, bytes]) -> bytes:
 
 
 def png(rng: random.Random, data: bytes) -> bytes:
-    """A chunk of a PNG changed, lost or doubled, its checksum mended."""
+    """Change, lose or double a chunk of a PNG, with a correct checksum."""
     at, chunks = 8, []
     while at + 12 <= len(data):
         (size,) = struct.unpack_from(">I", data, at)
@@ -175,7 +175,7 @@ def png(rng: random.Random, data: bytes) -> bytes:
 
 
 def ros1_bag(rng: random.Random, data: bytes) -> bytes:
-    """A field or the content of a record; that of a chunk before it is packed."""
+    """Change a field or the content of a record; content of a chunk before compression."""
     if rng.random() < 0.25:
         return raw(rng, data)
     records = list(_ros1_records(data, 13))
@@ -234,7 +234,7 @@ def _ros1_records(data: bytes, at: int):
 
 
 def mcap(rng: random.Random, data: bytes) -> bytes:
-    """The content of a record, or its length."""
+    """Change the content of a record, or its length."""
     if rng.random() < 0.25:
         return raw(rng, data)
     at, records = 8, []
@@ -244,14 +244,14 @@ def mcap(rng: random.Random, data: bytes) -> bytes:
         at += 9 + size
     at, kind, content = rng.choice(records)
     changed = raw(rng, content)
-    if rng.random() < 0.7:  # the places of all else stay right
+    if rng.random() < 0.7:  # all other offsets stay correct
         changed = changed[: len(content)].ljust(len(content), b"\0")
     size = integer(rng, 64) if rng.random() < 0.1 else len(changed)
     return data[:at] + bytes([kind]) + struct.pack("<Q", size) + changed + data[at + 9 + len(content) :]
 
 
 def database(rng: random.Random, path: Path) -> None:
-    """A cell, a table or the bytes of an sqlite3 file."""
+    """Change a cell, a table or the bytes of an sqlite3 file."""
     if rng.random() < 0.4:
         path.write_bytes(raw(rng, path.read_bytes()))
         return

@@ -1,4 +1,4 @@
-"""Small good files of every kind that this stack reads, to be damaged."""
+"""Small valid files of every kind that this stack reads, to be damaged."""
 
 import json
 from pathlib import Path
@@ -87,7 +87,7 @@ def run_folder(path: Path) -> RunFolder:
 
 
 def journal(path: Path, poses: list[StampedPose]) -> None:
-    """All kinds of lines."""
+    """A line of each kind."""
     lines = Journal(path)
     for k, pose in enumerate(poses):
         result = TrackingResult(pose.stamp_ns, TrackingState.GOOD, pose.T, 100, 60, k == 5, "")
@@ -183,6 +183,6 @@ def results_jsonl(path: Path) -> None:
 
 
 def picture(path: Path) -> None:
-    """Of the kind that its suffix says."""
+    """A picture of the kind given by its suffix."""
     image = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8), (0, 0), 2.0)
     cv2.imwrite(str(path), image if path.suffix != ".pgm" else image[..., 0])

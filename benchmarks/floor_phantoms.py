@@ -1,4 +1,4 @@
-"""Which phantom obstacles of a ground map come from corners that are truly on the floor."""
+"""Finds phantom obstacles of a ground map that come from corners that are truly on the floor."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ PATCH_PX = 8
 
 
 def first_hits(faces: list[Face], eyes: np.ndarray, rays: np.ndarray) -> np.ndarray:
-    """(N, 3) where rays (N, 3) from eyes (N, 3) meet the first of the faces; infinite where none."""
+    """(N, 3) where rays (N, 3) from eyes (N, 3) hit the first face; infinite if none."""
     least = np.full(len(rays), np.inf)
     for face in faces:
         slope = rays @ face.normal
@@ -30,8 +30,8 @@ def first_hits(faces: list[Face], eyes: np.ndarray, rays: np.ndarray) -> np.ndar
 
 
 def on_floor(world: World, snapshot: MapSnapshot, poses: Sequence[SE3], camera: PinholeCamera) -> np.ndarray:
-    """(M,) whether most observations of each point show the floor, and no edge of something before it: their rays and
-    those of their patches' corners all meet it. poses: the keyframes' true ones."""
+    """(M,) whether most observations of each point show only floor, without an edge of something in front: their rays
+    and those of their patches' corners all hit the floor. poses: the keyframes' true ones."""
     T_start_world = SE3.from_se2(world.start_pose).inverse()
     cameras = [T_start_world @ pose for pose in poses]
     R, t = np.array([T.rotation for T in cameras]), np.array([T.translation for T in cameras])
@@ -49,8 +49,8 @@ def floor_phantom_m2(
     grid: OccupancyGrid, truth: OccupancyGrid, world: World, snapshot: MapSnapshot, poses: Sequence[SE3],
     camera: PinholeCamera,
 ) -> float:  # fmt: skip
-    """Area [m2] of cells over 10 cm from any obstacle in which, and beside which, more than half of the points that
-    seem to be obstacles are floor."""
+    """Area [m2] of phantom cells from floor: over 10 cm from any obstacle, and more than half of the obstacle points in
+    and beside them are floor."""
     wrong = (on_truth(grid, truth, world.start_pose) == OCCUPIED) & (truth.data == FREE)
     wrong &= metres_to(truth.data == OCCUPIED, truth) > TOLERANCE_M
     high = snapshot.points_world[:, 2] > 0.06

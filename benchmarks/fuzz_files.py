@@ -1,10 +1,10 @@
-"""Ten thousand damaged files for each reader: nothing but one sentence may come of them, soon and in little memory.
+"""Ten thousand damaged files for each reader: only a one-sentence error may result, soon and in little memory.
 
 python benchmarks/fuzz_files.py [--count 10000] [--only NAME ...]
 
-Good files are damaged by bytes, by words and numbers, and part by part with lengths and checksums mended
-(file_mutations.py). A reader must read the file or raise a VsxError, within 10 s and 512 MiB. Every thousand is a row;
-what is there already by the present code is not done again.
+Good files are damaged by bytes, by words and numbers, and part by part with corrected lengths and checksums
+(file_mutations.py). A reader must read the file or raise a VsxError, within 10 s and 512 MiB. Every thousand files make
+a row; existing rows of the present code are not repeated.
 """
 
 import argparse
@@ -65,8 +65,8 @@ class Hang(BaseException):
 
 
 class Reader(NamedTuple):
-    """make: writes the good sample at a path. files: which of its files are damaged, as a pattern; itself if empty.
-    damage: (random, bytes) to bytes, or works on the file at a path. read: all that is done with it."""
+    """make: writes the good sample to a path. files: pattern of the files to damage; the path itself if empty. damage:
+    (random, bytes) to bytes, or changes the file at a path. read: everything done with the file."""
 
     name: str
     make: Callable[[Path], Any]
@@ -179,7 +179,7 @@ def _raw_image(rng: random.Random, path: Path) -> None:
 
 
 def _read_rows(path: Path) -> None:
-    """What is no row is told and left out: here that is to refuse it."""
+    """Invalid rows are reported and left out; here that counts as refusing the file."""
     told: list[str] = []
     read_rows(path, told.append)
     if told:
@@ -261,7 +261,7 @@ _BY_PATH = (_by_suffix, _bag2, _raw_image)
 
 
 class Bench:
-    """One reader's sample, damaged again and again."""
+    """One reader's sample, damaged repeatedly."""
 
     def __init__(self, reader: Reader, folder: Path) -> None:
         self.reader = reader
@@ -273,7 +273,7 @@ class Bench:
         self.bad = folder / f"bad{suffix}"
 
     def damage(self, seed: str) -> None:
-        """Put a damaged sample in place of the last one."""
+        """Replace the last damaged sample by a new one."""
         rng = random.Random(seed)
         if self.good.is_dir():
             shutil.rmtree(self.bad, ignore_errors=True)
@@ -289,7 +289,7 @@ class Bench:
             target.write_bytes(self.reader.damage(rng, target.read_bytes()))
 
     def outcome(self) -> str:
-        """read, refused, or what went wrong."""
+        """read, refused, or the failure."""
         try:
             with limited():
                 self.reader.read(self.bad)
@@ -307,7 +307,7 @@ class Bench:
 
 @contextmanager
 def limited():
-    """Ten seconds, and no word on the terminal."""
+    """Limit to ten seconds, without output on the terminal."""
 
     def over(*_: Any) -> None:
         raise Hang
@@ -323,18 +323,18 @@ def limited():
 
 
 def resident_mib(name: str) -> float:
-    """VmRSS, or VmHWM: the most since ``forget_peak``."""
+    """VmRSS, or VmHWM: the maximum since ``forget_peak``."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(name))
 
 
 def forget_peak() -> None:
-    """Let VmHWM begin anew."""
+    """Reset VmHWM."""
     Path("/proc/self/clear_refs").write_text("5")
 
 
 def fuzz_block(reader: Reader, block: int, count: int) -> dict[str, Any]:
-    """Outcomes of so many damaged files."""
+    """Outcomes of ``count`` damaged files."""
     outcomes: Counter[str] = Counter()
     slowest_s = most_mib = 0.0
     with tempfile.TemporaryDirectory() as folder:

@@ -1,12 +1,12 @@
-"""Ten million hostile bytes through each parser of a device, and changed frames that have a right checksum.
+"""Ten million random and damaged bytes through each device parser, and changed frames with correct checksums.
 
 python benchmarks/fuzz_parsers.py [--bytes 10000000] [--frames 20000] [--seed 0]
 
 Streams mix noise, real frames, frames with changed, lost and doubled bytes, repeated headers and cut-off frames, in
 chunks of every size. A parser must never raise, keep its memory bounded, and find the good frames that follow.
 Changed frames: of a base that drives and turns, every tenth frame has two bits changed so that the checksum is right
-(two of one column of the XOR; one set and one cleared of a sum). How many still pass, how many of them are used
-(another contact, battery, mode, or a pose 1 mm or 1 mrad off), how many end a contact, how far the heading is off.
+(two of one column of the XOR; one set and one cleared of a sum). It counts how many still pass, how many of them are
+used (another contact, battery, mode, or a pose 1 mm or 1 mrad off), how many end a contact, and the heading error.
 """
 
 import argparse
@@ -51,7 +51,7 @@ def create_frame(rng: random.Random) -> bytes:
 
 
 def hostile(rng: random.Random, frame: Callable[[random.Random], bytes], size: int) -> bytes:
-    """About size bytes of everything that can go wrong on a line."""
+    """About size bytes with every kind of line error."""
     data = bytearray()
     while len(data) < size:
         kind, piece = rng.randrange(8), bytearray(frame(rng))
@@ -88,7 +88,7 @@ def fuzz_serial(name: str, size: int, seed: int) -> str:
     good = random.Random(seed)
     tail = 0
     for _ in range(40):
-        good.seed(seed)  # the same but for its time
+        good.seed(seed)  # the same except for its time
         tail += len(parser.feed(frame(good)))
     assert tail >= 30, f"{name}: only {tail} of 40 good frames after the noise"
     return f"{name}: {fed} bytes, {found} frames, {parser.refused} refused"
@@ -124,7 +124,7 @@ def driving_create(k: int) -> bytes:
 
 
 def changed(name: str, frame: bytes, rng: random.Random) -> bytes:
-    """Two bits changed behind the header, the checksum still right."""
+    """Change two bits behind the header and keep the checksum correct."""
     while True:
         data, bit = bytearray(frame), 1 << rng.randrange(8)
         a, b = rng.sample(range(2 if name == "kobuki" else 1, len(data)), 2)
@@ -135,7 +135,7 @@ def changed(name: str, frame: bytes, rng: random.Random) -> bytes:
 
 
 def fuzz_frames(name: str, count: int, seed: int) -> str:
-    """count changed frames, each tenth of a drive, through the dialect of a base, beside the undamaged drive."""
+    """count changed frames, every tenth of a drive, through a base's dialect, compared with the undamaged drive."""
     rng, frame = random.Random(seed), {"kobuki": driving_kobuki, "create2": driving_create}[name]
     line, true = (BASES[name].dialect(1.0, 1.0) for _ in range(2))
     seen, steps, before = Counter(passed=0, used=0, contact_ended=0, good_refused=0), [0.0], (0.0, 0.0)

@@ -3,14 +3,14 @@
     PYTHONPATH=src:hw python benchmarks/ground_map.py [--world lab] [--seeds 100-109] [--seconds 60] [--sparse]
     PYTHONPATH=src:hw python benchmarks/ground_map.py --rebuild
 
-Each world is explored with the dense map in the loop (``--sparse``: without); at the end the ground map is built from
-the same keyframes without surfaces (the paper's sparse map) and with them. Both are held against the world at 10 cm.
-Faces count when three keyframes saw them at 0.5 to 3.5 m. Phantoms are occupied cells over 10 cm from any obstacle;
-those from the floor are the ones whose points' corners are truly on the floor, as the true camera sees it.
-Gaps kept: of what is known in gaps 0.4 to 0.8 m wide, the share that is free. Planes: as in planes.py, in the same
-maps. Covered: known cells, of those that can be seen, in the map driven by.
-CPU: of one core, densifying a keyframe and building the last map.
-``--rebuild`` times maps of made-up keyframes, 300 in 12 m x 8 m and 3000 in 40 m x 25 m.
+Each world is explored with the dense map in the loop (``--sparse``: without). At the end the ground map is built from
+the same keyframes without surfaces (the paper's sparse map) and with them. Both are compared with the world at 10 cm.
+Faces count if three keyframes saw them at 0.5 to 3.5 m. Phantoms are occupied cells over 10 cm from any obstacle;
+phantoms from the floor are those whose points' corners are truly on the floor, as seen by the true camera.
+Gaps kept: of the known area in gaps 0.4 to 0.8 m wide, the share that is free. Planes: as in planes.py, in the same
+maps. Covered: share of the observable cells that is known in the map used for driving.
+CPU: of one core, for densifying a keyframe and building the last map.
+``--rebuild`` times maps of synthetic keyframes, 300 in 12 m x 8 m and 3000 in 40 m x 25 m.
 """
 
 import argparse
@@ -39,7 +39,7 @@ from vsx_ros.system import ExplorationSystem
 
 
 class TimedDensifier(Densifier):
-    """Keeps the processor time of each update."""
+    """Records the processor time of each update."""
 
     cpu_s: list[float]
 
@@ -51,7 +51,7 @@ class TimedDensifier(Densifier):
 
 
 class Run(NamedTuple):
-    """Of one exploration: the maps without and with surfaces, what of their phantoms is floor [m2], and the planes."""
+    """Of one exploration: the maps without and with surfaces, the floor among their phantoms [m2], and the planes."""
 
     qualities: list[ObstacleQuality]
     floor_m2: list[float]
@@ -119,7 +119,7 @@ def words(name: str, of: list[ObstacleQuality], floor_m2: list[float]) -> str:
 
 
 def rebuild(n: int, half_length_m: float, half_width_m: float) -> float:
-    """Processor time [ms] of a map of n keyframes along a way through a room."""
+    """Processor time [ms] of a map of n keyframes along a path through a room."""
     rng = np.random.default_rng(0)
     way = 2.0 * np.pi * np.arange(n) / 300
     spread = np.sqrt((np.arange(n) + 1.0) / n)

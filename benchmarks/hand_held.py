@@ -1,12 +1,12 @@
-"""Hand-held six-axis motion through generated labs: where the SLAM starts without odometry, and what becomes of it.
+"""Hand-held six-axis motion through generated labs: where the SLAM starts without odometry, and how well it continues.
 
     PYTHONPATH=src:hw python benchmarks/hand_held.py [starts] [never] [--seeds 100-139] [--each]
 
-The camera is the emulator's Kinect, at 30 Hz, held at 0.7 to 1.5 m; its motion is smooth and random, of 0.3 degrees
-and 0.7 cm from frame to frame (root mean square). ``starts``: clips of 3 s. Told are the starts, by how much their
-first baseline points elsewhere than the truth's, and the maps that collapse: the error of the live poses of the frames
-told GOOD (aligned with scale) exceeds half of the way's extent over a second or more. ``never``: the camera turns
-by more than 10 px but stays within 0.5 % of the depth: every start is one too many. Seeds 0 to 49 are for tuning.
+The camera is the emulator's Kinect, at 30 Hz, held at 0.7 to 1.5 m; its motion is smooth and random, 0.3 degrees
+and 0.7 cm from frame to frame (root mean square). ``starts``: clips of 3 s. It prints the starts, the direction error
+of their first baseline, and the maps that collapse. In those, over a second or more, the error of the live poses of
+GOOD frames (aligned with scale) exceeds half of the path's extent. ``never``: the camera turns by more than 10 px but
+stays within 0.5 % of the depth: every start is wrong. Seeds 0 to 49 are for tuning.
 """
 
 import argparse
@@ -56,13 +56,13 @@ class Sway(NamedTuple):
         return np.asarray((self.amplitude * (np.sin(angle) - np.sin(self.phase))).sum(axis=1))
 
     def held_still(self, reach_m: float, seconds: FloatArray) -> "Sway":
-        """The same with the translation within ``reach_m`` of where it begins."""
+        """The same motion, with the translation within ``reach_m`` of its start."""
         far = np.linalg.norm(self.at(seconds)[:, :3], axis=1).max()
         return self._replace(amplitude=self.amplitude * np.repeat([reach_m / far, 1.0], 3))
 
 
 class HeldCamera(EmulatedCamera):
-    """The emulated camera in a hand. T_world_cam at 0 s; sway: since then, in the camera's frame."""
+    """The emulated camera in a hand. T_world_cam: at 0 s; sway: motion since then, in the camera's frame."""
 
     def __init__(self, seed: int, settings: CameraSettings) -> None:
         world, rng = generate_world("lab", seed), np.random.default_rng([seed, 77])
@@ -72,7 +72,7 @@ class HeldCamera(EmulatedCamera):
         self.sway = Sway.drawn(rng)
 
     def poses_at(self, stamps_ns: FloatArray) -> FloatArray:
-        """(N, 6) what ``sway`` is then."""
+        """(N, 6) ``sway`` at these stamps."""
         return self.sway.at(np.asarray(stamps_ns) * 1e-9)
 
     def poses_cam(self, base: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -107,8 +107,8 @@ def clip(seed: int, seconds: float, never: bool, settings: CameraSettings) -> Cl
 
 
 class Outcome(NamedTuple):
-    """began: frame of the first start, None without one; direction_deg: its error; restarted: how often since.
-    collapsed: whether the frames told GOOD of any map are (see above)."""
+    """began: frame of the first start, None without one; direction_deg: its error; restarted: number of restarts.
+    collapsed: whether the GOOD frames of any map collapse (see above)."""
 
     began: int | None
     direction_deg: float
@@ -140,7 +140,7 @@ def outcome(made: Clip) -> Outcome:
 
 
 def _error_ratio(pairs: list[tuple[SE3, SE3]]) -> float:
-    """ATE over the extent of the true way."""
+    """ATE divided by the extent of the true path."""
     way = np.array([truth.translation for _, truth in pairs])
     extent = math.sqrt(float(np.square(way - way.mean(axis=0)).sum(axis=1).mean()))
     return trajectory_error(pairs, "sim3").ate_rmse_m / max(extent, 1e-6)

@@ -1,11 +1,11 @@
-"""What reading a Kinect costs, and whether it keeps up while the machine is busy.
+"""Processor time of reading a Kinect, and whether the reader keeps up while the machine is busy.
 
 python benchmarks/kinect_reader.py [--seconds 60] [--burners N] [--usb]
 
-The emulated camera sends 30 images a second; the real driver reads them in a process of its own beside N busy processes
-(as many as cores). Prints images lost or torn, and processor time of the reader. With --usb no camera is emulated: the
-USB transport's own callback and the driver above it work through that many seconds of transfers (8000 packet slots a
-second, 162 of every 267 filled) that lie in libusb's own structures; printed is the processor time of each second.
+The emulated camera sends 30 images a second; the real driver reads them in a separate process beside N busy processes
+(default: number of cores). Prints lost or torn images, and processor time of the reader. With --usb no camera is
+emulated: the USB transport's callback and the driver above it process that many seconds of transfers in libusb's own
+structures (8000 packet slots a second, 162 of every 267 filled). It prints the processor time per second.
 """
 
 import argparse
@@ -46,7 +46,7 @@ def read(path: str, done: object, told: object) -> None:
 
 
 class Transfer:
-    """A finished isochronous transfer, as libusb keeps it in memory; submitting it again does nothing."""
+    """A finished isochronous transfer in libusb's memory layout; submitting it again does nothing."""
 
     def __init__(self) -> None:
         kept = usb1.USBTransfer(None, None, PACKETS, None, None, lambda *_, **__: lambda: None, False, False)
@@ -72,7 +72,7 @@ class Transfer:
 
 
 def read_usb(seconds: float) -> None:
-    """Processor time of the transport's callback and of what is above it."""
+    """Processor time of the transport's callback and the code above it."""
     usb1.loadLibrary()
     images: list[int] = []
     camera = KinectCamera(lambda: None, "camera", lambda image: images.append(image.stamp_ns))

@@ -12,8 +12,8 @@ POTENTIAL_SCALE, GAIN_SCALE = 3.0, 1.0  # explore_lite's defaults
 
 
 def nearest_frontier(asked: RankingInput) -> Ranking:
-    """Goals as explore_lite ranks them: 3 x straight distance to the frontier's nearest cell less its length; the goal
-    is the place to stand nearest to its middle. It stands with any heading there; here it looks at the frontier."""
+    """explore_lite's ranking: 3 x straight distance to the frontier's nearest cell minus its length; the goal is the
+    standing place nearest to its middle. explore_lite takes any heading; ours looks at the frontier."""
     grid, radius_m, _, looked_from, travel_costs, blacklist, config = asked
     rejected = dict.fromkeys(Rejection, 0)
     cells = np.argwhere(traversable_cells(grid, radius_m + config.view_margin_m))

@@ -1,10 +1,10 @@
 """How well planes are found in emulated labs: ``PYTHONPATH=src:hw python benchmarks/planes.py [--seeds A-B]``.
 
-Each lab is explored for a while with everything in the loop (emulator, SLAM, planner), then the planes of the SLAM's
-map are held against the world's faces. A face counts when it is 20 cm wide and high and 20 of the map's points lie on
-it (flat faces: not the floor nor those of cylinders; not ends of walls, nor legs); it is recalled when a plane
-within 15 degrees and 10 cm holds 30 % of its points. A plane is spurious when less than half of its points lie on faces
-within 15 degrees of it.
+Each lab is explored for a while with everything in the loop (emulator, SLAM, planner). Then the planes of the SLAM's
+map are compared with the world's faces. A face counts if it is at least 20 cm wide and high and 20 of the map's points
+lie on it. Only flat faces count, not the floor, cylinders, ends of walls, or legs. A face is recalled if a plane within
+15 degrees and 10 cm holds 30 % of its points. A plane is spurious if less than half of its points lie on faces within
+15 degrees of it.
 """
 
 import argparse
@@ -46,7 +46,7 @@ class Face(NamedTuple):
         return self.counts and float(sides.min()) >= MIN_SIZE_M
 
     def distances(self, points: np.ndarray, views: np.ndarray) -> np.ndarray:
-        """(N,) distances [m] of points to the face; infinite for those seen from behind."""
+        """(N,) distances [m] of points to the face; infinite for points seen from behind."""
         u = self.corners[1] - self.corners[0]
         u = u / np.linalg.norm(u)
         axes = np.stack([u, np.cross(self.normal, u)])
@@ -57,7 +57,7 @@ class Face(NamedTuple):
 
 
 def upright(a: np.ndarray, b: np.ndarray, low: float, high: float, counts: bool) -> Face:
-    """The face above the segment from a to b, which has the solid to its left."""
+    """The face above the segment from a to b; the solid is to the left of the segment."""
     normal = np.array([b[1] - a[1], a[0] - b[0], 0.0])
     normal = normal / np.linalg.norm(normal)
     corners = np.array([[*a, low], [*b, low], [*b, high], [*a, high]])
@@ -65,7 +65,7 @@ def upright(a: np.ndarray, b: np.ndarray, low: float, high: float, counts: bool)
 
 
 def faces_of(world: World) -> list[Face]:
-    """All surfaces, in the frame of a map begun at the world's start."""
+    """All surfaces, in the frame of a map that starts at the world's start pose."""
     T_start_world, faces = world.start_pose.inverse(), list[Face]()
     for outline in world.outlines:
         loop = (T_start_world @ np.asarray(outline.points, float))[::-1]
@@ -103,7 +103,7 @@ def explored(seed: int, seconds: float) -> tuple[list[MapSnapshot], float]:
 
 
 class Score(NamedTuple):
-    """Faces to be found, those found; planes, spurious ones; degrees of the others off their faces."""
+    """Faces to be found and faces found; planes and spurious ones; angle errors of the other planes [deg]."""
 
     faces: int
     recalled: int

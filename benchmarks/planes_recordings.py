@@ -1,9 +1,9 @@
 """Planes of real pictures: ``PYTHONPATH=src:hw python benchmarks/planes_recordings.py [NAME ...] [--out DIR]``.
 
-Each recording goes through the SLAM and the whole dense stage, as ``vsx replay --map`` does, with three seeds. Told is
-each plane; in DIR is, for each recording and seed, a picture of keyframes with the planes' outlines, their points as
-dots, cells that are surface as crosses, and numbers: which plane is right, false or missing is for eyes. Recordings are
-looked for in $VSX_DATA.
+Each recording goes through the SLAM and the whole dense stage, as with ``vsx replay --map``, with three seeds. It
+prints each plane. For each recording and seed, DIR gets a picture of keyframes with the planes' outlines, their points
+as dots, surface cells as crosses, and numbers. A person must judge which plane is right, false or missing. Recordings
+are read from $VSX_DATA.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from vsx_ros.slam.snapshot import MapSnapshot
 
 DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[1] / "../shared/data"))
 NAMES = ("vamr_tag_corner", "visp_rbt_desk", "new_tsukuba_150", "mononav_hallway/hallway.bag")
-CAMERA_HEIGHT_M = 1.04  # of the only one with odometry
+CAMERA_HEIGHT_M = 1.04  # of the only recording with odometry
 COLOURS = ((60, 60, 255), (60, 255, 60), (255, 100, 60), (0, 220, 220), (255, 60, 255), (255, 255, 0), (0, 128, 255))
 
 

@@ -1,10 +1,10 @@
 """How well and how fast motion planning works: ``python benchmarks/planning.py [--quick] [--phi 0.5] [section ...]``,
 src and hw in PYTHONPATH.
 
-Sections: connect, lab, costs, time, paper (all when none is given); a table of what must and what should be reached
-ends the run. Seeds are fixed, so everything but the milliseconds repeats exactly. The peers (planning_problems.py) are
-measured in the same run where they are installed, and left out with a note where not. Times are processor time of this
-process, Python included. How well a trajectory is followed is measured by tests/control.
+Sections: connect, lab, costs, time, paper (all by default); at the end comes a table of required and desired values.
+Seeds are fixed, so everything except the milliseconds repeats exactly. The peers (planning_problems.py) are measured in
+the same run if installed, else skipped with a note. Times are processor time of this process, including Python.
+tests/control measures how well trajectories are followed.
 """
 
 import argparse
@@ -32,7 +32,7 @@ PHIS = [0.5, 1.0, 2.0]
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the table; ``least``: the measured value must not be below ``must``, else not above it."""
+    """A line of the table; ``least``: the measured value must be at least ``must``, else at most."""
 
     what: str
     must: float
@@ -86,7 +86,7 @@ def section_connect(quick: bool, phis: list[float]) -> list[Row]:
 
 
 def section_lab(quick: bool, phis: list[float]) -> list[Row]:
-    """Boxes and a wall: solved of what anyone with this bound solves, time, length beside OMPL's."""
+    """Boxes and a wall: share solved of the solvable problems with this bound, time, length relative to OMPL's."""
     questions, rows = problems(range(0, 20), 4) if quick else problems(range(100, 200), 10), []
     for phi in phis:
         config = PlannerConfig(phi_rad_m=phi)
@@ -136,7 +136,7 @@ def section_lab(quick: bool, phis: list[float]) -> list[Row]:
 
 
 def section_costs(quick: bool, phis: list[float]) -> list[Row]:
-    """Costing views: every pose of a map around its obstacles."""
+    """Time to cost views: every pose of a map around its obstacles."""
     axes = np.arange(-5.95, 6.0, 0.1), np.arange(-3.95, 4.0, 0.1), np.arange(24) * (np.pi / 12.0)
     every = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3)
     rows = []
@@ -158,7 +158,7 @@ def section_costs(quick: bool, phis: list[float]) -> list[Row]:
 
 
 def excess(trajectory: Trajectory) -> float:
-    """The largest of the five quantities over its limit; rates are divided differences of the samples."""
+    """The largest of five quantities relative to its limit; rates are divided differences of the samples."""
     t = trajectory.times_s
     keep = np.append(True, np.diff(t) > 1e-6)
     t, v, omega = t[keep], trajectory.v[keep], trajectory.omega[keep]
@@ -172,7 +172,7 @@ def excess(trajectory: Trajectory) -> float:
 
 
 def section_time(quick: bool, phis: list[float]) -> list[Row]:
-    """Time scaling: duration beside toppra's, milliseconds, the worst of five limits."""
+    """Time scaling: duration relative to toppra's, milliseconds, the worst of five limits."""
     rows, n = [], 20 if quick else 200
     for phi in phis:
         ours, peer, seconds, worst = 0.0, 0.0, [], 0.0
@@ -193,7 +193,7 @@ def section_time(quick: bool, phis: list[float]) -> list[Row]:
 
 
 def section_paper(quick: bool, phis: list[float]) -> list[Row]:
-    """The paper's method: reach, share of it solved, violation between grid points, time."""
+    """The paper's method: reach, solved share of it, violation between grid points, time."""
     rows, n = [], 100 if quick else 1000
     for phi in phis:
         reachable, seconds, excess_ = 0, [], []

@@ -1,6 +1,6 @@
-"""Questions for the planners, and the peers that are asked the same: OMPL 2.0.1 and toppra 0.6.10.
+"""Problems for the planners, and the peers that solve the same ones: OMPL 2.0.1 and toppra 0.6.10.
 
-``pip install ompl==2.0.1 toppra==0.6.10`` (into a place of their own) provides the peers; nothing else needs them.
+``pip install ompl==2.0.1 toppra==0.6.10`` (into a separate environment) provides the peers; nothing else needs them.
 """
 
 import importlib.util
@@ -52,7 +52,7 @@ def free_pose(grid: OccupancyGrid, rng: np.random.Generator) -> SE2:
 
 
 def problems(seeds: range, each: int) -> list[tuple[OccupancyGrid, SE2, SE2]]:
-    """Questions (map, start, goal), ``each`` in every lab."""
+    """Problems (map, start, goal), ``each`` of them in every lab."""
     out = []
     for seed in seeds:
         grid, rng = lab(seed), np.random.default_rng(1000 + seed)

@@ -1,11 +1,11 @@
-"""Runs killed at random moments and resumed, against the same runs left alone.
+"""Runs that are killed at random moments and resumed, compared with undisturbed runs.
 
     python benchmarks/resume.py --seeds 100:110 [--kills 2] [--time S] [--out FILE]
 
-Each run is ``vsx explore --fast`` in a process of its own, until its mission ends or ``--time`` is over; the same run
-again is ended by SIGKILL when its journal has reached a random second of the first, then resumed, as often as asked.
-Both ends are compared: coverage, ATE, breaks, collisions; each pair leaves a row, and benchmarks/tables.py makes the
-table. No kill comes in the last minute of ``--time``: what a resumed run does first is to look for its place.
+Each run is ``vsx explore --fast`` in a separate process, until its mission ends or ``--time`` is over. A second run is
+killed (SIGKILL) when its journal has reached a random second of the first, then resumed, as often as asked. The final
+coverage, ATE, breaks and collisions are compared. Each pair writes a row, and benchmarks/tables.py makes the table.
+There is no kill in the last minute of ``--time``, because a resumed run must first find its place.
 """
 
 import argparse
@@ -33,7 +33,7 @@ KEPT = ("coverage_correct", "ate_rmse_m", "breaks", "collisions", "stop_reason")
 
 
 class Pair(NamedTuple):
-    """A run left alone, and the same run killed and resumed."""
+    """An undisturbed run, and the same run killed and resumed."""
 
     seed: int
     time_s: float
@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def both(pair: Pair) -> dict[str, Any]:
-    """What both reached."""
+    """Results of both runs."""
     with tempfile.TemporaryDirectory(prefix="vsx-resume-") as folder:
         alone = left_alone(Path(folder) / "alone", pair.seed, pair.time_s)
         last = min(alone["duration_s"] - 5.0, pair.time_s - LAST_S)
@@ -63,8 +63,7 @@ def both(pair: Pair) -> dict[str, Any]:
 
 
 def is_as_good(alone: dict, resumed: dict) -> bool:
-    """Not worse beyond what two runs with other noise differ by; a run without a map or a way is not, whatever the
-    other one is."""
+    """Not worse beyond the usual difference of two runs with other noise. False if either run lacks a map or a path."""
     if None in (run[key] for run in (alone, resumed) for key in ("coverage_correct", "ate_rmse_m")):
         return False
     return (

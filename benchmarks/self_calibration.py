@@ -1,8 +1,8 @@
-"""Wheels and gyro that nobody calibrated: ``PYTHONPATH=src:hw python benchmarks/self_calibration.py [--seeds A-B]``.
+"""Uncalibrated wheels and gyro: ``PYTHONPATH=src:hw python benchmarks/self_calibration.py [--seeds A-B]``.
 
-Wheels roll 10 % more or less far than the driver takes them to and stand 10 % nearer or farther apart, the gyro's scale
-is 5 % and its zero 1 deg/s wrong, the signs by the seed. Driven: ovals in a lab, 4 cm per frame. Told: what is found
-after 20 m against the truth, and the live track's error (se3, cm) before and after, each with and without correction.
+The wheels' radius and distance are each 10 % wrong in the driver, the gyro's scale is 5 % and its zero 1 deg/s wrong;
+the seed gives the signs. The robot drives ovals in a lab, 4 cm per frame. It prints the errors of the calibration after
+20 m against the truth, and the error of the live track (se3, cm) before and after, each with and without correction.
 """
 
 import argparse
@@ -28,12 +28,12 @@ from vsx_ros.sim.robot import SimulationConfig
 from vsx_ros.slam.slam import SequentialSlam
 
 FOUND_AFTER_M, LAPS = 20.0, 3
-LEGS_PER_LAP, PIECE = 6, 8  # frames: for the truth
+LEGS_PER_LAP, PIECE = 6, 8  # frames, for the true factors
 USUAL = SimulationConfig(frame_rate_hz=RATE_HZ)
 
 
 class Told(NamedTuple):
-    """Errors of what is found: shares in percent, the zero in deg/s; NaN where refused. ate: cm before, after 20 m."""
+    """Errors of the calibration: shares in percent, zero in deg/s; NaN if refused. ate: cm before, after 20 m."""
 
     way: float
     turn: float
@@ -53,7 +53,7 @@ def wrong(seed: int) -> SimulationConfig:
 
 
 def ovals(seed: int, usual: bool, keep: Path | None) -> Drive | None:
-    """LAPS ovals in lab ``seed`` from its clearest place; None when it has none. usual: by wheels that are right."""
+    """LAPS ovals in lab ``seed`` from its clearest place; None if there is none. usual: with correct wheels."""
 
     def make() -> Drive | None:
         world, legs = generate_world("lab", seed), laps_legs()[: LAPS * LEGS_PER_LAP]
@@ -66,7 +66,7 @@ def ovals(seed: int, usual: bool, keep: Path | None) -> Drive | None:
 
 
 def true_factors(drive: Drive) -> tuple[float, float, float, float]:
-    """Of the way, the turn, the zero [rad/s], the wheels' turn, by the true poses."""
+    """True factors of path and turn, zero [rad/s], factor of the wheels' turn."""
     bases = [(drive.true_pose(k) @ drive.T_base_cam.inverse()).to_se2() for k in range(0, len(drive), PIECE)]
     seen = np.array([(a.distance_to(b), a.angle_to(b)) for a, b in zip(bases, bases[1:])])
     x, y, theta, _, _, wheels = np.diff(drive.odometry[::PIECE], axis=0).T

@@ -1,8 +1,8 @@
 """How well and how fast the SLAM works: ``PYTHONPATH=src:hw python benchmarks/slam.py [section ...]``.
 
-Sections: loops, arcs, turns, kidnap, tour, laps, timing, live, lenses (all when none or ``all`` is given). The
-table goes to stdout, progress to stderr. Everything but timing, live and the times of tour repeats exactly.
-See benchmarks/README.md for what is driven and how each figure is taken.
+Sections: loops, arcs, turns, kidnap, tour, laps, timing, live, lenses (all by default or with ``all``). The table goes
+to stdout, progress to stderr. Everything except timing, live and the times of tour repeats exactly.
+benchmarks/README.md explains the drives and the figures.
 """
 
 import argparse

@@ -21,8 +21,8 @@ TRACKED = (TrackingState.GOOD, TrackingState.DUBIOUS)
 
 
 class Row(NamedTuple):
-    """One line of the table. values: one per world. The worst is judged: at most ``must`` (``aim``), or at least when
-    ``more`` is true."""
+    """One line of the table. values: one per world. The worst value is judged: at most ``must`` (``aim``), or at least
+    if ``more`` is true."""
 
     name: str
     unit: str
@@ -44,7 +44,7 @@ class Row(NamedTuple):
 
 
 class Run(NamedTuple):
-    """Results of all frames, the poses among them with the truth, and what the SLAM reported."""
+    """Results of all frames, estimated poses paired with the truth, and the SLAM's reports."""
 
     results: list[TrackingResult]
     pairs: Pairs
@@ -59,7 +59,7 @@ class Run(NamedTuple):
         return math.inf if error is None else error.ate_rmse_m
 
     def lost(self) -> int:
-        """Frames reported lost; all of them when no map was ever begun."""
+        """Frames reported lost; all frames if no map was started."""
         begun = self.begun()
         return len(self.results) if begun is None else sum(r.state is TrackingState.LOST for r in self.results[begun:])
 
@@ -76,7 +76,7 @@ class Run(NamedTuple):
 
 
 def run(drive: Drive, wheels: Callable[[int], bool] = lambda k: True, black: Iterable[int] = ()) -> Run:
-    """Track a drive; wheels: whether frame k comes with odometry; black: frames without a picture."""
+    """Track a drive; wheels: whether frame k comes with odometry; black: frames with a black image."""
     slam, dark = SequentialSlam(drive.camera, drive.T_base_cam, SLAM, 1), set(black)
     results, pairs = [], []
     for k in range(len(drive)):
@@ -95,8 +95,8 @@ def note(text: str) -> None:
 
 
 def loop_courses(length_m: float = 13.0, step_m: float = 0.02) -> list[list[Leg]]:
-    """Closed courses, the roundest first: a circle, then two straights joined by half circles ever narrower; and 0.5 m
-    of the beginning once more."""
+    """Closed courses, the roundest first: a circle, then two straights joined by ever narrower half circles; each
+    repeats the first 0.5 m."""
     out = []
     for radius in (length_m / (2.0 * math.pi), 1.6, 1.2, 0.9, 0.7):
         straight = Leg(0.5 * (length_m - 2.0 * math.pi * radius), step=step_m)
@@ -131,7 +131,7 @@ def loops(seeds: range, keep: Path | None) -> list[Row]:
 
 
 def arcs(seeds: range, keep: Path | None) -> list[Row]:
-    """0.5 m straight, then 120 deg into what was never seen, 1 cm per frame (0.15 m/s)."""
+    """0.5 m straight, then a curve of 120 deg into unseen space, 1 cm per frame (0.15 m/s)."""
     rows, smallest_m, unbroken = [], math.inf, True
     for radius in RADII_M:
         ate, survived = [], []
@@ -175,7 +175,7 @@ def turns(seeds: range, keep: Path | None) -> list[Row]:
 
 
 def kidnappings(seeds: range, keep: Path | None) -> list[Row]:
-    """1 m along a curve, stop, 1 s of black pictures, the same place again; wheels that read nothing, and none."""
+    """1 m along a curve, stop, 1 s of black pictures, the same place again; wheels reading zero, or no wheels."""
     rows = []
     for name, wheels in (("wheels at rest", True), ("no wheels", False)):
         seconds, wrong = [], []
@@ -200,7 +200,7 @@ def kidnappings(seeds: range, keep: Path | None) -> list[Row]:
 
 
 def first_still(drive: Drive) -> int:
-    """First frame of the long rest: the truth does not move for a second from there on."""
+    """First frame of the long rest: from there on, the truth does not move for a second."""
     moved = np.linalg.norm(np.diff(drive.truth[:, :3, 3], axis=0), axis=1)
     span = seconds_to_frames(1.0)
     return next(k for k in range(10, len(moved) - span) if moved[k : k + span].max() < 1e-4)

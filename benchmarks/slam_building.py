@@ -1,5 +1,5 @@
-"""A large building for the SLAM: an office of 40 m x 25 m whose corridor runs round a block of rooms, and the way round
-it. The same twelve kinds of posters hang everywhere, so that places look alike."""
+"""A large building for the SLAM: an office of 40 m x 25 m whose corridor runs around a block of rooms, and the path
+around it. The same twelve kinds of posters hang everywhere, so that places look alike."""
 
 import math
 from pathlib import Path
@@ -18,9 +18,9 @@ WIDTH_M, DEPTH_M = 40.0, 25.0
 ROOM_M, CORRIDOR_M, WALL_M = 2.5, 2.0, 0.12
 ROOM_WIDTH_M, DOOR_M = 4.5, 1.2
 BEND_M = 0.9
-# 0.3 m/s, whatever the frame rate: slam_drives counts in frames of 15 Hz.
+# 0.3 m/s at any frame rate: slam_drives counts in frames of 15 Hz.
 STEP_M, RATE_HZ = 0.02, 7.5
-# Wheels that nobody calibrated: 1.5 % of the way and of the turns.
+# Uncalibrated wheels: 1.5 % error in distance and turn.
 SIMULATION = SimulationConfig(frame_rate_hz=RATE_HZ, body=BodySettings(wheel_scale_error=0.015, gyro_scale_error=0.015))
 
 
@@ -49,7 +49,7 @@ def _ring(margin: float) -> list[Point]:
 
 
 def _partitions(rng: np.random.Generator) -> list[Wall]:
-    """Between rooms, outside and inside the corridor; the block's rooms lie back to back."""
+    """Walls between rooms outside and inside the corridor; rooms of the block lie back to back."""
     near, far = ROOM_M, ROOM_M + CORRIDOR_M
     walls = [_wall((far, 0.5 * DEPTH_M), (WIDTH_M - far, 0.5 * DEPTH_M), wall_material(rng))]
     for x in np.arange(near + ROOM_WIDTH_M, WIDTH_M - near, ROOM_WIDTH_M).tolist():
@@ -62,7 +62,7 @@ def _partitions(rng: np.random.Generator) -> list[Wall]:
 
 
 def _boxes(rng: np.random.Generator) -> list[Box]:
-    """Furniture in the rooms, in sight through their doors."""
+    """Furniture in the rooms, visible through their doors."""
     xs = np.arange(ROOM_M + CORRIDOR_M + 1.5, WIDTH_M - ROOM_M - CORRIDOR_M - 1.0, ROOM_WIDTH_M).tolist()
     boxes = []
     for x in xs:
@@ -99,7 +99,7 @@ def building(seed: int) -> World:
 
 
 def way_round(again_m: float) -> list[Leg]:
-    """Once round the corridor from the start, and so far of the beginning once more [m]."""
+    """Once around the corridor from the start, and again_m of the beginning once more."""
     middle = ROOM_M + 0.5 * CORRIDOR_M
     long, short = WIDTH_M - 2.0 * (middle + BEND_M), DEPTH_M - 2.0 * (middle + BEND_M)
     bend = Leg(0.5 * math.pi * BEND_M, 0.5 * math.pi, step=STEP_M)
@@ -110,14 +110,14 @@ def way_round(again_m: float) -> list[Leg]:
 
 
 def ring_drive(seed: int, keep: Path | None) -> Drive:
-    """Round building ``seed``: 107 m at 4 cm per frame (0.3 m/s)."""
+    """Around building ``seed``: 107 m at 4 cm per frame (0.3 m/s)."""
     drive = kept(f"ring_{seed}", keep, lambda: record(building(seed), seed, way_round(6.0), SIMULATION))
     assert drive is not None
     return drive
 
 
 def laps_legs() -> list[Leg]:
-    """Five laps of an oval, each of another width, hence nowhere on the way of the one before."""
+    """Five laps of an oval, each of a different width, so that no lap repeats the path of the one before."""
     legs = []
     for radius in (0.9, 0.8, 1.0, 0.85, 0.95):
         side, bend = Leg(1.6, step=STEP_M), Leg(0.5 * math.pi * radius, 0.5 * math.pi, step=STEP_M)
@@ -126,7 +126,7 @@ def laps_legs() -> list[Leg]:
 
 
 def laps_drive(seed: int, keep: Path | None) -> Drive | None:
-    """Five laps in lab ``seed`` at 4 cm per frame, from its clearest place; None when it has none."""
+    """Five laps in lab ``seed`` at 4 cm per frame, from its clearest place; None if there is none."""
 
     def make() -> Drive | None:
         world = generate_world("lab", seed)

@@ -1,8 +1,8 @@
-"""Drives of the emulated robot along given courses, with the truth beside: what the SLAM benchmarks run on.
+"""Drives of the emulated robot along given courses, with the truth: the input of the SLAM benchmarks.
 
-Everything is as a user of the emulator gets it: generated labs, the Kinect's lens, rolling shutter, exposure, noise and
-motion blur, a calibration and a mount that are slightly wrong, wheels and gyro calibrated to 0.5 % and 0.3 %, slip.
-Only the steering is better than anybody's: it sees the true pose, so that the course is the same in every world.
+Everything is as in the standard emulator: generated labs, the Kinect's lens, rolling shutter, exposure, noise and
+motion blur, a slightly wrong calibration and mount, wheels and gyro calibrated to 0.5 % and 0.3 %, slip. Only the
+steering is idealised: it uses the true pose, so that the course is the same in every world.
 """
 
 import itertools
@@ -38,8 +38,8 @@ STEER_LATERAL, STEER_HEADING = 8.0, 4.0
 
 
 class Leg(NamedTuple):
-    """length_m ahead while turning by turn_rad (at most half a turn); on the spot when length_m is 0; rest_s standing
-    afterwards. step: metres per frame, radians per frame on the spot."""
+    """length_m ahead while turning by turn_rad (at most half a turn); on the spot if length_m is 0; then standing for
+    rest_s. step: metres per frame, or radians per frame on the spot."""
 
     length_m: float
     turn_rad: float = 0.0
@@ -48,8 +48,8 @@ class Leg(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """images (N, H, W) uint8; odometry (N, 6): x, y, theta, v, omega, turn by the wheels, at the stamp; truth
-    (N, 4, 4): T_world_cam."""
+    """images (N, H, W) uint8; odometry (N, 6): x, y, theta, v, omega, turn by the wheels, at the stamp; truth (N, 4,
+    4): T_world_cam."""
 
     camera: PinholeCamera
     T_base_cam: SE3
@@ -77,7 +77,7 @@ def seconds_to_frames(seconds: float) -> int:
 
 
 def driven(start: SE2, leg: Leg, share: float) -> SE2:
-    """Where the leg leads after a share of it."""
+    """The pose after this share of the leg."""
     return start @ SE2.exp(share * leg.length_m, share * leg.turn_rad)
 
 
@@ -159,7 +159,7 @@ def record(world: World, seed: int, legs: list[Leg], config: SimulationConfig = 
 
 
 def kept(name: str, keep: Path | None, make: Callable[[], Drive | None]) -> Drive | None:
-    """The drive of that name from the folder ``keep``, else a new one, left there."""
+    """The drive of that name from the folder ``keep``; else a new one, which is stored there."""
     file = keep / f"{name}.pickle" if keep else None
     if file and file.exists():
         found: Drive = pickle.loads(file.read_bytes())
@@ -174,7 +174,7 @@ def kept(name: str, keep: Path | None, make: Callable[[], Drive | None]) -> Driv
 def lab_drive(
     name: str, seed: int, courses: list[list[Leg]], keep: Path | None, config: SimulationConfig = EMULATION
 ) -> Drive | None:
-    """The first of the courses that has room in lab ``seed``, driven from its clearest place; None when none has."""
+    """The first course that fits into lab ``seed``, driven from its clearest place; None if none fits."""
 
     def make() -> Drive | None:
         world = generate_world("lab", seed)
@@ -189,8 +189,8 @@ def lab_drive(
 
 
 def tour_legs(world: World, seed: int, length_m: float) -> list[Leg]:
-    """Planned ways (1 rad/m, forward only) from drawn place to drawn place until the length is reached; a way into a
-    dead end is taken back."""
+    """Planned paths (1 rad/m, forward only) between random places until the length is reached; a path into a dead end
+    is removed."""
     grid = ground_truth_grid(world, 0.05, 0.0, RobotConfig().height_m)
     planner, rng = Planner(PlannerConfig(), RobotConfig()), np.random.default_rng(seed)
     x0, y0, x1, y1 = world.bounds
@@ -213,7 +213,7 @@ def tour_legs(world: World, seed: int, length_m: float) -> list[Leg]:
 
 
 def tour_drive(seed: int, keep: Path | None) -> Drive:
-    """A long way through an office at 1 cm per frame."""
+    """A long path through an office at 1 cm per frame."""
     world = generate_world("office", seed)
     drive = kept(f"tour_{seed}", keep, lambda: record(world, seed, tour_legs(world, seed, TOUR_M)))
     assert drive is not None

@@ -1,7 +1,7 @@
 """A real corridor with odometry, from many first frames: ``PYTHONPATH=src:hw python benchmarks/slam_hallway.py``.
 
-The recording ships with the tests (tests/data/mononav_hallway): white walls, five noisy images a second, odometry that
-knows no tilt. Told are, for each first frame, how many of the frames from the map's start on were tracked.
+The recording is part of the tests (tests/data/mononav_hallway): white walls, five noisy images a second, odometry
+without tilt. For each first frame, it prints how many frames were tracked after the map's start.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Large maps: once round a building of 40 m x 25 m, and lap after lap through one room. Are loops closed, never
+"""Large maps: once around a building of 40 m x 25 m, and lap after lap through one room. Are loops closed, never
 falsely, and does the work per frame and per keyframe stay the same?"""
 
 import time
@@ -21,7 +21,7 @@ LATE, WINDOW = 20, 80
 
 
 def keyframe_pairs(drive: Drive, snapshot: MapSnapshot) -> Pairs:
-    """Keyframes and the truth when their middle row was exposed."""
+    """Keyframes, and their true poses when the middle row was exposed."""
     stamps = np.array(drive.stamps_ns)
     pairs = []
     for stamp_ns, T in zip(snapshot.keyframe_stamps_ns.tolist(), snapshot.T_world_cams):
@@ -33,19 +33,19 @@ def keyframe_pairs(drive: Drive, snapshot: MapSnapshot) -> Pairs:
 
 
 def ate_cm(drive: Drive, snapshot: MapSnapshot) -> float:
-    """Of the keyframes, without scale alignment."""
+    """ATE of the keyframes, without scale alignment."""
     return 100.0 * trajectory_error(keyframe_pairs(drive, snapshot)).ate_rmse_m
 
 
 def seam_cm(drive: Drive, snapshot: MapSnapshot) -> float:
-    """How far the newest keyframe is off, seen from the first."""
+    """Position error of the newest keyframe relative to the first."""
     pairs = keyframe_pairs(drive, snapshot)
     estimate, truth = (pairs[0][n].inverse() @ pairs[-1][n] for n in (0, 1))
     return 100.0 * float(np.linalg.norm(estimate.translation - truth.translation))
 
 
 class Closing:
-    """``see`` the map after every keyframe: what it was worth before and after each loop that was closed."""
+    """``see`` the map after every keyframe: compares its accuracy before and after each closed loop."""
 
     def __init__(self, drive: Drive) -> None:
         self._drive = drive
@@ -66,7 +66,7 @@ class Closing:
 
 
 class Times:
-    """Processor time [ms] of frames without a keyframe, and of those with one (the mapper's work is in them)."""
+    """Processor time [ms] of frames without a keyframe, and with one (including the mapper's work)."""
 
     def __init__(self) -> None:
         self.plain: list[float] = []
@@ -82,7 +82,7 @@ class Times:
 
 
 def tour(seeds: range, keep: Path | None) -> list[Row]:
-    """Round the building with wheels wrong by up to 1.5 %; a second SLAM joins where the first has 200 keyframes."""
+    """Around the building with wheel errors of up to 1.5 %; a second SLAM starts when the first has 200 keyframes."""
     before, seams, after, seams_after, loops, false, lost, frame, keyframe = ([] for _ in range(9))
     for seed in seeds[:2]:
         drive = ring_drive(seed, keep)
@@ -127,7 +127,7 @@ def tour(seeds: range, keep: Path | None) -> list[Row]:
 
 
 def laps(seeds: range, keep: Path | None) -> list[Row]:
-    """Five laps of about 9 m, no two alike."""
+    """Five different laps of about 9 m."""
     counts: list[list[float]] = [[] for _ in range(5)]
     first, last = [], []
     for seed in seeds[:2]:

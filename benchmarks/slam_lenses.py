@@ -1,4 +1,4 @@
-"""The same loops seen by other cameras: all lens models, 320 x 240 to 1280 x 720, views up to 180 degrees."""
+"""The same loops seen by other cameras: all lens models, 320 x 240 to 1280 x 720, fields of view up to 180 degrees."""
 
 import math
 from dataclasses import replace
@@ -12,25 +12,25 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.lens import EQUIDISTANT, RATIONAL
 from vsx_ros.sim.camera import KINECT
 
-LOOP_M = 8.0  # shorter than that of ``loops``: many cameras drive it
-MUST, AIM = 2.0, 1.2  # times the Kinect's error in the same lab
+LOOP_M = 8.0  # shorter than in ``loops``, because many cameras drive it
+MUST, AIM = 2.0, 1.2  # factors on the Kinect's error in the same lab
 
 
 def scaled(camera: PinholeCamera, ratio: float, width: int, height: int) -> PinholeCamera:
-    """The same lens before a sensor of another size, its centre where it was in the picture."""
+    """The same lens on a sensor of another size, with its centre at the same relative position."""
     cx, cy = (0.5 * (n - 1) + ratio * (c - 0.5 * (m - 1)) for n, c, m in (
         (width, camera.cx, camera.width), (height, camera.cy, camera.height)))  # fmt: skip
     return replace(camera, width=width, height=height, fx=ratio * camera.fx, fy=ratio * camera.fy, cx=cx, cy=cy)
 
 
 def fisheye(view_deg: float) -> PinholeCamera:
-    """640 x 480, so many degrees from the left border to the right."""
+    """640 x 480, with this angle between left and right border."""
     focal = 640.0 / math.radians(view_deg)
     return PinholeCamera(640, 480, focal, focal, 321.0, 238.0, (-0.012, 0.006, -0.004, 0.0006), EQUIDISTANT)
 
 
-WIDE = (0.199416, -0.207364, 0.000704, 0.000806, 0.047875)  # of a real camera of 113 degrees
-EIGHT = (4.1, 1.7, 2e-4, -1e-4, 0.07, 4.45, 3.1, 0.42)  # like those of a time-of-flight camera's colour lens
+WIDE = (0.199416, -0.207364, 0.000704, 0.000806, 0.047875)  # of a real camera with 113 degrees
+EIGHT = (4.1, 1.7, 2e-4, -1e-4, 0.07, 4.45, 3.1, 0.42)  # similar to the colour lens of a time-of-flight camera
 CAMERAS = {
     "kinect": KINECT,
     "320x240": scaled(KINECT, 0.5, 320, 240),

@@ -1,9 +1,9 @@
-"""Light that changes, and bursts of blur: how many frames are lost, and how much the accuracy suffers.
+"""Changing light and bursts of blur: how many frames are lost, and how much the accuracy suffers.
 
     PYTHONPATH=src:hw python benchmarks/slam_light.py [gain blur highlights] [--seeds 100-109] [--keep FOLDER]
 
-The drives are the loops of slam.py, with odometry and without; what spoils their images is added afterwards, to every
-frame from the first one on. ATE without odometry is after alignment with scale.
+The drives are the loops of slam.py, with and without odometry; the disturbance is added to every recorded image.
+ATE without odometry is after alignment with scale.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from slam_drives import RATE_HZ, Drive, lab_drive
 
 from vsx_ros.evaluation.trajectory import trajectory_error
 
-SWING, PERIOD_S = 0.25, 1.0  # of the gain, as an exposure control that breathes
+SWING, PERIOD_S = 0.25, 1.0  # of the gain, like an oscillating exposure control
 BLUR_PX, BURST_S, CALM_S = 6, 0.4, 1.6
 BLOBS = ((90, 70, 14), (250, 40, 9), (420, 110, 20), (560, 60, 11), (330, 300, 8), (150, 390, 12))  # x, y, radius [px]
 
@@ -34,7 +34,7 @@ def blur(image: np.ndarray, time_s: float) -> np.ndarray:
 
 
 def highlights(image: np.ndarray, time_s: float) -> np.ndarray:
-    """Saturated where lamps are mirrored by what covers the lens; they do not move with the scene."""
+    """Saturated reflections of lamps in a cover of the lens; they do not move with the scene."""
     light = np.zeros_like(image)
     for x, y, radius in BLOBS:
         cv2.circle(light, (x, y), radius, 255, -1)

@@ -1,13 +1,12 @@
-"""Real pictures without odometry: many starts in each recording, forwards and backwards, every and every third frame.
+"""Real pictures without odometry: many starts in each recording, forwards and backwards, every frame and every third.
 
     PYTHONPATH=src:hw python benchmarks/slam_recordings.py [NAME ...] [--spacing 10] [--starts 10] [--each]
 
-One run says little: two starts of one recording differ by a factor of two. Told are, over all starts of a variant:
-the ATE of the live poses and of the same frames by the final keyframes (after alignment with scale), the largest error
-of the motion between two frames, the share of the frames that were tracked from the first start that any variant of the
-same frames had on, and by how much the baseline of the first two keyframes points elsewhere than the truth's.
-Recordings are looked for in $VSX_DATA.
-The truth of visp_rbt_desk is noisy by 13 mm: of a baseline of 20 mm it tells no direction.
+A single run says little: two starts of one recording differ by a factor of two. For all starts of a variant, it prints:
+the ATE of the live poses and of the same frames by the final keyframes (after alignment with scale); the largest error
+of the motion between two frames; the share of tracked frames, counted from the first start of any variant of the same
+frames; and the direction error of the first two keyframes' baseline. Recordings are read from $VSX_DATA.
+The truth of visp_rbt_desk has 13 mm of noise: it gives no direction for a baseline of 20 mm.
 """
 
 import argparse
@@ -30,13 +29,12 @@ from vsx_ros.slam.state import TrackingState
 
 DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[1] / "../shared/data"))
 NAMES = ("new_tsukuba_150", "vamr_checkerboard", "visp_rbt_desk")
-SHORTEST = 20  # frames a start must leave, or the errors are of nothing
+SHORTEST = 20  # minimum number of frames after a start; fewer give meaningless errors
 
 
 class Outcome(NamedTuple):
-    """One start. began: frames until there was a map, None without one. tracked: of the frames. direction_deg: of the
-    first baseline against the truth; ate_m, step_m, final_m: after alignment with scale, the last of the
-    frames by the final keyframes."""
+    """One start. began: frames until there was a map, None without one. tracked: number of frames. direction_deg: error
+    of the first baseline; ate_m, step_m, final_m: after alignment with scale, final_m by the final keyframes."""
 
     frames: int
     began: int | None
@@ -49,7 +47,7 @@ class Outcome(NamedTuple):
 
 
 def variants(frames: list[Frame], starts: int, spacing: int) -> dict[str, list[list[Frame]]]:
-    """Sequences by direction and stride, each from several starts; the stamps always advance."""
+    """Sequences by direction and stride, each from several starts; the stamps always increase."""
     made: dict[str, list[list[Frame]]] = {}
     for way, stride in itertools.product((1, -1), (1, 3)):
         name = f"{'forwards' if way > 0 else 'backwards'}, every {'third ' * (stride > 1)}frame"
@@ -68,7 +66,7 @@ def outcome(camera, sequence: list[Frame], truth: dict[int, SE3]) -> Outcome:
         stamp_ns = turn - frame.stamp_ns if backwards else frame.stamp_ns
         result = slam.track(Frame(stamp_ns, frame.image))
         if result.state is TrackingState.NOT_INITIALISED:
-            pairs, anchors = [], []  # nothing is left of a map that is begun again
+            pairs, anchors = [], []  # a restarted map keeps nothing
         if result.T_world_cam is None:
             continue
         lost += not result.state.tracked
@@ -93,7 +91,7 @@ def outcome(camera, sequence: list[Frame], truth: dict[int, SE3]) -> Outcome:
 
 
 def direction_deg(estimate, truth) -> float:
-    """Between the baselines of two poses, each seen from its own first camera."""
+    """Angle between the baselines of two pairs of poses, each in the frame of its first camera."""
     if any(T is None for T in truth) or len(estimate) < 2:
         return math.nan
     a, b = ((T0.inverse() @ T1).translation for T0, T1 in (estimate, truth))

@@ -1,4 +1,4 @@
-"""How long a frame takes: against cv2.ORB, with a large map against a small one, and live beside the mapper."""
+"""Time per frame: compared with cv2.ORB, with a large map compared with a small one, and live beside the mapper."""
 
 import threading
 import time
@@ -20,7 +20,7 @@ ORB_EVERY = 3
 
 
 def timed(slam: SequentialSlam, drive: Drive, k: int) -> tuple[TrackingResult, float]:
-    """The result of frame k and this thread's processor time [ms]. The image has just been written, as by a driver."""
+    """The result of frame k and this thread's processor time [ms]. The image was just written, as by a driver."""
     frame, odometry = drive.frame(k), drive.odometry_at(k)
     frame = frame._replace(image=frame.image.copy())
     begun = time.thread_time()
@@ -29,7 +29,7 @@ def timed(slam: SequentialSlam, drive: Drive, k: int) -> tuple[TrackingResult, f
 
 
 def timing(seeds: range, keep: Path | None) -> list[Row]:
-    """One tour through an office; per frame ours and ORB's time, and at its end that of a SLAM begun late."""
+    """One tour through an office; time per frame of ours and ORB, and at its end of a SLAM that started late."""
     drive, orb = tour_drive(seeds[0], keep), cv2.ORB_create(1000)
     whole, late = (SequentialSlam(drive.camera, drive.T_base_cam, SLAM, 1) for _ in range(2))
     tracking_ms, orb_ms, large_ms, small_ms = [], [], [], []
@@ -59,7 +59,7 @@ def timing(seeds: range, keep: Path | None) -> list[Row]:
 
 
 def live(seeds: range, keep: Path | None) -> list[Row]:
-    """Frames handed over on a clock, newest only, as the vslam node does; the mapper works on its own thread."""
+    """Frames come at a fixed rate, only the newest is used, as in the vslam node; the mapper has its own thread."""
     drive, sync = tour_drive(seeds[0], keep), SensorSync()
     slam = ThreadedSlam(drive.camera, drive.T_base_cam, SLAM, 1)
     n = min(len(drive), round(LIVE_S * LIVE_HZ))

@@ -1,11 +1,11 @@
-"""Hours on emulated devices that fail again and again: memory, threads and pose beside a run without faults.
+"""Hours on emulated devices that fail repeatedly: memory, threads and pose compared with a run without faults.
 
 python benchmarks/soak.py [--minutes 60] [--base kobuki]
 
-A base drives squares by its real driver and mux, a Kinect streams through its real driver; every few seconds one fault
-comes and goes (bytes lost or changed, silence, unplugging, power cycles, lost packets). At the end: exceptions told by
-the drivers, growth of memory after the first minute, threads, and how far odometry is from the emulated wheels, which a
-run without faults drives as well.
+A base drives squares with its real driver and mux, and a Kinect streams through its real driver. Every few seconds
+there is one fault (bytes lost or changed, silence, unplugging, power cycles, lost packets). At the end it prints:
+exceptions of the drivers, growth of memory after the first minute, threads, and the odometry's error against the
+emulated wheels, each also for a run without faults.
 """
 
 import argparse
@@ -44,7 +44,7 @@ class Told(logging.Handler):
 
 
 def command_squares(base: Base) -> None:
-    """0.2 m/s along the sides, 0.5 rad/s at the corners, for ever."""
+    """0.2 m/s along the sides, 0.5 rad/s at the corners, without end."""
     begin_s = time.monotonic()
     while not base.closing.wait(0.05):
         phase_s = (time.monotonic() - begin_s) % (SIDE_S + TURN_S)
@@ -53,7 +53,7 @@ def command_squares(base: Base) -> None:
 
 
 def base_fault(base: Base, rng: random.Random) -> None:
-    """One fault of a second or two; unplugging and power cycles lose motion, the others must not."""
+    """One fault of one or two seconds; only unplugging and power cycles may lose motion."""
     emulator = base.emulator
     kind = rng.randrange(4)
     if kind == 0:
@@ -79,7 +79,7 @@ def base_fault(base: Base, rng: random.Random) -> None:
 
 
 def stream(emulator: KinectEmulator, closing: threading.Event, rng: random.Random, faulty: bool) -> None:
-    """Thirty images a second; now and then packets are lost, or the camera is unplugged."""
+    """Thirty images a second; sometimes packets are lost or the camera is unplugged."""
     picture = np.random.default_rng(0).integers(0, 256, (480, 640), np.uint8)
     for k in range(10**9):
         if closing.wait(1 / 30):
@@ -132,7 +132,7 @@ def run(kind: str, minutes: float, faulty: bool, folder: str) -> dict[str, float
 
 
 def pose_error(base: Base, reading: object) -> dict[str, float]:
-    """Way and turn of the odometry beside those of the emulated wheels."""
+    """Path and turn of the odometry compared with the emulated wheels."""
     left, right = base.wheels.travel
     way, turn = 0.5 * (left + right), (right - left) / base.wheels.wheel_base_m
     odometry = reading.odometry

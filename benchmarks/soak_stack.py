@@ -1,12 +1,12 @@
-"""The whole exploring stack for an hour on devices, nodes, a master and a disk that fail again and again.
+"""The whole exploring stack for an hour, while devices, nodes, master and disk fail repeatedly.
 
 python benchmarks/soak_stack.py [--minutes 60] [--kinds camera base node master disk] [--seed 1]
 
-Every 20 s one fault comes and goes: the camera is unplugged, silent or loses images; the base is unplugged, silent or
+Every 20 s there is one fault: the camera is unplugged, silent or loses images; the base is unplugged, silent or
 loses bytes; a node is killed and started again; the master is killed and started again; the disk of the run folder is
-full (a tmpfs, root only). At the end: growth of memory, process by process, from two minutes after its start, and how
-many keyframes came since; the error of the SLAM's pose and of the odometry against the emulated truth; tracebacks
-in the nodes' words; nodes that died by themselves. That is a row, of which benchmarks/tables.py makes the table.
+full (a tmpfs, root only). At the end it writes a row: memory growth of each process from two minutes after its start,
+and the new keyframes since; the errors of the SLAM's pose and of the odometry against the emulated truth; tracebacks
+in the nodes' output; nodes that died by themselves. benchmarks/tables.py makes the table.
 """
 
 import argparse
@@ -37,13 +37,13 @@ KINDS = {
 
 
 def memory_mb(pid: int) -> float:
-    """What the process itself has taken: pages of files come and go with the machine's needs."""
+    """Memory of the process itself, without file pages, whose number depends on the machine's load."""
     lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
     return sum(int(line.split()[1]) for line in lines if line.startswith(("RssAnon:", "VmSwap:"))) / 1024
 
 
 class Life(NamedTuple):
-    """A process since it was warm. keyframes: how many came since then."""
+    """A process after its warm-up. keyframes: number of new ones since then."""
 
     name: str
     minutes: float
@@ -53,7 +53,7 @@ class Life(NamedTuple):
 
 
 class Memory:
-    """Of each process from when it was warm to its end; a node that was started again begins anew."""
+    """Memory of each process from its warm-up to its end; a restarted node counts as a new process."""
 
     def __init__(self, stack: object) -> None:
         self._stack = stack
@@ -76,7 +76,7 @@ class Memory:
 
 
 class Truth:
-    """Where the base was, at host times, and where SLAM and odometry said that it was."""
+    """The true pose of the base by host time, and the poses by SLAM and odometry."""
 
     def __init__(self, stack: object) -> None:
         import rospy
@@ -91,7 +91,7 @@ class Truth:
         self.keyframes = 0
         self._convert = convert
         stack.watch_steps(self._on_step)
-        operator_command.join("soak")  # whose subscriptions outlive a master, too
+        operator_command.join("soak")  # its subscriptions survive a restart of the master
         rospy.Subscriber(f"/{topics.POSE}", PoseWithCovarianceStamped, self._judge, "slam")
         rospy.Subscriber(f"/{topics.ODOM}", Odometry, self._judge, "odometry")
         rospy.Subscriber(f"/{topics.KEYFRAMES}", PoseArray, self._count)
@@ -115,7 +115,7 @@ class Truth:
 
 
 class Faults:
-    """One fault of one to some seconds at a time."""
+    """One fault at a time, of one to some seconds."""
 
     def __init__(self, stack: object, cable: FaultyCable, disk: Path, rng: random.Random) -> None:
         self._stack, self._cable, self._folder, self._rng = stack, cable, disk, rng
@@ -164,7 +164,7 @@ class Faults:
 
 
 def tracebacks(stack: object) -> list[str]:
-    """The last line of each."""
+    """The last line of each traceback."""
     ends = []
     for block in stack.logs().split("Traceback")[1:]:
         lines = [line for line in block.splitlines()[1:] if line and not line.startswith(" ")]

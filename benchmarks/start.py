@@ -1,9 +1,9 @@
-"""How long it takes from the command until the emulated robot moves.
+"""Time from the command until the emulated robot moves.
 
 PYTHONPATH=src:hw python benchmarks/start.py [-n 3]
 
-Each time a new 'vsx explore --world lab' with a master of its own, by the clock: wants an idle machine and compiled
-kernels. The processor time of all its processes until then says what two idle cores would have to do.
+Each repetition is a new 'vsx explore --world lab' with its own master, in wall-clock time: it needs an idle machine and
+compiled kernels. The processor time of all its processes shows the work for two idle cores.
 """
 
 import argparse
@@ -39,7 +39,7 @@ rospy.spin()
 
 
 def processor_s(root: int) -> float:
-    """User and system time so far of all processes below one."""
+    """User and system time so far of all descendants of a process."""
     below: dict[int, list[tuple[int, int]]] = {}
     for entry in Path("/proc").glob("[0-9]*"):
         try:
@@ -56,7 +56,7 @@ def processor_s(root: int) -> float:
 
 
 def once(folder: Path) -> dict[str, float]:
-    """Seconds from the command to the master, the first word of the wheels, and the first centimetre."""
+    """Seconds from the command to the master, the first wheel report, and the first centimetre."""
     with socket.socket() as probe:
         probe.bind(("localhost", 0))
         port = probe.getsockname()[1]

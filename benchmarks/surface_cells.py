@@ -3,12 +3,12 @@
     python benchmarks/surface_cells.py gaps 101 gaps-plain 102 gaps-dark 104 lab 100
 
 Worlds: ``gaps`` is a room with a row of boxes, 0.4 to 0.8 m apart, their faces in one plane, each with a notice on it;
-with -plain all boxes are of plain grey, with -dark the floor, the walls and the skirting are of one dark grey. The
-robot explores for 45 s (a lab: 80 s). The truth of a cell is looked up through its keyframe, so that drift is
-not counted here.
-Filled: share of the face samples, every 5 cm, that three keyframes see at 0.5 to 3.5 m, with a cell of a wall (0.06 to
+with -plain all boxes are plain grey, with -dark the floor, the walls and the skirting have the same dark grey. The
+robot explores for 45 s (a lab: 80 s). The true position of a cell is found through its keyframe, so that drift does
+not count.
+Filled: share of the face samples (every 5 cm, seen by three keyframes at 0.5 to 3.5 m) with a wall cell (0.06 to
 0.6 m high) within 10 cm. Sparse: the same with map points. Wrong: share of those cells that are over 10 cm from
-any face. A gap is kept if what is free in it is at most 0.2 m (the tolerance at both sides) narrower than the truth.
+any face. A gap is kept if its free part is at most 0.2 m (the tolerance at both sides) narrower than the truth.
 CPU: median per update (5 keyframes each), planes and cells.
 """
 
@@ -45,7 +45,7 @@ class Drive(NamedTuple):
 
 
 def gap_world(seed: int, look: str) -> tuple[World, float, list[tuple[float, float]]]:
-    """The world, where along y its faces are, and the gaps between them along x [m]."""
+    """The world, the y coordinate of its faces, and the gaps between them along x [m]."""
     rng = np.random.default_rng([77, seed])
     shell = generate_world("lab", seed)
     corners = [(0.0, 0.0), (6.5, 0.0), (6.5, 5.0), (0.0, 5.0)]
@@ -78,7 +78,7 @@ def gap_world(seed: int, look: str) -> tuple[World, float, list[tuple[float, flo
 
 
 def explored(world: World, seed: int, limit_s: float) -> Drive:
-    """Explore for a while and keep what the map was in between."""
+    """Explore for a while and keep the intermediate maps."""
     config = Config()
     robot = EmulatedRobot(world, seed)
     system = ExplorationSystem(robot.camera_given, robot.T_base_cam_given, config, seed)
@@ -104,7 +104,7 @@ def in_truth(drive: Drive, snapshot: MapSnapshot, points: np.ndarray, keyframe: 
 
 
 def distances(points: np.ndarray, segments: np.ndarray) -> np.ndarray:
-    """(N,) to the nearest of (S, 4) segments [m]."""
+    """(N,) distances to the nearest of (S, 4) segments [m]."""
     a, d = segments[:, :2], segments[:, 2:] - segments[:, :2]
     ratio = np.clip(((points[:, None] - a) * d).sum(axis=2) / np.maximum((d * d).sum(axis=1), 1e-12), 0.0, 1.0)
     return np.linalg.norm(points[:, None] - a - ratio[..., None] * d, axis=2).min(axis=1, initial=np.inf)
@@ -148,7 +148,7 @@ def in_band(points: np.ndarray) -> np.ndarray:
 
 
 def wall_cells(drive: Drive, snapshot: MapSnapshot, dense: DenseMap) -> np.ndarray:
-    """(N, 3) true places of the cells of walls."""
+    """(N, 3) true positions of the wall cells."""
     walls = [plane.id for plane in dense.planes if plane.kind is PlaneKind.WALL]
     mine = np.isin(dense.cells.plane, walls)
     return in_truth(drive, snapshot, dense.cells.centre[mine], dense.cells.keyframe[mine])

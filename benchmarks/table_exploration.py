@@ -1,4 +1,4 @@
-"""Tables of explorations from their rows."""
+"""Makes tables of explorations from their rows."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ _UNTIL = "90"
 
 
 def runs(rows: Runs) -> list[str]:
-    """A line for each run."""
+    """One line per run."""
     head = ("world", "noise", *(f"L{level}" for level in ("50", "70", "80", _UNTIL)), "seconds", "lost", "breaks",
             "contacts", "least clearance", "ATE")  # fmt: skip
     lines = _header(head)
@@ -35,7 +35,7 @@ def runs(rows: Runs) -> list[str]:
 
 
 def strategies(rows: Runs) -> list[str]:
-    """A line for each world: what was reached by views and by the nearest frontier."""
+    """One line per world: results with views and with the nearest frontier."""
     found = {(row.asked["strategy"], row.asked["seed"]): row.result for row in rows}
     asked = dict.fromkeys(strategy for strategy, _ in found)
     lines = _header(("world", *(f"{s}: {name}" for s in asked for name in ("L70", "L90", "seconds", "contacts"))))
@@ -50,7 +50,7 @@ def strategies(rows: Runs) -> list[str]:
 
 
 def totals(rows: Runs) -> list[str]:
-    """What counts over all runs, with what this project asks of itself."""
+    """Results over all runs, with this project's own requirements."""
     lines = _header((*_of(rows), "measured", "must", "aim"))
     for name, (median, worst), must, aim in _figures(rows):
         measured = f"{median} ({worst})" if median and worst else median or worst
@@ -59,7 +59,7 @@ def totals(rows: Runs) -> list[str]:
 
 
 def brief(rows: Runs) -> list[str]:
-    """The same, of the figures alone."""
+    """The same, only the numbers."""
     lines = _header((*_of(rows), "median", "worst"))
     return lines + [f"| {name} | {median} | {worst} |" for name, (median, worst), _, _ in _figures(rows)]
 
@@ -70,8 +70,8 @@ def _of(rows: Runs) -> list[str]:
 
 
 def _reached(run: dict[str, Any]) -> dict[str, list[float]]:
-    """Metres and seconds until each share. A live run that ended because enough was known had reached it, though the
-    map that it left a moment later may know a little less."""
+    """Metres and seconds until each share. A live run that ended because enough was known has reached its share, even
+    if its last map knows a little less."""
     enough = run["stop_reason"] == f"{_UNTIL} % is known"
     return ({_UNTIL: [run["driven_m"], run["duration_s"]]} if enough else {}) | run["reached"]
 
@@ -85,7 +85,7 @@ def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
         return _worst([abs(scale * run[key]) for run in done if run[key] is not None], form)
 
     def counted(key: str, happened: Callable[[Any], bool] = bool) -> tuple[str, str]:
-        known = [run for run in done if run["breaks"] is not None]  # the others' SLAM left no results
+        known = [run for run in done if run["breaks"] is not None]  # the SLAM of the others left no results
         of_known = "" if len(known) == len(done) else f" of {len(known)} known"
         return "", f"{sum(happened(run[key]) for run in known)}{of_known}"
 
@@ -104,7 +104,7 @@ def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
 
 
 def growth(rows: Runs) -> list[str]:
-    """What a decision costs: a line for each quarter of the decisions of all runs of a world, by known ground."""
+    """Cost of a decision: one line per quarter of the decisions of all runs of a world, by known ground."""
     lines = _header(
         ("world", "known ground [m2]", "keyframes", "decisions", "median [ms]", "slowest [ms]", "memory [MB]")
     )
@@ -121,7 +121,7 @@ def growth(rows: Runs) -> list[str]:
 
 
 def resumed(rows: Runs) -> list[str]:
-    """Runs left alone against the same runs killed and resumed."""
+    """Undisturbed runs compared with the same runs killed and resumed."""
     alone, killed = ([row.result[which] for row in rows] for which in ("alone", "resumed"))
     lines = _header(("", "left alone", "killed and resumed", "must"))
 
@@ -157,5 +157,5 @@ def _cm(metres: float | None) -> float | None:
 
 
 def _form(value: float | None, form: str) -> str:
-    """A dash is what is not known."""
+    """Unknown values become a dash."""
     return "-" if value is None else format(value, form)

@@ -1,4 +1,4 @@
-"""Tables of faults from their rows: how long the wheels turned."""
+"""Makes tables of faults from their rows: how long the wheels turned."""
 
 import math
 import statistics
@@ -9,7 +9,7 @@ from vsx_ros.experiments.rows import Row
 
 
 def nodes(rows: Sequence[Row]) -> list[str]:
-    """Killed, hung or stopped; turned_s is -1 where the wheels did not stop."""
+    """Nodes killed, hung or stopped; turned_s is -1 if the wheels did not stop."""
     lines = ["| node | what happened to it | wheels turned: median | most | repetitions |", "|---|---|---|---|---|"]
     for (node, how), results in _parts(rows, "node", "how"):
         turned = [result["turned_s"] for result in results]
@@ -20,7 +20,7 @@ def nodes(rows: Sequence[Row]) -> list[str]:
 
 
 def robots(rows: Sequence[Row]) -> list[str]:
-    """The camera of an exploring robot."""
+    """Camera faults of an exploring robot."""
     lines = [
         "| fault of the camera | wheels turned (median, most of n) | what the robot says then | four seconds later |",
         "|---|---|---|---|",
@@ -33,7 +33,7 @@ def robots(rows: Sequence[Row]) -> list[str]:
 
 
 def bases(rows: Sequence[Row]) -> list[str]:
-    """turned_s is -1 where the base drove on."""
+    """turned_s is -1 if the base drove on."""
     lines = ["| base | fault | wheels turned (median, most of n) | what the driver says |", "|---|---|---|---|"]
     for (base, fault), results in _parts(rows, "base", "fault"):
         lines.append(f"| {base} | {fault} | {_turned(results)} | {results[-1]['said']} |")
@@ -41,7 +41,7 @@ def bases(rows: Sequence[Row]) -> list[str]:
 
 
 def cameras(rows: Sequence[Row]) -> list[str]:
-    """At the driver."""
+    """Faults at the driver."""
     lines = ["| fault of the camera | two seconds at the driver |", "|---|---|"]
     for (fault,), results in _parts(rows, "fault"):
         lines.append(f"| {fault} | {results[-1]['arrived']} |")
@@ -49,7 +49,7 @@ def cameras(rows: Sequence[Row]) -> list[str]:
 
 
 def masters(rows: Sequence[Row]) -> list[str]:
-    """Another master after a while; turned_s is -1 where the wheels did not stop, driving_s None where it ended."""
+    """A new master after a while; turned_s is -1 if the wheels did not stop, driving_s None if the run ended."""
     lines = [
         "| no master for | wheels turned: median, most | moved before it could be stopped | stop path there after "
         "| drives again after | 'vsx stop' stops it |",
@@ -68,7 +68,7 @@ def masters(rows: Sequence[Row]) -> list[str]:
 
 
 def posts(rows: Sequence[Row]) -> list[str]:
-    """What appeared on the way; rest_s is None where the base did not come to rest."""
+    """An obstacle that appears on the path; rest_s is None if the base did not come to rest."""
     lines = [
         "| the post's face ahead of the base's centre | no contact | speed | at rest after: median, most "
         "| gap left then: median, least |",
@@ -86,7 +86,7 @@ def posts(rows: Sequence[Row]) -> list[str]:
 
 
 def disks(rows: Sequence[Row]) -> list[str]:
-    """What became of the runs whose disk failed."""
+    """Results of the runs whose disk failed."""
     lines = [
         "| run | fault of the disk | good | ended after its end: median, most | kept its summary |",
         "|---|---|---|---|---|",
@@ -122,7 +122,7 @@ def sensors(rows: Sequence[Row]) -> list[str]:
 
 
 def alarms(rows: Sequence[Row]) -> list[str]:
-    """False alarms on drives on which nothing is broken."""
+    """False alarms on drives without faults."""
     bases = list(dict.fromkeys(row.asked["base"] for row in rows))
     lines = [f"| wheels, {rows[0].asked['minutes']:.0f} minutes each | {' | '.join(bases)} |", "|---" * 4 + "|"]
     for (wheels,), results in _parts(rows, "wheels"):
@@ -131,7 +131,7 @@ def alarms(rows: Sequence[Row]) -> list[str]:
 
 
 def files(rows: Sequence[Row]) -> list[str]:
-    """Damaged files, reader by reader."""
+    """Damaged files, by reader."""
     lines = [
         "| reader | damaged files | read | refused in a sentence | neither | slowest | most memory |",
         "|---|---|---|---|---|---|---|",
@@ -146,7 +146,7 @@ def files(rows: Sequence[Row]) -> list[str]:
 
 
 def soaks(rows: Sequence[Row]) -> list[str]:
-    """The stack under faults of everything around it."""
+    """The stack under faults of all devices and processes."""
     lines = [
         "| minutes | faults | tracebacks | died by themselves | contacts | way | pose, odometry off (rms) |",
         "|---|---|---|---|---|---|---|",
@@ -186,7 +186,7 @@ def _turned(results: list[dict[str, Any]]) -> str:
 
 
 def _parts(rows: Sequence[Row], *names: str) -> Iterator[tuple[tuple[str, ...], list[dict[str, Any]]]]:
-    """In the order in which they came into the file."""
+    """In the order of the file."""
     parts: dict[tuple[str, ...], list[dict[str, Any]]] = {}
     for row in rows:
         parts.setdefault(tuple(row.asked[name] for name in names), []).append(row.result)

@@ -1,9 +1,9 @@
-"""Every table of the documents, the rows it is made of, and the rooms of code it depends on.
+"""Makes every table of the documents; lists the rows of each table and the code it depends on.
 
-    python benchmarks/tables.py render     puts the tables between their marks in the documents, as their rows are now
+    python benchmarks/tables.py render     writes the tables between their marks in the documents
     python benchmarks/tables.py stale      lists the tables whose rows are older than the code they judge
 
-A table is made of the rows of one code and configuration: those of its last row.
+A table uses only rows of one code and configuration: those of its last row.
 """
 
 import argparse
@@ -59,12 +59,12 @@ ROOMS: dict[str, tuple[str, ...]] = {
     ),
     "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
 }
-"""What the rows of a file judge: folders, and files without their .py."""
+"""The code that the rows of a file judge: folders, and files without their .py."""
 
 
 class Table(NamedTuple):
-    """document: where it stands, between its marks. rows: the file of its rows. made: its lines. of: what was asked of
-    the rows it takes."""
+    """document: the file with the table's marks. rows: the file of its rows. made: makes its lines. of: required values
+    of the rows' questions."""
 
     document: str
     rows: str
@@ -101,13 +101,13 @@ TABLES: dict[str, Table] = {
 
 
 def rooms_of(rows: str) -> list[Path]:
-    """Folders and files with the code that these rows judge."""
+    """Folders and files of the code that these rows judge."""
     paths = [ROOT / room for room in ROOMS[rows]]
     return [path if path.is_dir() else path.with_suffix(".py") for path in paths]
 
 
 def newest(rows: Iterable[Row], of: dict[str, Any]) -> list[Row]:
-    """One row for each question, all of the code and configuration of the last row: others are never mixed in."""
+    """One row per question, all with the code and configuration of the last row; other rows are never mixed in."""
     fitting = [row for row in rows if all(row.asked.get(name) == value for name, value in of.items())]
     last = fitting[-1:]
     of_last = [row for row in fitting if (row.code, row.config) == (last[0].code, last[0].config)]
@@ -115,7 +115,7 @@ def newest(rows: Iterable[Row], of: dict[str, Any]) -> list[Row]:
 
 
 def caption(rows: Sequence[Row], file: str) -> str:
-    """Of which commit, date and machine the rows are."""
+    """Number, file, commits and dates of the rows."""
     of = Counter((row.commit or "no commit", row.dirty, row.when[:10]) for row in rows)
     commits: dict[tuple[str, bool | None], list[str]] = {}
     for commit, dirty, day in of:
@@ -129,7 +129,7 @@ def caption(rows: Sequence[Row], file: str) -> str:
 
 
 def block(name: str) -> list[str] | None:
-    """The lines between the marks; None where there are no rows, and what stands there stays."""
+    """The lines between the marks; None without rows, and then the document is unchanged."""
     table = TABLES[name]
     file = RESULTS / f"{table.rows}.jsonl"
     rows = newest(read_rows(file, tell), table.of)
@@ -137,7 +137,7 @@ def block(name: str) -> list[str] | None:
 
 
 def placed(text: str, name: str, lines: Sequence[str]) -> str:
-    """The document with the lines between the marks."""
+    """The document with these lines between the marks."""
     begin, end = f"<!-- {name} begin -->\n", f"<!-- {name} end -->"
     head, found, rest = text.partition(begin)
     _, ended, tail = rest.partition(end)

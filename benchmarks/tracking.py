@@ -1,8 +1,8 @@
 """How well a timed path is followed: ``PYTHONPATH=src:hw:tests python benchmarks/tracking.py``.
 
-The simulated base of tests/following.py over random motion-bounded trajectories: SLAM poses 100 ms late at 15 Hz with
-1 cm and 0.4 deg noise, 30 % of them missing, wheels 2 % off either way, commands 50 ms late and lagging by 80 ms; then
-the same with one thing worse at a time. Everything repeats exactly.
+The simulated base of tests/following.py on random motion-bounded trajectories: SLAM poses 100 ms late at 15 Hz with 1
+cm and 0.4 deg noise, 30 % of them missing, wheels 2 % off in either direction, commands 50 ms late with a lag of 80 ms;
+then the same with one value worse at a time. Everything repeats exactly.
 """
 
 import argparse
@@ -29,7 +29,7 @@ GOALS = ("rms cm", 1.0, 0.7), ("final cm", 1.5, 1.0), ("final deg", 1.5, 1.0)
 
 
 def trajectories(n: int, seed: int) -> list[Trajectory]:
-    """n ways to random poses within 2.5 m in x and y, phi .5, 1 and 2 in turn."""
+    """n paths to random poses within 2.5 m in x and y; phi is .5, 1 and 2 in turn."""
     rng = np.random.default_rng(seed)
     paths = [connect(SE2(), SE2(*rng.uniform(-2.5, 2.5, 3)), (0.5, 1.0, 2.0)[k % 3]) for k in range(n)]
     return [time_scale(path, LimitsConfig()) for path in paths if isinstance(path, Path)]

@@ -1,10 +1,10 @@
-"""What the live view costs and how often it is updated, with nobody looking and with one viewer.
+"""Cost and update rates of the live view, without a viewer and with one.
 
 PYTHONPATH=src:hw:tests python benchmarks/view.py [--seconds 20] [--picture view.png]
 
-A robot explores the emulated lab live. Told is the processor time of the view's process, as a share of a core, and what
-drawing the camera picture adds to the SLAM's; the rates of camera, pose and all updates as a viewer receives them. With
---picture a headless Chromium is the viewer a third time, and what it shows is kept.
+A robot explores the emulated lab live. It prints the processor time of the view's process, as a share of a core,
+and the SLAM's additional time for drawing the camera picture; also the rates of camera, pose and all updates at the
+viewer. With --picture, a third measurement uses a headless Chromium as the viewer and stores its picture.
 """
 
 import argparse
@@ -30,7 +30,7 @@ def processor_s(pid: int) -> float:
 
 
 def node_pid(name: str, run: Path) -> int:
-    """The node of this run: nodes are started with the run's log folder in their arguments."""
+    """The process of this run's node: the run's log folder is in its arguments."""
     for entry in Path("/proc").glob("[0-9]*"):
         try:
             words = (entry / "cmdline").read_bytes().decode(errors="replace")
@@ -73,7 +73,7 @@ class Viewer:
 
 
 def wait_until_mapping(explorer: subprocess.Popen[str]) -> str:
-    """The address of the view, once the robot maps."""
+    """Wait until the robot maps; returns the address of the view."""
     url, began_s = "", time.monotonic()
     assert explorer.stderr is not None
     for line in explorer.stderr:

@@ -1,12 +1,12 @@
-"""The first hour with a robot, step by step: docs/hardware.md says in which order, and what you should see.
+"""The first hour with a robot, step by step. docs/hardware.md gives the order and what you should see.
 
-find PORT, watch PORT: what base it is; once a second what it reports (Ctrl-C ends). No wheel turns.
-ask PORT [--factory-gains]: of a Kobuki, by which it plays a note: versions, identity, currents of the motors [10 mA],
-    cliff sensors (right, centre, left, 4095 is 3.3 V), gains of the wheels, which --factory-gains sets. No wheel turns.
+find PORT: shows the kind of base. watch PORT: also shows its reports once a second (Ctrl-C ends). No wheel turns.
+ask PORT [--factory-gains]: for a Kobuki. Plays a note; shows versions, identity, motor currents [10 mA], cliff sensors
+    (right, centre, left, 4095 is 3.3 V) and wheel gains. --factory-gains sets the gains first. No wheel turns.
 turn PORT: the wheels turn 2 s ahead (0.2 m), 2 s to the left, and stop; compare odometry with marks on the wheels.
 stop PORT: the wheels turn 3 s; then SIGKILL ends the driver's process, and its watchdogs stop them within a second.
-kinect [SERIAL]: rate, brightness, counters (Ctrl-C ends). A Kinect 1414 also tells gravity, (0, 1, 0) g when it stands
-    level, and how its base leans: 0 and 0 degrees."""
+kinect [SERIAL]: shows rate, brightness, counters (Ctrl-C ends). A Kinect 1414 also shows gravity, (0, 1, 0) g when it
+    stands level, and the pitch and roll of its base: 0 and 0 degrees."""
 
 import math
 import os

@@ -1,8 +1,8 @@
 """The thread that owns a base: opens it, listens, answers every report with the newest command, and always stops it.
 
-What differs between bases is in their Dialect; the rules of safety are here, once:
-a command is good for ``command_timeout_s``, then the wheels stop; without fresh reports they are told to stop, and turn
-again after three good reports in a row; a base whose report refuses to be driven stands; after a lost connection
+A Dialect holds what differs between bases. The safety rules are here, once:
+a command is valid for ``command_timeout_s``, then the wheels stop; without fresh reports the wheels are stopped, and
+turn again after three good reports in a row; a base whose report holds a refusal stands; after a lost connection
 nothing moves until a new command; closing sends the stop bytes."""
 
 import time
@@ -15,22 +15,22 @@ from vsx_hw.odometry import WheelOdometry
 from vsx_hw.readings import BaseReading, LinkStatus, Signal
 from vsx_hw.transport import SerialTransport
 
-KEEP_ALIVE_NS = 50_000_000  # several commands while a base lets one live
-SHORTEST_PERIOD_NS = 20_000_000  # 50 commands a second do for any base here
+KEEP_ALIVE_NS = 50_000_000  # several commands within the lifetime of one
+SHORTEST_PERIOD_NS = 20_000_000  # 50 commands per second are enough for any base here
 STALE_NS = 110_000_000
-"""Five reports of a Kobuki, seven of a Create 2, a lost answer of a Create 1: the wheels are told to stand."""
-TOLD_NS = 250_000_000  # So long a silence is told
+"""Five reports of a Kobuki, seven of a Create 2, a lost answer of a Create 1: then the wheels are stopped."""
+TOLD_NS = 250_000_000  # A longer silence is reported
 ROW, ROW_NS = 3, 60_000_000
-"""Good reports after a silence before the wheels may turn, and the longest time between two of them."""
-SILENT_NS = 2_000_000_000  # then the connection is opened again
+"""Number of good reports after a silence before the wheels may turn, and the longest time between two of them."""
+SILENT_NS = 2_000_000_000  # then the connection is reopened
 BACKOFF_S = (0.2, 0.5, 1.0, 2.0)  # between tries to open it
-COARSEST_RAD_S = 0.02  # The widest step of the wires: more than this is a limit that was met, not rounding
+COARSEST_RAD_S = 0.02  # The coarsest rounding of any protocol: a larger error comes from a speed limit
 
 Command = TypeVar("Command")
 
 
 class Dialect(Protocol):
-    """How one kind of base speaks. Objects live as long as the driver; ``hello`` starts a new connection."""
+    """The protocol of one kind of base. Objects live as long as the driver; ``hello`` starts a new connection."""
 
     odometry: WheelOdometry
 
@@ -41,21 +41,21 @@ class Dialect(Protocol):
         """The reports completed by these bytes; now_ns is host time."""
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
-        """The command bytes, with whatever else the base should hear now."""
+        """The command bytes, and whatever else the base needs now."""
 
     def waits(self) -> bool:
-        """Whether a report is on its way, as always where the base reports unasked; if not, the next command goes as
-        soon as it may."""
+        """Whether a report is expected; always true for a base that reports unasked. If not, the next command is sent
+        as soon as allowed."""
         return True
 
     def halt(self) -> bytes:
-        """Wheels still, and nothing else: may be sent at any moment, between question and answer too."""
+        """Bytes that only stop the wheels; may be sent at any moment, also between question and answer."""
 
     def show(self, signal: Signal) -> bytes:
-        """Lamp and sound, once; empty while the base would not take it."""
+        """Bytes for lamp and sound, sent once; empty while the base would not accept them."""
 
     def farewell(self) -> bytes:
-        """Stop, and leave the base in a state in which it can be left alone."""
+        """Bytes that stop the base and leave it in a safe state."""
 
     def counters(self) -> dict[str, int]:
         """Frames and errors seen, for diagnostics."""
@@ -65,10 +65,10 @@ class Dialect(Protocol):
 
 
 class TurnErrorFeedback:
-    """Turn rates on a wire of whole numbers: what rounding takes from one command is added to the next.
+    """Turn rates for a protocol with integers: the rounding error of one command is added to the next.
 
-    Error feedback over commands that follow each other evenly (one a report): their mean turn is what was asked for.
-    Straight on and at standstill the error is forgotten: nothing is made up for then."""
+    With evenly spaced commands (one per report) the mean turn rate is the requested one. Driving straight or standing
+    still resets the error."""
 
     def __init__(self) -> None:
         self._error_rad_s = 0.0
@@ -76,7 +76,7 @@ class TurnErrorFeedback:
     def command(
         self, v_m_s: float, omega_rad_s: float, encode: Callable[[float, float], tuple[Command, float]]
     ) -> Command:
-        """encode: from (v, omega) to what goes on the wire and the turn rate that this really drives."""
+        """encode: from (v, omega) to the encoded command and the turn rate that it really drives."""
         wanted = omega_rad_s + self._error_rad_s if omega_rad_s else 0.0
         command, driven = encode(v_m_s, wanted)
         self._error_rad_s = max(-COARSEST_RAD_S, min(COARSEST_RAD_S, wanted - driven)) if omega_rad_s else 0.0
@@ -93,10 +93,10 @@ _STILL = (0.0, 0.0)  # m/s, rad/s
 
 
 class BaseDriver(ConnectionThread):
-    """Drives a base through ``open_transport``; reports come to ``on_reading`` on the driver's own thread.
+    """Drives a base through ``open_transport``; passes reports to ``on_reading`` on the driver's own thread.
 
-    ``on_link`` is told (connected, message) at every change. Within ``on_reading`` a call of ``drive`` reaches the
-    wheels in the same cycle. ``on_command`` hears after each command whether it lets the wheels turn: the pulse of a
+    ``on_link`` gets (connected, message) at every change. A call of ``drive`` within ``on_reading`` reaches the wheels
+    in the same cycle. ``on_command`` is called after each command with whether the wheels may turn; it feeds a
     watchdog."""
 
     def __init__(
@@ -125,11 +125,11 @@ class BaseDriver(ConnectionThread):
         self._command = None
 
     def show(self, signal: Signal) -> None:
-        """Lamp and sound, from the next cycle on."""
+        """Set lamp and sound from the next cycle on."""
         self._signal = signal
 
     def reset_odometry(self) -> None:
-        """Start the pose again at the origin."""
+        """Restart the pose at the origin."""
         self._dialect.odometry.reset()
 
     def status(self) -> LinkStatus:
@@ -142,7 +142,7 @@ class BaseDriver(ConnectionThread):
         return status._replace(connected=False, message=f"{told}; {self._dialect.silence()}")
 
     def close(self, timeout_s: float = 3.0) -> bool:
-        """Stop the wheels, leave the base safe and release the port; whether the wheels surely stand."""
+        """Stop the wheels, leave the base safe and release the port. Returns whether the wheels surely stand."""
         return super().close(timeout_s) and self._sent == _STILL
 
     def _serve(self, transport: SerialTransport) -> None:
@@ -173,7 +173,7 @@ class BaseDriver(ConnectionThread):
             self._on_command(command != _STILL)
 
     def _period_ns(self, answered: bool) -> int:
-        """From one command to the next."""
+        """Time from one command to the next."""
         return KEEP_ALIVE_NS if self._dialect.waits() and not answered else SHORTEST_PERIOD_NS
 
     def _show(self, transport: SerialTransport) -> None:
@@ -184,7 +184,7 @@ class BaseDriver(ConnectionThread):
         self._shown = signal.value if data else ""
 
     def _listen(self, transport: SerialTransport, due_ns: int) -> list[BaseReading]:
-        """Wait for bytes until a command is due or the one that was sent expires."""
+        """Wait for bytes until the next command is due or the current one expires."""
         if self._sent != _STILL and self._command is not None:
             end_ns = min(self._command.until_ns, self._last_reading_ns + STALE_NS)
             due_ns = min(due_ns, max(end_ns, time.monotonic_ns()) + 1)
@@ -201,7 +201,7 @@ class BaseDriver(ConnectionThread):
         return readings
 
     def _count(self, now_ns: int) -> None:
-        """One more report: whether it is one in a row after a silence; damage between two of them begins it again."""
+        """Count good reports in a row after a silence; a damaged frame in between restarts the count."""
         gap_ns, self._last_reading_ns = now_ns - self._last_reading_ns, now_ns
         if gap_ns > STALE_NS:
             self._row = 0
@@ -222,7 +222,7 @@ class BaseDriver(ConnectionThread):
         return command.v_m_s, command.omega_rad_s
 
     def _leave(self, transport: SerialTransport) -> None:
-        """Stop bytes on every way out; a base that did not take them may still drive."""
+        """Send the stop bytes on every exit; a base that did not receive them may still drive."""
         transport.write(self._dialect.farewell())
         self._sent = _STILL
         self._on_command(False)

@@ -1,4 +1,4 @@
-"""The three kinds of base by name: their drivers, their emulators, and which one is at a serial port."""
+"""The three kinds of base by name: their drivers, their emulators, and detection at a serial port."""
 
 import sys
 import time
@@ -24,13 +24,13 @@ from vsx_hw.transport import SerialTransport
 from vsx_hw.watchdog import StopBytes, take_over
 
 LISTEN_S, ANSWER_S = 0.3, 0.3  # a Kobuki sends every 20 ms; a Create answers in tens of ms
-ENOUGH_FRAMES = 2  # with right checksums: one may be chance
+ENOUGH_FRAMES = 2  # with correct checksums; one may be chance
 QUESTIONS = SAFETY_PACKETS + BATTERY_PACKETS
 
 
 class Base(NamedTuple):
-    """One kind. dialect: its language, made from the factors on measured distance and on measured turn. board: its
-    emulated electronics on wheels, with a seed."""
+    """One kind. dialect: makes its protocol from the factors on measured distance and on measured turn. board: makes
+    its emulated electronics from wheels and a seed."""
 
     baud: int
     wheel_base_m: float
@@ -38,7 +38,7 @@ class Base(NamedTuple):
     board: Callable[[Plant, int], Board]
 
     def stop_bytes(self) -> StopBytes:
-        """What stops it, without a driver."""
+        """The bytes that stop it without a driver."""
         dialect = self.dialect(1.0, 1.0)
         return StopBytes(dialect.halt(), dialect.farewell())
 
@@ -58,7 +58,7 @@ def base_driver(
 ) -> BaseDriver:  # fmt: skip
     """A driver for the base of this kind at a serial port such as /dev/kobuki; call ``start`` on it.
 
-    scales: factors on measured distance and on measured turn. allow_unknown_firmware: of a Kobuki; otherwise it stands.
+    scales: factors on measured distance and on measured turn. allow_unknown_firmware: lets such a Kobuki drive.
     Raises KeyError for a kind that is not in BASES."""
     base = BASES[kind]
     dialect = base.dialect(*scales)
@@ -76,9 +76,9 @@ def base_emulator(kind: str, plant: Plant, link: str, seed: int = 0) -> SerialEm
 
 
 def detect_base(port: str) -> str:
-    """kobuki, create or create2: listens, then asks; no byte that is sent can turn a wheel. Raises DeviceNotFound when
-    the port cannot be opened or nobody answers. A Kobuki speaks unasked. The Creates answer questions, each at its own
-    speed."""
+    """Returns kobuki, create or create2. Listens, then asks; no byte that is sent can turn a wheel. A Kobuki sends
+    unasked. The Creates answer questions, each at its own baud rate. Raises DeviceNotFound when the port cannot be
+    opened or no base answers."""
     with closing(SerialTransport(port, KOBUKI_BAUD)) as transport:
         if _speaks_like_a_kobuki(transport):
             return "kobuki"
@@ -101,8 +101,8 @@ def _speaks_like_a_kobuki(transport: SerialTransport) -> bool:
 
 
 def _answers_like_a_create(transport: SerialTransport) -> bool:
-    """Asked up to three times: an answer may be mixed with what the robot prints when it is switched on, or lost. A
-    stream that another program has left running is paused."""
+    """Asks up to three times: an answer may be lost or mixed with the robot's start-up text. Pauses a stream that
+    another program has left running."""
     transport.write(bytes((Opcode.START, Opcode.PAUSE_STREAM, 0)))
     time.sleep(0.1)
     for _ in range(3):
@@ -122,9 +122,9 @@ def _answers_like_a_create(transport: SerialTransport) -> bool:
 
 
 def main() -> None:
-    """Stop the wheels of a base that nobody drives any longer, as systemd does after the driver's end: stop_base PORT
-    [KIND]; without a kind, that of the base that answers. Exit code 0 when the stop bytes were sent, 1 for wrong
-    arguments, 2 when the port could not be had."""
+    """Stop the wheels of a base without a driver; systemd runs this after the driver's end: stop_base PORT [KIND].
+    Without KIND the base is detected. Exit code 0 when the stop bytes were sent, 1 for wrong arguments, 2 when the port
+    could not be opened or no base answered."""
     arguments = sys.argv[1:]
     if len(arguments) not in (1, 2) or not BASES.keys() >= set(arguments[1:]):
         sys.exit(f"stop_base PORT [{'|'.join(BASES)}]")

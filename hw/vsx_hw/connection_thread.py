@@ -1,4 +1,4 @@
-"""The thread of the connection to any device: opens it, serves it, lets it go, and tries again when it fails."""
+"""The thread of the connection to any device: opens, serves and closes it, and tries again when it fails."""
 
 import logging
 import threading
@@ -13,18 +13,18 @@ from vsx_hw.readings import LinkStatus
 logger = logging.getLogger(__name__)
 
 STEADY_S = 5.0
-"""A connection that lasted so long was a good one: its loss is mended at once, that of a loose plug ever later."""
+"""A connection that lasted so long was good: retry soon after its loss. A loose plug gets growing pauses."""
 
 Driver = TypeVar("Driver", bound="ConnectionThread")
 
 
 class ConnectionThread(ABC):
-    """A driver runs its ``_serve(device)`` on a daemon thread until it returns; a DeviceError or any other exception in
+    """A driver runs its ``_serve(device)`` on a daemon thread until it returns. A DeviceError or any other exception in
     it closes the device and leads to a new attempt, after the pauses backoff_s. Usable as a context manager.
 
-    ``_leave`` is called before each close; its own DeviceErrors do not matter, the device may be gone. ``report`` tells
-    the state of the connection; each change is logged once and handed to on_link. ``alive`` is false when the thread
-    has ended though nobody asked it to: who needs the device had better begin again."""
+    ``_leave`` is called before each close; its DeviceErrors are ignored, as the device may be gone. ``report`` sets the
+    state of the connection; each change is logged once and passed to on_link. ``alive`` is False when the thread has
+    ended without ``close``; the user of the device should then start again."""
 
     def __init__(
         self,
@@ -55,14 +55,14 @@ class ConnectionThread(ABC):
         self._thread.start()
 
     def close(self, timeout_s: float = 3.0) -> bool:
-        """Let the device go and wait for the thread; whether it has ended."""
+        """Release the device and wait for the thread. Returns whether it has ended."""
         self.closing.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
     def report(self, connected: bool, message: str) -> None:
-        """What is known of the connection now."""
+        """Set the state of the connection."""
         if message == self.message:
             return
         if connected and not self.connected:
@@ -102,7 +102,7 @@ class ConnectionThread(ABC):
             self.closing.wait(self._backoff_s[min(failures, len(self._backoff_s) - 1)])
 
     def _report_failure(self, failure: Exception) -> None:
-        """Whoever is told may fail, too: the log that the disk does not take, or on_link."""
+        """Log and report a failure. Both may fail too: the log on a full disk, or on_link."""
         message = str(failure)
         try:
             if not isinstance(failure, DeviceError):
@@ -115,10 +115,10 @@ class ConnectionThread(ABC):
 
     @abstractmethod
     def _serve(self, device: Any) -> None:
-        """One connection: until ``closing`` is set or the device fails."""
+        """Serve one connection until ``closing`` is set or the device fails."""
 
     def _leave(self, device: Any) -> None:
-        """The last words to a device; without an override, none."""
+        """Send the last messages to a device; by default none."""
         return
 
     def _let_go(self, device: Any) -> None:

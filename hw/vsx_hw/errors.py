@@ -1,8 +1,8 @@
-"""Broken promises of devices. Every message names the device, the value found and the remedy."""
+"""Errors of devices. Every message names the device, the value found and the remedy."""
 
 
 class DeviceError(Exception):
-    """Root of everything vsx_hw raises on purpose; a driver that meets one closes the device and opens it again."""
+    """Base class of all errors that vsx_hw raises on purpose; a driver then closes the device and reopens it."""
 
 
 class DeviceNotFound(DeviceError):  # noqa: N818 (says what it is, like FileNotFound)

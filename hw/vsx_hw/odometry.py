@@ -1,4 +1,4 @@
-"""Dead reckoning as every kind of base has it."""
+"""Dead reckoning, common to every kind of base."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from vsx_hw.readings import OdometryReading
 
 
 class PlanarPose:
-    """x_m, y_m, heading_rad, not wrapped; the origin at first."""
+    """x_m, y_m, heading_rad (not wrapped); starts at the origin."""
 
     def __init__(self) -> None:
         self.x_m = self.y_m = self.heading_rad = 0.0
 
     def advance(self, distance_m: float, turn_rad: float) -> None:
-        """Along the arc, exactly."""
+        """Move exactly along an arc."""
         half = 0.5 * turn_rad
         chord = distance_m if abs(half) < 1e-9 else distance_m * math.sin(half) / half
         self.x_m += chord * math.cos(self.heading_rad + half)
@@ -23,7 +23,7 @@ class PlanarPose:
         self.heading_rad += turn_rad
 
     def approach(self, goal: PlanarPose, most_m: float, most_rad: float) -> None:
-        """Towards another pose, by so much at most."""
+        """Move towards another pose, at most by most_m and most_rad."""
         dx, dy, turn = goal.x_m - self.x_m, goal.y_m - self.y_m, goal.heading_rad - self.heading_rad
         share = min(1.0, most_m / max(math.hypot(dx, dy), 1e-12))
         self.x_m += share * dx
@@ -32,8 +32,8 @@ class PlanarPose:
 
 
 class WheelOdometry:
-    """Pose, ways of the wheels and what ``MotionCheck`` says of them. linear_scale and angular_scale correct the
-    travelled distance and the measured turn (1.0 = as built)."""
+    """Pose, wheel distances and the verdict of ``MotionCheck``. linear_scale and angular_scale correct the travelled
+    distance and the measured turn (1.0 = as built)."""
 
     def __init__(self, check: MotionCheck, linear_scale: float, angular_scale: float) -> None:
         self._linear_scale, self._angular_scale = linear_scale, angular_scale
@@ -45,22 +45,22 @@ class WheelOdometry:
 
     @property
     def gyro_trusted(self) -> bool:
-        """Whether the gyro's latest rate is believed."""
+        """Whether the gyro's latest rate is trusted."""
         return self._checked.gyro
 
     def reset(self) -> None:
-        """Start again at the origin; the counters' base line stays, so the next report is continuous."""
+        """Restart at the origin; the counters keep their reference, so the next report is continuous."""
         self._pose = PlanarPose()
 
     def command(self, v_m_s: float, omega_rad_s: float) -> None:
-        """What the base was told last."""
+        """Record the latest command to the base."""
         self._check.command(v_m_s, omega_rad_s)
 
     def _roll(self, left_m: float, right_m: float) -> None:
         self._wheels = (self._wheels[0] + left_m, self._wheels[1] + right_m)
 
     def _reading(self, stamp_ns: int, v: float, omega: float, doubt: str, trusted: bool = True) -> OdometryReading:
-        """doubt, trusted: beyond what the check doubts."""
+        """doubt, trusted: in addition to the doubt of the check."""
         p, doubt = self._pose, self._checked.doubt or doubt
         return OdometryReading(
             stamp_ns, x_m=p.x_m, y_m=p.y_m, heading_rad=p.heading_rad, v_m_s=v, omega_rad_s=omega, gaps=self._gaps,

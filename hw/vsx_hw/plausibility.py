@@ -1,10 +1,10 @@
-"""Whether wheels, gyro and commands agree, and which turn to believe. Pure; time is an argument.
+"""Checks whether wheels, gyro and commands agree, and which turn to use. Pure; time is an argument.
 
-Three sources tell of one motion: each wheel of its way, the gyro of the turn, the command of what both should be.
+Three sources describe one motion: the wheels measure distances, the gyro the turn, and the command sets both.
 
-- A wheel whose way over a second is not what it was told is at fault: the base cannot be steered, it must stand.
-- Gyro and wheels that tell different turns, in one report or over a second, cannot both be right. The one farther from
-  the command is left out and the pose is uncertain until both have agreed through a turn and a way."""
+- A wheel whose distance over a second contradicts its command is at fault: the base cannot be steered and must stand.
+- If gyro and wheels measure different turns, in one report or over a second, one of them is wrong. The one farther
+  from the command is left out. The pose is uncertain until both have agreed over a turn or a distance."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ WINDOW_NS = 1_000_000_000  # over which turns are compared
 PERIOD_NS = 20_000_000  # between two reports of a base
 
 FRAME_RAD, FRAME_RAD_S = 0.02, 1.0
-"""What gyro and wheels may differ by in one report: a base that is blocked in a turn of 1.5 rad/s differs by 0.03 rad
-in 20 ms; there the bound, 0.04 rad, also keeps the heading from jumping by 3 degrees, and refuses a changed bit of 2.56
+"""Largest difference of gyro and wheels in one report. A base that is blocked in a turn of 1.5 rad/s differs by 0.03
+rad in 20 ms. The bound for 20 ms, 0.04 rad, also prevents heading jumps of 3 degrees, and refuses a changed bit of 2.56
 degrees."""
-REFUSED_REPORTS = 5  # So many such reports in a second, of one of the two, are no accident
+REFUSED_REPORTS = 5  # This many refused reports of one sensor within a second are no accident
 
 BASE_RAD, SLIP, SIGMAS = 0.03, 0.03, 3.0
-"""What they may differ by in a second, beyond what is learned: 1.7 degrees (not sampled at one instant, a wheel on a
-sill) and a share of the turn, for slip that comes and goes. A drift of 5 deg/s is beyond it, one of less than 3 deg/s
-is for the camera to see."""
-SLIP_NS = 200_000_000  # over which a turn is compared with the one before it
+"""Largest difference in a second, beyond what is learned: 1.7 degrees (not sampled at the same instant, a wheel on a
+sill) and a share of the turn, for occasional slip. It detects a drift of 5 deg/s; below 3 deg/s the camera must detect
+it."""
+SLIP_NS = 200_000_000  # over which slip is judged
 AGREED_RAD, AGREED_M = 0.5, 1.0
-"""Through how much of a turn both must agree again; a gyro that was believed, also along such a way. On the straight a
-gyro that stands is right too."""
+"""Turn over which both must agree again; if the gyro was not left out, this distance is enough. A dead gyro would also
+agree on a straight."""
 
 
 class CheckedMotion(NamedTuple):
-    """What to make of a report. turn_rad: the turn to count. doubt: why the pose is uncertain, fault: why the base must
-    stand, in words, empty while all agree. gyro: whether the gyro is believed."""
+    """The verdict on a report. turn_rad: the turn to use. doubt: why the pose is uncertain. fault: why the base must
+    stand. Both are words, empty while all sources agree. gyro: whether the gyro is trusted."""
 
     turn_rad: float
     doubt: str = ""
@@ -45,7 +45,7 @@ class CheckedMotion(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """Sums since the start. wheels_rad, gyro_rad: turns; no_gyro, no_wheels: reports that it was left out of."""
+    """Sums since the start. wheels_rad, gyro_rad: turns. no_gyro, no_wheels: reports in which that one was left out."""
 
     time_ns: int
     left_m: float = 0.0
@@ -57,17 +57,17 @@ class _Sums(NamedTuple):
 
     @property
     def refused(self) -> int:
-        """Reports that one of the two was left out of."""
+        """Reports in which one of the two was left out."""
         return self.no_gyro + self.no_wheels
 
     def after(self, step: _Sums) -> _Sums:
-        """These sums and those of a step more."""
+        """These sums plus one more step."""
         return _Sums(*map(add, self, step))
 
 
 class MotionCheck:
-    """``command`` every command as it is sent, ``step`` every report of motion. Not thread-safe. step_rad: by how much
-    rounding may change the wheels' turn in a report, beyond its mean; twice that where they tell none."""
+    """Call ``command`` with every command sent, ``step`` with every report of motion. Not thread-safe. step_rad: how
+    much rounding may change the wheels' turn in a report, beyond its mean; twice that when they report no turn."""
 
     def __init__(self, wheel_base_m: float, step_rad: float = 0.0) -> None:
         self._wheel_base_m, self._step_rad = wheel_base_m, step_rad
@@ -80,16 +80,16 @@ class MotionCheck:
         self._agreed_rad = self._agreed_m = 0.0
 
     def command(self, v_m_s: float, omega_rad_s: float) -> None:
-        """What the wheels are told from now on."""
+        """Record the command that is valid from now on."""
         half = 0.5 * self._wheel_base_m * omega_rad_s
         self._trace.tell(v_m_s - half, v_m_s + half)
 
     def listen(self, now_ns: int) -> None:
-        """A report that tells nothing of the motion."""
+        """Record a report without motion data."""
         self._trace.advance(now_ns)
 
     def can_turn(self, rate_rad_s: float) -> bool:
-        """Whether the base can turn like this after what it was told lately, at the latest report."""
+        """Whether the base can turn at this rate at the latest report, given its recent commands."""
         end_ns = self._trace.time_ns
         least, most = self._trace.between(end_ns - PERIOD_NS, end_ns, self._wheel_base_m)[2]
         bound = FRAME_RAD + FRAME_RAD_S * PERIOD_NS * 1e-9
@@ -98,8 +98,8 @@ class MotionCheck:
     def step(
         self, now_ns: int, left_m: float, right_m: float, gyro_rad: float | None = None, alive: bool | None = None
     ) -> CheckedMotion:
-        """Judge the motion since the last report. gyro_rad: turn by the gyro, None without one; alive: whether it shows
-        by itself that it measures, or that it does not; None where it shows neither."""
+        """Judge the motion since the last report. gyro_rad: turn by the gyro, None without one. alive: True or False
+        when the gyro's own data prove that it measures or not; None when they prove neither."""
         self._trace.advance(now_ns)
         last = self._sums[-1]
         pause_ns = now_ns - last.time_ns
@@ -134,8 +134,8 @@ class MotionCheck:
         return CheckedMotion(wheels_rad if self._gyro_out else turn_rad, doubt, fault, not (self._gyro_out or no_gyro))
 
     def _in_report(self, wheels_rad: float, gyro_rad: float, dt_s: float) -> tuple[float, bool, bool]:
-        """(turn, whether the gyro was left out, whether the wheels were): the one that is farther from the turn rate
-        on which both agreed last."""
+        """(turn, whether the gyro was left out, whether the wheels were). The one farther from the last turn rate on
+        which both agreed is left out."""
         difference = math.remainder(gyro_rad - wheels_rad, 2.0 * math.pi)
         if abs(difference) <= FRAME_RAD + FRAME_RAD_S * dt_s + self._step_rad:
             return wheels_rad + difference, False, False
@@ -145,7 +145,7 @@ class MotionCheck:
         return wheels_rad, True, False
 
     def _window(self, now_ns: int) -> _Sums:
-        """The moment a second ago. What is older has passed: the difference of gyro and wheels is learned from it."""
+        """The sums a second ago. The difference of gyro and wheels is learned from older steps."""
         sums = self._sums
         while len(sums) > 2 and sums[1].time_ns <= now_ns - WINDOW_NS:
             a, b = sums.popleft(), sums[0]
@@ -157,7 +157,7 @@ class MotionCheck:
         return sums[0]
 
     def _fault(self, begin: _Sums, now: _Sums) -> str:
-        """Which wheel does not do what it was told, in words; the pose is uncertain until both have done so again."""
+        """Which wheel does not follow its command, in words. The pose is uncertain until both follow again."""
         left, right, _ = self._told(begin, now)
         sides = {"left": (now.left_m - begin.left_m, left), "right": (now.right_m - begin.right_m, right)}
         verdicts = {side: wheel_verdict(way_m, told) for side, (way_m, told) in sides.items()}
@@ -165,7 +165,7 @@ class MotionCheck:
         if all(verdict == HELD for verdict in verdicts.values()):
             wrong = ["wheels do not follow the command; free the robot"]
         if wrong:
-            if not self._unproven or begin.time_ns > self._wrong_ns:  # the first words stay: their numbers change
+            if not self._unproven or begin.time_ns > self._wrong_ns:  # keep the first message: its numbers change
                 self._unproven = wrong[0]
             self._wrong_ns = now.time_ns
             return self._unproven
@@ -177,7 +177,7 @@ class MotionCheck:
         return self._trace.between(begin.time_ns, now.time_ns, self._wheel_base_m)
 
     def _compare(self, begin: _Sums, now: _Sums, alive: bool | None) -> None:
-        """Judge the last second: doubt, go on doubting, or believe both again."""
+        """Judge the last second: begin, keep or end a doubt."""
         way_m = 0.5 * (now.left_m - begin.left_m + now.right_m - begin.right_m)
         wheels_rad, gyro_rad = now.wheels_rad - begin.wheels_rad, now.gyro_rad - begin.gyro_rad
         expected, sigma = self._mismatch.expected(way_m, wheels_rad)
@@ -200,14 +200,14 @@ class MotionCheck:
                 self._doubt, self._gyro_out = "", False
 
     def _slips(self, now: _Sums) -> bool:
-        """Whether the base turns as its wheels do, but less, by the gyro and at this moment."""
+        """Whether the gyro now measures a turn in the direction of the wheels' turn, but a smaller one."""
         before = next(m for m in reversed(self._sums) if m is self._sums[0] or m.time_ns <= now.time_ns - SLIP_NS)
         wheels_rad, gyro_rad = now.wheels_rad - before.wheels_rad, now.gyro_rad - before.gyro_rad
         return 0.0 <= gyro_rad * math.copysign(1.0, wheels_rad) < abs(wheels_rad)
 
     def _choose(self, wheels_rad: float, gyro_rad: float, slip: bool, told: Span) -> None:
-        """The one farther from the command is left out; where both are as far the one that was, or the gyro. Wheels
-        that slip do what they are told, but a gyro that is alive and turns less than they tells it."""
+        """Leave out the one farther from the command. If both are equally far, leave out the same one as before, or the
+        gyro. Slipping wheels follow the command, but a live gyro that turns less reveals the slip."""
         gyro_off, wheels_off = (max(told[0] - turn, turn - told[1], 0.0) for turn in (gyro_rad, wheels_rad))
         as_before = self._gyro_out or not self._doubt
         gyro_out = not slip and (gyro_off > wheels_off or (gyro_off == wheels_off and as_before))

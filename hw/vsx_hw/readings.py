@@ -1,4 +1,4 @@
-"""What the drivers report: values with units in their names and the instant they belong to.
+"""What the drivers report: values with units in their names, each with its timestamp.
 
 ``stamp_ns`` is host time (nanoseconds since the epoch), derived from the device's own clock where it has one."""
 
@@ -8,16 +8,16 @@ import enum
 from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
 
-if TYPE_CHECKING:  # a process that stops wheels is there sooner without it
+if TYPE_CHECKING:  # a process that stops wheels starts sooner without it
     import numpy as np
     from numpy.typing import NDArray
 
-DRIFT_WINDOW_NS = 10_000_000_000  # in which quartzes drift apart by a millisecond at most
-RESTART_NS = 1_000_000_000  # no delay of a message is so long
+DRIFT_WINDOW_NS = 10_000_000_000  # in which two quartz clocks drift apart by at most a millisecond
+RESTART_NS = 1_000_000_000  # no message is delayed so long
 
 
 class Hazard(enum.IntFlag):
-    """Reasons not to move: what is touched as one byte, and motors that draw too much current above it."""
+    """Reasons not to move: contacts in the low byte, motors with overcurrent above it."""
 
     NONE = 0
     BUMPER_RIGHT = 1
@@ -39,7 +39,7 @@ class Hazard(enum.IntFlag):
 
 
 class Signal(enum.Enum):
-    """What a base shows to those around it: a green, an orange or a red lamp; an alarm also sounds when it begins."""
+    """What a base shows to people: a green, an orange or a red lamp; an alarm also sounds when it begins."""
 
     READY = "ready"
     HELD = "held back"
@@ -50,11 +50,11 @@ class OdometryReading(NamedTuple):
     """Dead reckoning since the last reset.
 
     x_m, y_m, heading_rad: pose of the base in its odometry frame, heading not wrapped, counter-clockwise.
-    v_m_s, omega_rad_s: measured motion. gaps: how often motion went unmeasured (power cycle, lost data).
-    trusted: False where the encoders cannot know the direction of the motion, or a sensor contradicts the others.
+    v_m_s, omega_rad_s: measured motion. gaps: how often motion was not measured (power cycle, lost data).
+    trusted: False when the encoders cannot know the direction of the motion, or a sensor contradicts the others.
     wheels_m: (left, right) distance rolled since the start.
-    doubt: which sensor is not believed, and why; fault: why the base must stand, as its wheels do not what they are
-    told; in words, empty while all is well."""
+    doubt: which sensor is not trusted, and why. fault: why the base must stand: its wheels do not follow their command.
+    Both are words, empty while all is well."""
 
     stamp_ns: int
     x_m: float
@@ -70,7 +70,7 @@ class OdometryReading(NamedTuple):
 
 
 class RateSample(NamedTuple):
-    """One sample of a gyro of three axes [rad/s], in the axes of the base: x ahead, y left, z up."""
+    """One sample of a three-axis gyro [rad/s], in the axes of the base: x ahead, y left, z up."""
 
     stamp_ns: int
     x: float
@@ -81,8 +81,8 @@ class RateSample(NamedTuple):
 class GyroReading(NamedTuple):
     """Heading since the gyro was switched on and its rate, counter-clockwise; the heading may wrap at +-pi.
 
-    trusted: False while the wheels contradict it. raw: what the sensor measured since the last report, newest last, as
-    it is: not filtered, its zero not taken off."""
+    trusted: False while the wheels contradict it. raw: samples since the last report, newest last, not filtered, zero
+    not subtracted."""
 
     heading_rad: float
     rate_rad_s: float
@@ -91,8 +91,8 @@ class GyroReading(NamedTuple):
 
 
 class BatteryReading(NamedTuple):
-    """State of the base's battery; fraction in [0, 1]; charging means that a charger delivers current, docked that the
-    base stands at its dock."""
+    """State of the base's battery. fraction: in [0, 1]. charging: a charger delivers current. docked: the base stands
+    at its dock."""
 
     voltage_v: float
     fraction: float
@@ -106,7 +106,7 @@ class BaseReading(NamedTuple):
 
     mode names the operating mode where the base has several; buttons is the protocol's bit mask; gyro is None for a
     base without one, or before its zero is known. refusal: why this base must not be driven as it is, with the remedy.
-    warnings: what it said that the driver does not know."""
+    warnings: reported values that the driver does not know."""
 
     stamp_ns: int
     odometry: OdometryReading
@@ -121,7 +121,7 @@ class BaseReading(NamedTuple):
 
 class ImageReading(NamedTuple):
     """One complete image, (H, W) uint8, rows from the top. stamp_ns: host time at which the first row left the camera.
-    encoding: ROS's name, bayer_grbg8 (first row G R G R) or mono8."""
+    encoding: the ROS name, bayer_grbg8 (first row G R G R) or mono8."""
 
     stamp_ns: int
     image: NDArray[np.uint8]
@@ -129,8 +129,8 @@ class ImageReading(NamedTuple):
 
 
 class LinkStatus(NamedTuple):
-    """Health of the connection to a device, for diagnostics. Counters run from the start of the driver. alive: false
-    when the driver has ended by itself, for good."""
+    """Health of the connection to a device, for diagnostics. Counters run from the start of the driver. alive: False
+    when the driver has ended unexpectedly, for good."""
 
     connected: bool
     message: str
@@ -140,11 +140,11 @@ class LinkStatus(NamedTuple):
 
 
 class DeviceClock:
-    """Unwraps a counter of tick_hz that restarts at 2**bits, and places it on the host's time axis.
+    """Unwraps a counter of tick_hz that wraps at 2**bits, and converts it to host time.
 
-    A device stamps evenly; the arrival on the host is late by a varying amount (USB scheduling, a busy machine). The
-    smallest difference arrival - device time of the last seconds is the best estimate of the clocks' offset. Windows
-    follow the drift between the two crystals."""
+    A device stamps evenly; the messages arrive late by a varying amount (USB scheduling, a busy machine). The smallest
+    difference (arrival - device time) of the last seconds is the best estimate of the clocks' offset. Windows follow
+    the drift between the two crystals."""
 
     def __init__(self, tick_hz: int, bits: int) -> None:
         self._tick_hz = tick_hz
@@ -157,7 +157,7 @@ class DeviceClock:
         """Host time of the counter value raw that arrived at arrival_ns; strictly increasing between restarts.
 
         A jump against the host's clock of more than a second (the device restarted, was silent for long, or the host's
-        clock was set) starts again."""
+        clock was set) restarts the estimate."""
         ticks = 0 if self._raw is None else (raw - self._raw) % self._modulus
         jump_ns = arrival_ns - self._arrival_ns - self._ns(ticks)
         if self._raw is None or abs(jump_ns) > RESTART_NS:

@@ -1,6 +1,6 @@
-"""The last decision before the wheels: who commands, may he, how fast. Pure; time is an argument.
+"""The last decision before the wheels: who commands, whether it is allowed, how fast. Pure; time is an argument.
 
-It knows nothing of cameras, maps and plans, so that it stays right when all of those are wrong."""
+It knows nothing of cameras, maps and plans, so it stays correct when all of those are wrong."""
 
 import math
 import threading
@@ -8,34 +8,34 @@ from typing import NamedTuple
 
 from vsx_hw.readings import BaseReading, Hazard, Signal
 
-ABSURD_V_M_S = 5.0  # several times what any base here does: a number gone wrong
+ABSURD_V_M_S = 5.0  # several times the speed of any base here: an error
 ABSURD_OMEGA_RAD_S = 20.0  # the same
-OVERCURRENT_NS = 500_000_000  # a sill or starting draws as much for a moment
-LONGEST_STEP_NS = 100_000_000  # a decision that comes later counts as so long
+OVERCURRENT_NS = 500_000_000  # a sill or a start draws as much for a moment
+LONGEST_STEP_NS = 100_000_000  # a longer time between decisions counts as this
 
 
 class Source(NamedTuple):
-    """Someone who may command; the highest priority that has spoken within its timeout wins."""
+    """A source of commands; the highest priority that has sent one within its timeout wins."""
 
     name: str
     priority: int
     timeout_s: float
 
 
-# Of TurtleBot's cmd_vel_mux: names and priorities; the last is how long a command lives [s].
+# Names and priorities of TurtleBot's cmd_vel_mux; the last value is the lifetime of a command [s].
 SOURCES = (Source("safety_controller", 10, 0.2), Source("teleop", 7, 0.5), Source("navi", 5, 0.25))
 
 
 class SpeedLimits(NamedTuple):
-    """What the wheels never exceed."""
+    """The wheels never exceed these speeds."""
 
     v_m_s: float = 0.5
     omega_rad_s: float = 1.5
 
 
 class Decision(NamedTuple):
-    """What the wheels shall do now, on whose word, and why not what he said (empty when it is). until_ns: when that
-    word loses its validity, on the clock of ``decide``."""
+    """The command for the wheels, its source, and why it differs from what the source sent (empty if it does not).
+    until_ns: when the command expires, on the clock of ``decide``."""
 
     v_m_s: float
     omega_rad_s: float
@@ -49,10 +49,10 @@ class Supervisor:
 
     - A bumper forbids driving forward; turning and reversing stay possible.
     - A cliff leaves only reversing straight.
-    - A raised wheel, wheels that do not as they are told, or a motor that draws too much current for half a second,
-      forbid everything until the cause is gone and the commander has asked for standstill (or was silent): a robot
-      that was carried away must not drive off when it is put down.
-    - The emergency stop forbids everything until it is cleared, and then a new command is needed.
+    - A raised wheel, wheels that do not follow their command, or a motor with overcurrent for half a second forbid
+      everything until the cause is gone and the commander has asked for standstill (or was silent). A robot that was
+      carried away must not drive off when it is put down.
+    - The emergency stop forbids everything until it is cleared; then a new command is needed.
     - ``hold``, a reason that its owner sets and clears, forbids everything while it is set.
     - A command that is not finite or is absurd counts as a command to stand still."""
 
@@ -75,12 +75,12 @@ class Supervisor:
     @property
     def locked(self) -> bool:
         """Whether someone must act: the emergency stop is set, or a wheel was raised, draws too much current or does
-        not as it is told."""
+        not follow its command."""
         return self._estop or bool(self._latched)
 
     def command(self, source: str, v_m_s: float, omega_rad_s: float, now_ns: int) -> bool:
-        """A source speaks. False when the command was refused and replaced by standstill. Raises KeyError for a source
-        that is not in the mux."""
+        """Take a command of a source. Returns False when it was refused and replaced by standstill. Raises KeyError for
+        a source that is not in the mux."""
         speaker = self._sources[source]
         accepted = abs(v_m_s) <= ABSURD_V_M_S and abs(omega_rad_s) <= ABSURD_OMEGA_RAD_S
         with self.lock:
@@ -92,7 +92,7 @@ class Supervisor:
         return accepted
 
     def forget_commands(self) -> None:
-        """Nothing said so far counts any longer (the base was reconnected, the emergency stop cleared)."""
+        """Drop all commands so far (the base was reconnected or the emergency stop cleared)."""
         with self.lock:
             self._said.clear()
 
@@ -104,12 +104,12 @@ class Supervisor:
             self._estop = stop
 
     def observe(self, fault: str) -> None:
-        """Why the base must stand by its own report, in words (``OdometryReading.fault``); empty: it need not."""
+        """Take the base's own reason to stand, in words (``OdometryReading.fault``); empty when it has none."""
         if fault:
             self._latched = fault
 
     def answer(self, now_ns: int, reading: BaseReading, hold: str) -> tuple[Decision, Signal]:
-        """What the wheels shall do now by all that the base reports, and what its lamp and sound shall say."""
+        """The command for the wheels, given the base's report, and the signal for lamp and sound."""
         with self.lock:
             self.hold = hold or reading.refusal
             decision = self.decide(now_ns, reading.hazards)
@@ -118,7 +118,7 @@ class Supervisor:
             return decision, Signal.ALARM if self.locked else held
 
     def decide(self, now_ns: int, hazards: Hazard) -> Decision:
-        """What the wheels shall do now."""
+        """The command for the wheels now."""
         with self.lock:
             said = self._selected(now_ns)
             overcurrent = self._overcurrent(now_ns, hazards)
@@ -139,7 +139,7 @@ class Supervisor:
             return said._replace(v_m_s=v, omega_rad_s=omega, reason=reason or said.reason)
 
     def _overcurrent(self, now_ns: int, hazards: Hazard) -> str:
-        """Why to stand, when a wheel's motor has drawn too much for long; what comes and goes adds up."""
+        """Why to stand when a wheel's motor has drawn too much current for long; short periods add up."""
         step_ns = min(now_ns - self._decided_ns, LONGEST_STEP_NS) if self._decided_ns else 0
         self._decided_ns = now_ns
         on = hazards & Hazard.OVERCURRENT
@@ -151,7 +151,7 @@ class Supervisor:
         return f"overcurrent of the {wheels} wheel; free it"
 
     def _selected(self, now_ns: int) -> Decision:
-        """What the most important source that is not silent has said."""
+        """The command of the most important source that is not silent."""
         for source in self._sources:
             said = self._said.get(source)
             if said is not None and now_ns <= said.until_ns:
@@ -160,6 +160,6 @@ class Supervisor:
 
 
 def _limited(v: float, omega: float, limits: SpeedLimits) -> tuple[float, float]:
-    """Both scaled alike, so that the robot stays on the curve it was sent along."""
+    """Both scaled by the same factor, so that the robot stays on its curve."""
     scale = max(1.0, abs(v) / limits.v_m_s, abs(omega) / limits.omega_rad_s)
     return (v / scale, omega / scale) if math.isfinite(scale) else (0.0, 0.0)

@@ -18,15 +18,15 @@ from typing import NamedTuple, Protocol
 from vsx_hw.readings import Hazard
 
 STEP_NS = 5_000_000  # 1.5 mm at full speed
-# A fresh pseudo-terminal stands at 38400: that is nobody's choice and counts as right.
+# A fresh pseudo-terminal has 38400 by default; as no driver has set it, it counts as right.
 _SPEEDS = {termios.B19200: 19200, termios.B57600: 57600, termios.B115200: 115200}
 
 
 class PlantState(NamedTuple):
-    """What the sensors of a base can feel.
+    """What the sensors of a base can measure.
 
-    left_m, right_m: distance that each wheel has rolled. gyro_rad, gyro_rate_rad_s: heading and rate as the gyro has
-    them, counter-clockwise, not wrapped. buttons: those that are pressed, by the base's own bits."""
+    left_m, right_m: distance that each wheel has rolled. gyro_rad, gyro_rate_rad_s: heading and rate by the gyro,
+    counter-clockwise, not wrapped. buttons: the pressed ones, as the base's own bits."""
 
     left_m: float
     right_m: float
@@ -40,7 +40,7 @@ class Plant(Protocol):
     """Wheels on a floor. Called by the emulator's thread only."""
 
     def set_wheel_speeds(self, left_m_s: float, right_m_s: float) -> None:
-        """What the wheel controllers shall reach."""
+        """Set the target of the wheel controllers."""
 
     def advance(self, dt_ns: int) -> None:
         """Let time pass."""
@@ -53,27 +53,27 @@ class Board(Protocol):
     """The electronics of one kind of base; time_ns runs from the emulator's start."""
 
     baud: int
-    """The speed it speaks."""
+    """Baud rate of its protocol."""
 
     def receive(self, data: bytes, time_ns: int) -> None:
         """Bytes from the driver."""
 
     def emit(self, time_ns: int) -> bytes:
-        """Bytes for the driver that are due."""
+        """Bytes that are due for the driver."""
 
     def power_cycle(self) -> None:
-        """Counters start again somewhere else, the wheels stop."""
+        """Restart the counters at other values and stop the wheels."""
 
 
 class SerialEmulator:
-    """Runs board and plant on a thread of its own, 5 ms a step, behind the name ``link``.
+    """Runs board and plant on its own thread in steps of 5 ms, behind the port name ``link``.
 
     Bytes leave at the board's baud rate; a driver at another rate gets garbage. ``unplug`` and ``replug`` are the USB
     cable, ``power_cycle`` the base's switch. Usable as a context manager.
 
     Faults that may be changed while it runs: drop_rate, garbage_rate per byte to the driver; paused: the line to the
     driver is silent; command_delay_ns: dead time between a command's arrival and its effect; report_delay_ns: age of
-    what the driver hears."""
+    the reports that the driver receives."""
 
     def __init__(self, board: Board, plant: Plant, link: str, seed: int = 0) -> None:
         self.drop_rate = self.garbage_rate = 0.0
@@ -98,8 +98,8 @@ class SerialEmulator:
         self.close()
 
     def start(self, start_ns: int | None = None) -> None:
-        """Create the port and start time. start_ns: when it began, by time.monotonic_ns, if not now: what has passed
-        since is caught up with, so that who stamps by that instant and who stamps by arrival agree."""
+        """Create the port and start time. start_ns: start time by time.monotonic_ns, if not now. The emulator catches
+        up from there, so that stamps relative to start_ns and stamps by arrival agree."""
         self._start_ns = time.monotonic_ns() if start_ns is None else start_ns
         self.replug()
         self._thread.start()
@@ -140,7 +140,7 @@ class SerialEmulator:
     def _run(self) -> None:
         elapsed_ns = 0
         while not self._closing.is_set():
-            ahead_ns = self._start_ns + elapsed_ns + STEP_NS - time.monotonic_ns()  # a step is over before it is told
+            ahead_ns = self._start_ns + elapsed_ns + STEP_NS - time.monotonic_ns()  # a step is reported after its end
             if ahead_ns > 0:
                 time.sleep(ahead_ns * 1e-9)
             with self._lock:
@@ -161,7 +161,7 @@ class SerialEmulator:
         return b""
 
     def _send(self) -> None:
-        """As many bytes as the line carries in one step; when nobody reads they are lost, as on a wire."""
+        """Send as many bytes as the line carries in one step; without a reader they are lost, as on a wire."""
         budget = self._board.baud * STEP_NS // 10_000_000_000
         chunk = bytes(self._outbox[:budget])
         del self._outbox[:budget]
@@ -182,7 +182,7 @@ class SerialEmulator:
 
 
 def _due(queue: deque[tuple[int, bytes]], now_ns: int) -> bytes:
-    """Take what has waited long enough."""
+    """Remove and return the data that is due."""
     data = b""
     while queue and queue[0][0] <= now_ns:
         data += queue.popleft()[1]

@@ -19,8 +19,8 @@ _REMEDIES = {
 
 class SerialTransport:
     """A serial port, locked for this process. RTS and DTR stay low: on a Create, RTS moves the wake-up line. Raises
-    DeviceNotFound with the remedy when the port is absent, forbidden or in use; every method DeviceError once it is
-    lost."""
+    DeviceNotFound with the remedy when the port is absent, forbidden or in use. Every method raises DeviceError once
+    the port is lost."""
 
     def __init__(self, port: str, baud: int) -> None:
         self.port = port
@@ -35,7 +35,7 @@ class SerialTransport:
             raise DeviceNotFound(f"{port}: {remedy}") from error
 
     def read(self, timeout_s: float) -> bytes:
-        """Whatever has arrived; waits for the first byte at most timeout_s; empty when none came."""
+        """Returns all bytes that have arrived. Waits at most timeout_s for the first one; empty when none came."""
         try:
             self._serial.timeout = timeout_s
             first: bytes = self._serial.read(1)

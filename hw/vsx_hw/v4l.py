@@ -1,5 +1,5 @@
-"""Cameras that the kernel knows as /dev/videoN, webcams above all: size, rate and format, when an image was taken, and
-exposure that stays.
+"""Cameras that the kernel lists as /dev/videoN, mainly webcams: size, rate and format, the time of each image, and
+locked exposure.
 
 Sources: Linux media documentation, "Buffers" (timestamps) and "Camera control reference"; OpenCV, cap_v4l.cpp."""
 
@@ -20,13 +20,13 @@ from vsx_hw.readings import ImageReading, LinkStatus
 GRBG, YUYV, MJPG = (cv2.VideoWriter.fourcc(*name) for name in ("GRBG", "YUYV", "MJPG"))
 FORMATS = {"": GRBG, "bayer": GRBG, "yuyv": YUYV, "mjpeg": MJPG}
 BACKOFF_S = (0.5, 2.0)  # between tries to open it
-OLDEST_S = 5.0  # no buffer waits so long: its time is another clock's
+OLDEST_S = 5.0  # no buffer waits so long: a larger age means another clock
 LOCK_AFTER_S = 2.0  # automatic exposure has settled by then
 MANUAL_EXPOSURE = 1  # V4L2_EXPOSURE_MANUAL
 
 
 class V4lMode(NamedTuple):
-    """width, height [px]; rate_hz: 0 leaves it to the camera. fourcc: a wish; a camera without it gives another."""
+    """width, height [px]; rate_hz: 0 leaves it to the camera. fourcc: requested; a camera without it gives another."""
 
     width: int = 640
     height: int = 480
@@ -35,7 +35,7 @@ class V4lMode(NamedTuple):
 
     @staticmethod
     def parse(text: str) -> "V4lMode | None":
-        """Of a text like 1280x720, 640x480@60 or 1280x720@30/mjpeg; None for anything else."""
+        """Parse a text like 1280x720, 640x480@60 or 1280x720@30/mjpeg; None for anything else."""
         match = re.fullmatch(r"(\d{2,4})x(\d{2,4})(?:@(\d+(?:\.\d+)?))?(?:/(bayer|yuyv|mjpeg))?", text)
         if match is None:
             return None
@@ -43,7 +43,8 @@ class V4lMode(NamedTuple):
 
 
 def open_video(number: int, mode: V4lMode = V4lMode()) -> Any:  # noqa: B008 (immutable)
-    """The capture device in that mode. Raises DeviceNotFound, or DeviceError for another size, with the remedy."""
+    """The capture device in that mode. Raises DeviceNotFound, or DeviceError when it gives another size, both with the
+    remedy."""
     capture = cv2.VideoCapture(number, cv2.CAP_V4L2)
     if not capture.isOpened():
         raise DeviceNotFound(f"/dev/video{number} cannot be opened; check 'ls /dev/video*' and the group video")
@@ -59,7 +60,7 @@ def set_up(capture: Any, number: int, mode: V4lMode) -> None:
     for name, value in wanted:
         capture.set(name, value)
     if int(capture.get(cv2.CAP_PROP_FOURCC)) in (GRBG, YUYV):
-        capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # grey is in it, exactly
+        capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # the raw data holds the exact grey values
     size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
     if size != (mode.width, mode.height):
         capture.release()
@@ -70,8 +71,8 @@ def set_up(capture: Any, number: int, mode: V4lMode) -> None:
 
 
 def buffer_ns(buffer_ms: float, wall_ns: int, monotonic_ns: int) -> int | None:
-    """Wall time [ns] of a kernel buffer's time [ms], which counts from the boot (most drivers) or from 1970; None where
-    it is neither."""
+    """Wall time [ns] of a kernel buffer's time [ms], which counts from the boot (most drivers) or from 1970. None when
+    it fits neither."""
     for clock_ns in (monotonic_ns, wall_ns):
         age_ns = clock_ns - round(buffer_ms * 1e6)
         if buffer_ms > 0.0 and 0 <= age_ns < OLDEST_S * 1e9:
@@ -80,7 +81,7 @@ def buffer_ns(buffer_ms: float, wall_ns: int, monotonic_ns: int) -> int | None:
 
 
 def grey(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], str]:
-    """(picture (H, W), its encoding) of what a device gives: raw Bayer, YUYV (H, W, 2) or colour (H, W, 3)."""
+    """(image (H, W), its encoding) from a device's raw Bayer, YUYV (H, W, 2) or colour (H, W, 3) image."""
     if image.ndim == 2:
         return image, "bayer_grbg8"
     if image.shape[2] == 2:
@@ -89,10 +90,10 @@ def grey(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], str]:
 
 
 class V4lCamera(ConnectionThread):
-    """Images to ``on_image`` on a thread of its own, none that repeats itself; opens the device again when it fails.
-    Stamps are the kernel's times of the buffers, or, of a driver without such, when the image was read; latency_s, from
-    the start of exposure until then, is taken off either. lock_exposure: exposure and white balance stay as they are
-    after two seconds. With gspca_kinect also images of a Kinect, without its clock."""
+    """Passes images to ``on_image`` on its own thread, but no repeated ones; reopens the device when it fails. Stamps
+    are the kernel's buffer times, or the read time if the driver has none. latency_s, from the start of exposure until
+    then, is subtracted. lock_exposure: exposure and white balance are locked after two seconds. With gspca_kinect it
+    also reads a Kinect, without the Kinect's clock."""
 
     def __init__(
         self,
@@ -113,7 +114,7 @@ class V4lCamera(ConnectionThread):
         self._frozen_detector = FrozenImageDetector()
 
     def status(self) -> LinkStatus:
-        """Health for diagnostics. waited_us: from the last buffer's time until it was read."""
+        """Health for diagnostics. waited_us: time from the last buffer's stamp until it was read."""
         told = {"frames": self._frames, "frozen_frames": self._frozen_frames}
         return self._status(
             self.serial, told | {"unstamped_frames": self._unstamped_frames, "waited_us": self._waited_us}
@@ -151,8 +152,8 @@ class V4lCamera(ConnectionThread):
 
 
 def lock(capture: Any) -> str:
-    """Keep exposure and white balance as they are; what came of it, in words behind "streaming"."""
+    """Lock exposure and white balance. Returns the result as words to append to "streaming"."""
     exposure = capture.get(cv2.CAP_PROP_EXPOSURE)
     kept = capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL_EXPOSURE) and capture.set(cv2.CAP_PROP_EXPOSURE, exposure)
-    capture.set(cv2.CAP_PROP_AUTO_WB, 0)  # many have none
+    capture.set(cv2.CAP_PROP_AUTO_WB, 0)  # many cameras have none
     return ", exposure locked" if kept else ", exposure cannot be locked"

@@ -1,10 +1,10 @@
-"""Two tiny processes beside the driver's, each of which stops the wheels when that one dies or hangs.
+"""Two small processes beside the driver. Each stops the wheels when the driver dies or hangs.
 
-A base may go on driving by its last command for ever. The driver beats on a pipe after each command. When the beats
-cease while the wheels turn, a watchdog writes standstill to the port (the driver may still hold it and go on later);
-when the pipe breaks without a word, the driver is dead and the base is left for good. It answers each beat, so that
-the driver knows that it is guarded. There are two, who know nothing of each other: whichever of the three processes are
-killed or hang at once, the last one stops the wheels."""
+A base may follow its last command for ever. The driver sends a beat through a pipe after each command. When the beats
+stop while the wheels turn, a watchdog writes standstill to the port (the driver may still hold it and resume later).
+When the pipe closes without a release, the driver is dead and the watchdog sends the farewell. A watchdog answers each
+beat, so the driver knows that it is guarded. The two do not know each other: whichever of the three processes die or
+hang at once, the remaining one stops the wheels."""
 
 import contextlib
 import math
@@ -23,41 +23,41 @@ from vsx_hw.transport import SerialTransport
 STANDING, TURNING, RELEASED = b"s", b"t", b"r"
 HUNG_AFTER_S = 0.25  # The driver beats at least every 50 ms
 ANSWER_S = 0.3  # several beats
-PATIENCE_S = 5.0  # A watchdog that has just been started may take so long on a busy machine
-ATTEMPTS, PAUSE_S = 40, 0.05  # two seconds, in which the dead driver's port comes free
+PATIENCE_S = 5.0  # A new watchdog may take so long to start on a busy machine
+ATTEMPTS, PAUSE_S = 40, 0.05  # two seconds, in which the dead driver's port becomes free
 
 
 class StopBytes(NamedTuple):
-    """What the watchdog says to a base: to the one of a hanging driver, and to the one of a dead driver."""
+    """Bytes that a watchdog sends to the base: halt when the driver hangs, farewell when it is dead."""
 
     halt: bytes
     farewell: bytes
 
 
 class Watchdogs:
-    """The parent's ends of both. Start them before the wheels may turn, ``release`` them after they were stopped."""
+    """The parent's ends of both. Start them before the wheels may turn; ``release`` them after the wheels stopped."""
 
     def __init__(self, port: str, baud: int, stop: StopBytes) -> None:
         self._both = tuple(_Watchdog(port, baud, stop) for _ in range(2))
 
     def beat(self, turning: bool) -> None:
-        """The driver is well, and has just let the wheels turn or stand. Never blocks."""
+        """Tell both that the driver works, and whether it lets the wheels turn. Never blocks."""
         for watchdog in self._both:
             watchdog.tell(TURNING if turning else STANDING)
 
     @property
     def answer(self) -> bool:
-        """Whether both are there: with one alone nothing may move."""
+        """Whether both answer; with only one, nothing may move."""
         return all(watchdog.answers for watchdog in self._both)
 
     def revive(self) -> None:
-        """Put new ones in the places of those that were killed or hang; to be called now and then."""
+        """Replace those that were killed or hang; call it now and then."""
         for watchdog in self._both:
             watchdog.revive()
 
     def release(self) -> None:
-        """All is well; the watchdogs end without touching the port."""
-        for watchdog in self._both:  # the second hears it before the first has ended
+        """End the watchdogs without touching the port."""
+        for watchdog in self._both:  # tell the second before the first has ended
             watchdog.tell(RELEASED)
         for watchdog in self._both:
             watchdog.release()
@@ -72,7 +72,7 @@ class _Watchdog:
         ]  # fmt: skip
         self._lock = threading.Lock()
         self._process = self._started()
-        self._unanswered_s: float | None = -math.inf  # until it says that it is there
+        self._unanswered_s: float | None = -math.inf  # until its first answer
 
     def _started(self) -> subprocess.Popen[bytes]:
         process = subprocess.Popen(
@@ -98,7 +98,7 @@ class _Watchdog:
 
     @property
     def answers(self) -> bool:
-        """Whether it is there: it has answered all beats but those of the last moment."""
+        """Whether it has answered all beats but those of the last ANSWER_S."""
         with self._lock:
             assert self._process.stdout is not None
             with contextlib.suppress(BlockingIOError, ValueError):  # nothing yet, or released
@@ -113,7 +113,7 @@ class _Watchdog:
         with self._lock:
             self._process, self._unanswered_s = new, -math.inf
         old.kill()
-        with contextlib.suppress(subprocess.TimeoutExpired):  # in a disk's or driver's grip; its pipes are left to it
+        with contextlib.suppress(subprocess.TimeoutExpired):  # blocked in the kernel; leave its pipes open
             old.communicate(timeout=2.0)
 
     def release(self) -> None:
@@ -150,8 +150,8 @@ def write_past_lock(port: str, data: bytes) -> None:
 
 
 def watch(port: str, baud: int, stop: StopBytes, beats: int, answers: int) -> bool:
-    """What the watchdog does: until the file descriptor ``beats`` ends. True when it left the base of a dead driver.
-    Another driver may have taken the port meanwhile; that one begins by stopping the wheels itself."""
+    """The watchdog's loop, until the file descriptor ``beats`` ends. True when it sent the farewell for a dead driver.
+    Another driver may have taken the port meanwhile; it stops the wheels itself when it starts."""
     last = STANDING
     _answer(answers)
     while True:
@@ -171,7 +171,7 @@ def _answer(answers: int) -> None:
 
 
 def main() -> None:
-    """Port, baud rate and the two stop messages in hexadecimal are the arguments."""
+    """Arguments: port, baud rate and the two stop messages in hexadecimal."""
     for ignored in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(ignored, signal.SIG_IGN)
     os.set_blocking(sys.stdout.fileno(), False)

@@ -1,4 +1,4 @@
-"""Names for the array shapes that cross room borders. Plain ndarrays; the name tells shape, dtype and unit."""
+"""Names for the array shapes that packages exchange. Plain ndarrays; the name tells shape, dtype and unit."""
 
 from typing import TypeAlias
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 FloatArray: TypeAlias = NDArray[np.float64]  # Float64 array of any shape; the docstring of the user says which
 
 IntArray: TypeAlias = NDArray[np.int64]
-"""Int64 array of any shape: indices, labels, counts. The only integers that most compiled loops are made for."""
+"""Int64 array of any shape: indices, labels, counts. Most compiled loops accept only this integer type."""
 
 Int32Array: TypeAlias = NDArray[np.int32]  # Counts of cells and fixed-point values, any shape
 

@@ -1,4 +1,4 @@
-"""Broken promises. Expected outcomes (lost, refused, unreachable) are values, never exceptions.
+"""The errors of vsx_ros. Expected outcomes (lost, refused, unreachable) are values, never exceptions.
 
 Every message names the thing, the value found and the remedy."""
 
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 _Causes: TypeAlias = type[Exception] | tuple[type[Exception], ...]
-_LONGEST_MESSAGE, _LONGEST_REASON = 1200, 300  # a file may hold megabytes where an error quotes a word of it
+_LONGEST_MESSAGE, _LONGEST_REASON = 1200, 300  # an error may quote megabytes of a file
 
 _DISK_REMEDIES = {
     errno.ENOSPC: "free some space ('df -h' shows where), or choose another disk",
@@ -22,10 +22,10 @@ _DISK_REMEDIES = {
 
 
 class VsxError(Exception):
-    """Root of everything vsx_ros raises on purpose; the command line prints it as one sentence."""
+    """Base class of all errors that vsx_ros raises on purpose; the command line prints it as one sentence."""
 
     def __init__(self, message: str = "") -> None:
-        """A message that quotes a file at great length is cut in its middle."""
+        """A very long message, which quotes a file, is cut in its middle."""
         half = _LONGEST_MESSAGE // 2
         super().__init__(message if len(message) <= 2 * half else f"{message[:half]} ... {message[-half:]}")
 
@@ -47,12 +47,12 @@ class MapFileError(VsxError, ValueError):
 
 
 class PlanningError(VsxError, ValueError):
-    """The planner was asked something without meaning (NaN pose, phi <= 0)."""
+    """The planner's input makes no sense (NaN pose, phi <= 0)."""
 
 
 def reason_of(error: Exception) -> str:
-    """What a library or the operating system says is wrong with a file, on one line: with the line in the file where
-    YAML knows it, without an error's number."""
+    """The reason of an error of a library or the operating system with a file, on one line. It includes the line in the
+    file if YAML knows it, but no error number."""
     if isinstance(error, OSError):
         return error.strerror or str(error)
     mark: Any = getattr(error, "problem_mark", None)
@@ -63,7 +63,7 @@ def reason_of(error: Exception) -> str:
 
 @contextmanager
 def explained(kind: type[VsxError], what: str, remedy: str, causes: _Causes = (OSError, ValueError)) -> Iterator[None]:
-    """One of the causes inside, but none of ours, becomes this error: what (why); remedy."""
+    """Turns one of the causes raised inside, but no VsxError, into an error of this kind: what (why); remedy."""
     try:
         yield
     except VsxError:
@@ -73,7 +73,7 @@ def explained(kind: type[VsxError], what: str, remedy: str, causes: _Causes = (O
 
 
 def disk_trouble(error: OSError) -> str:
-    """The sentence for a disk that is full or a file of somebody else's, wherever it was met; nothing for what is a
-    mistake of this program."""
+    """The sentence for a full disk or a forbidden file, wherever the error occurred; empty for a mistake of this
+    program."""
     remedy = _DISK_REMEDIES.get(error.errno or 0, "")
     return f"{error.filename or 'a file'} cannot be used ({error.strerror}); {remedy}" if remedy else ""

@@ -1,7 +1,7 @@
-"""How much a file may ask for: what it declares is compared with a limit before memory is taken.
+"""Limits on what a file may request: the declared size is compared with a limit before memory is allocated.
 
-Every refusal is a ValueError whose text fits into its reader's sentence. Limits are far above what this stack's own
-files and a building's recordings hold, and what may be unpacked grows with the file."""
+Every refusal is a ValueError whose text fits into the sentence of the reading function. The limits are far above the
+sizes of this stack's own files and of a building's recordings. What may be unpacked grows with the file."""
 
 import json
 import os
@@ -18,57 +18,58 @@ from vsx_ros.errors import reason_of
 
 MIB = 2**20  # bytes
 TEXT_BYTES = 16 * MIB  # Parameters, worlds, calibrations: a building's world has a quarter of a MiB
-LOG_BYTES = 1024 * MIB  # What grows with a run: trajectories, journals, lists of images
+LOG_BYTES = 1024 * MIB  # Files that grow with a run: trajectories, journals, lists of images
 DATA_BYTES = 8192 * MIB  # Maps and point clouds
-YAML_DEPTH, YAML_NODES = 64, 300_000  # several times what the largest file here has
+YAML_DEPTH, YAML_NODES = 64, 300_000  # several times those of the largest file here
 YAML_TEXT, YAML_NUMBER = MIB, 8192
-"""Characters of a value in quotes, and of one without, which may be a number (1:59:59, say, takes its square)."""
+"""Most characters of a value in quotes, and of one without. The latter may be a number (1:59:59 takes quadratic time)
+and gets a lower limit."""
 
 DAMAGE = (
     ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError,
     SyntaxError, TypeError, ValueError, struct.error, zlib.error,
 )  # fmt: skip
-"""What parsers raise where a file's content is not what they expect."""
+"""What parsers raise when a file's content is not what they expect."""
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class Allowance:
-    """The bytes that may still be made of an input."""
+    """The number of bytes that may still be created from an input."""
 
     def __init__(self, floor: int, given: int, ratio: int) -> None:
-        """floor: for any input. given: its size; of each of these bytes, ratio more may be made."""
+        """floor: allowed for any input. given: the input's size; each of its bytes allows ratio more."""
         self.left = floor + ratio * given
 
     def take(self, count: int, what: str) -> None:
-        """Raises ValueError, before anything is made, where it is more than is left."""
+        """Use count bytes. Raises ValueError, before anything is created, if that is more than is left."""
         if count > self.left:
             raise ValueError(f"{what} asks for {count} bytes, where {self.left} are left for a file of its size")
         self.left -= count
 
 
 def file_bytes(path: Path, most: int) -> bytes:
-    """The content of a file of at most so many bytes; of a pipe or device at most ``TEXT_BYTES``. Raises ValueError for
-    a larger one, OSError."""
+    """The content of a file of at most ``most`` bytes; of a pipe or device at most ``TEXT_BYTES``. Raises ValueError
+    for a larger one, OSError."""
     with path.open("rb") as file:
         status = os.fstat(file.fileno())
         regular = stat.S_ISREG(status.st_mode)
         most = most if regular else min(most, TEXT_BYTES)
         if regular and status.st_size > most:
             raise ValueError(f"it has {status.st_size} bytes, at most {most} are read")
-        content = file.read((status.st_size if regular else most) + 1)  # one more would tell that it grows
+        content = file.read((status.st_size if regular else most) + 1)  # one more byte shows that it grows
     if len(content) > most:
         raise ValueError(f"it has more than {most} bytes, the most that are read")
     return content
 
 
 def file_text(path: Path, most: int = TEXT_BYTES) -> str:
-    """The same as text, UTF-8. Raises ValueError, OSError."""
+    """As ``file_bytes``, but text in UTF-8. Raises ValueError, OSError."""
     return file_bytes(path, most).decode("utf-8")
 
 
 def json_tree(text: str | bytes) -> Any:
-    """What ``json.loads`` makes of it. Raises ValueError, also where it is nested too deeply."""
+    """The result of ``json.loads``. Raises ValueError, also if the text is nested too deeply."""
     try:
         return json.loads(text)
     except RecursionError as error:
@@ -76,8 +77,8 @@ def json_tree(text: str | bytes) -> Any:
 
 
 def yaml_tree(text: str) -> Any:
-    """What ``yaml.safe_load`` makes of it, in which aliases count as often as they are used. Raises ValueError, also
-    for more than a tree of ``YAML_NODES``."""
+    """The result of ``yaml.safe_load``. Raises ValueError, also for a tree of more than ``YAML_NODES``; an alias counts
+    each time it is used."""
     try:
         _check_yaml(text)
         return yaml.load(text, _LOADER)  # noqa: S506  # a safe one
@@ -85,7 +86,7 @@ def yaml_tree(text: str) -> Any:
         raise ValueError(reason_of(error)) from error
     except ValueError:
         raise
-    except DAMAGE as error:  # what its constructors raise, e.g. a LookupError for "!!int ''"
+    except DAMAGE as error:  # raised by constructors of YAML, e.g. a LookupError for "!!int ''"
         raise ValueError(f"it holds a value that is none ({type(error).__name__}: {error})") from error
 
 

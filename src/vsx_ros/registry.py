@@ -1,4 +1,4 @@
-"""Kinds of things by name: bases, cameras, planners, view rankers. A module of a user's adds its own on import.
+"""Kinds of things by name: bases, cameras, planners, view rankers. A user's module adds its own on import.
 
 ``VSX_PLUGINS=my_base,my_ranker vsx explore --base mine``: the modules are imported by the command and by every node
 before the first name is looked up (docs/how-to/extend.md)."""
@@ -16,14 +16,14 @@ T = TypeVar("T")
 
 
 class Registry(dict[str, T]):
-    """Entries by name. what: what they are, for error messages."""
+    """Entries by name. what: the kind of entry, for error messages."""
 
     def __init__(self, what: str, entries: dict[str, T]) -> None:
         super().__init__(entries)
         self._what = what
 
     def add(self, name: str, entry: T) -> None:
-        """Raises ConfigError for a name that is taken."""
+        """Add an entry. Raises ConfigError for a name that is taken."""
         if name in self:
             raise ConfigError(f"there is a {self._what} named {name!r} already; give this one another name")
         self[name] = entry
@@ -33,8 +33,8 @@ class Registry(dict[str, T]):
 
 
 class Kinds:
-    """Choices of an option of the command line: the names of a registry, by the word before a colon, and whatever
-    plug-ins add. The registry is imported when a word is judged, for help must be quick."""
+    """Choices of a command-line option: the names in a registry, compared with the word before a colon, and the names
+    that plug-ins add. The registry is imported when a word is checked, because help must be quick."""
 
     def __init__(self, registry: str, *more: str) -> None:
         """registry: MODULE:NAME. more: names that are not in it."""
@@ -49,7 +49,7 @@ class Kinds:
 
 
 def load_plugins() -> None:
-    """Import what ``VSX_PLUGINS`` names. Raises ConfigError for a module that cannot be imported."""
+    """Import the modules in ``VSX_PLUGINS``. Raises ConfigError for a module that cannot be imported."""
     for module in filter(None, (name.strip() for name in os.environ.get(PLUGINS, "").split(","))):
         try:
             importlib.import_module(module)

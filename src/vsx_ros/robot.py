@@ -1,4 +1,4 @@
-"""What comes from a robot and what goes to it."""
+"""The data that comes from a robot and goes to it."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from vsx_ros.arrays import GrayImage
 from vsx_ros.geometry.se2 import SE2
 
 _STANDS_M_S, _STANDS_RAD_S = 0.01, 0.02  # the noise of encoders and gyro of a base that stands
-# Twice what a TurtleBot's wheels can do; what moves faster is a counter that was reset or a bit that fell over.
+# Twice the speed of a TurtleBot's wheels; faster motion comes from a reset counter or a flipped bit.
 _MAX_SPEED_M_S, _MAX_TURN_RAD_S, _FAR_M = 1.3, 6.0, 1e5
 _SLACK_M, _SLACK_RAD = 0.05, 0.1  # beyond that: stamps are off by up to 40 ms
-SILENCE_NS = 1_000_000_000  # without odometry; 30 to 50 readings are missing
-# In a silence the base may have restarted. One that has not can hardly have gone on faster than it was and is.
+SILENCE_NS = 1_000_000_000  # without odometry: 30 to 50 readings are missing
+# In a silence the base may have restarted. If not, it can hardly have been faster than before and after the silence.
 _FASTER, _SILENT_M, _SILENT_RAD = 1.5, 0.3, 0.5
-_ORIGIN_M, _ORIGIN_RAD = 0.001, 0.001  # a base that begins to count says 0; rounding in messages is less
-_CARRIED_NS = 200_000_000  # 10 readings late: at full speed changes of speed make 1 cm meanwhile
+_ORIGIN_M, _ORIGIN_RAD = 0.001, 0.001  # a restarted base reports 0; rounding in messages is less
+_CARRIED_NS = 200_000_000  # 10 readings: at full speed, changes of speed cause an error of 1 cm in that time
 
 
 class Frame(NamedTuple):
@@ -34,11 +34,11 @@ class Frame(NamedTuple):
 class Odometry(NamedTuple):
     """Wheel odometry at an instant.
 
-    T_odom_base: pose of the base in the odometry frame. It drifts, and jumps where the base's counting restarts.
+    T_odom_base: pose of the base in the odometry frame. It drifts, and jumps when the base's counting restarts.
     v: forward speed [m/s]. omega: turn rate, counter-clockwise positive [rad/s].
-    trusted: False where the base says that its sensors contradict each other.
-    odom_epoch: increases where counting restarts (``OdometryEpochs``); poses of two epochs must not be compared.
-    wheel_turn: heading by the wheels alone where a gyro makes that of the pose, not wrapped [rad]; None: not told."""
+    trusted: False when the base says that its sensors contradict each other.
+    odom_epoch: increases when counting restarts (``OdometryEpochs``); poses of two epochs must not be compared.
+    wheel_turn: heading by the wheels alone if a gyro gives that of the pose, not wrapped [rad]; None: not reported."""
 
     stamp_ns: int
     T_odom_base: SE2
@@ -54,7 +54,7 @@ class Odometry(NamedTuple):
         return abs(self.v) < _STANDS_M_S and abs(self.omega) < _STANDS_RAD_S
 
     def towards(self, later: Odometry, stamp_ns: int) -> Odometry:
-        """At an instant between this reading and a later one of its epoch."""
+        """The odometry at an instant between this reading and a later one of its epoch."""
         ratio = (stamp_ns - self.stamp_ns) / (later.stamp_ns - self.stamp_ns)
         pose = self.T_odom_base.interpolate(later.T_odom_base, ratio)
         v = self.v + ratio * (later.v - self.v)
@@ -67,7 +67,7 @@ class Odometry(NamedTuple):
 
     @property
     def impossible(self) -> str:
-        """Why no base can be there or move so, in words; empty when one can."""
+        """Why no base can be there or move like this, in words; empty when one can."""
         pose, v, omega = self.T_odom_base, self.v, self.omega
         if not (pose.is_finite() and math.isfinite(v) and math.isfinite(omega)):
             return "odometry is not a number"
@@ -77,15 +77,15 @@ class Odometry(NamedTuple):
 
 
 class OdometryEpochs:
-    """Decides where a base's counting restarts. Readings pass here where they enter the system, and nowhere else."""
+    """Detects when a base's counting restarts. Readings pass it once, where they enter the system."""
 
     def __init__(self, first: int = 0) -> None:
-        """first: the epoch to begin with."""
+        """first: the first epoch."""
         self._epoch = first
         self._last: Odometry | None = None
 
     def enter(self, reading: Odometry) -> Odometry:
-        """The reading with its epoch. One that is impossible begins none."""
+        """The reading with its epoch. An impossible reading does not begin a new epoch."""
         if not reading.impossible:
             if self._last is not None and _has_restarted(self._last, reading):
                 self._epoch += 1
@@ -94,8 +94,8 @@ class OdometryEpochs:
 
 
 def _has_restarted(before: Odometry, now: Odometry) -> bool:
-    """Whether no wheels can move the base so far in that time; after a silence, whether it was too slow for that before
-    and after, or is back at the origin."""
+    """Whether no wheels can move the base so far in that time. After a silence also whether its speeds before and after
+    were too slow for that, or it is back at the origin."""
     elapsed_ns = max(0, now.stamp_ns - before.stamp_ns)
     elapsed_s = 1e-9 * elapsed_ns
     distance, turn = before.T_odom_base.distance_to(now.T_odom_base), abs(before.T_odom_base.angle_to(now.T_odom_base))
@@ -114,8 +114,8 @@ def _is_origin(T_odom_base: SE2) -> bool:
 
 
 def odometry_at(readings: Sequence[Odometry], stamp_ns: int) -> Odometry | None:
-    """At an instant, of readings by time: between two of one epoch, or after the last of one at its speeds for at most
-    0.2 s."""
+    """The odometry at an instant, from readings ordered by time. Interpolates between two of one epoch, or extrapolates
+    the last one of an epoch at its speeds for at most 0.2 s. None otherwise."""
     i = bisect_right(readings, stamp_ns, key=lambda reading: reading.stamp_ns)
     if i == 0:
         return None
@@ -130,7 +130,7 @@ def odometry_at(readings: Sequence[Odometry], stamp_ns: int) -> Odometry | None:
 
 
 class VelocityCommand(NamedTuple):
-    """What the base shall do now: v forward [m/s], omega counter-clockwise [rad/s]."""
+    """The command for the base: v forward [m/s], omega counter-clockwise [rad/s]."""
 
     v: float
     omega: float

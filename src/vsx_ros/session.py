@@ -1,6 +1,6 @@
-"""SLAM with what belongs to it: where the base is by it, the ground that was driven on, and what another session left.
+"""SLAM with what belongs to it: the base's place, the ground that was driven on, and data of an earlier session.
 
-Lock-step, the node vslam and replays hold one, so that all begin, resume and remember alike."""
+The lock-step run, the node vslam and replays each have one, so that all begin, resume and save in the same way."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -25,17 +25,17 @@ SlamT = TypeVar("SlamT", bound=TrackerAndMapper)
 
 
 class SlamSession:
-    """``begin`` when the camera is known, then ``track`` and ``locate`` every frame.
+    """Call ``begin`` when the camera is known, then ``track`` and ``locate`` with every frame.
 
-    calibration: of the odometry while driving, None before ``begin`` and where that is off. ground: what is driven,
-    bumped and pushed. where: what ``locate`` said last. From any thread: ``base_at``."""
+    calibration: of the odometry while driving, None before ``begin`` and when it is disabled. ground: where the base
+    drove, bumped and pushed. where: the last result of ``locate``. ``base_at`` may be called from any thread."""
 
     def __init__(
         self, T_base_cam: SE3, config: Config, slam_map: SlamMap | None = None,
         state: Mapping[str, NDArray[Any]] | None = None,
     ) -> None:  # fmt: skip
-        """slam_map: a map to go on in, the base anywhere in it. state: what was driven and counted while it was made;
-        None: free is where its first keyframe stood. Raises InputError when the state is damaged."""
+        """slam_map: a map to continue; the base may be anywhere in it. state: ground and counts saved with the map;
+        None: the place of its first keyframe counts as free. Raises InputError when the state is damaged."""
         self.T_base_cam, self._T_cam_base = T_base_cam, T_base_cam.inverse()
         self.slam_map = slam_map
         self._config = config
@@ -43,7 +43,7 @@ class SlamSession:
         self._record = None if state is None else TrackingRecord.restored(state)
         self._localization = Localization()
         self._late: deque[TrackingResult] = deque()
-        # The newest reading as SLAM had it, and with its own pose.
+        # The newest reading as SLAM got it (corrected), and with its original pose.
         self._corrected: Odometry | None = None
         self._read: Odometry | None = None
         self.where: LocalizationState = UNLOCALIZED
@@ -54,8 +54,8 @@ class SlamSession:
             self.ground.start = (slam_map.view.keyframes[0].T_world_cam @ self._T_cam_base).to_se2()
 
     def begin(self, kind: type[SlamT], camera: PinholeCamera, seed: int, *, metric: bool = True) -> SlamT:
-        """The SLAM, of this kind. metric: whether there is odometry. Raises CalibrationError when the map was made with
-        another camera or mount."""
+        """Create the SLAM of this kind. metric: whether there is odometry. Raises CalibrationError when the map was
+        made with another camera or mount."""
         mount = self.T_base_cam if metric else None
         if metric and self._config.self_calibration.enabled:
             self.calibration = DrivingCalibration(self.T_base_cam, camera, self._config, self.slam_map is None)
@@ -63,8 +63,8 @@ class SlamSession:
         return slam
 
     def track(self, frame: Frame, odometry: Odometry | None) -> TrackingResult:
-        """The pose of one frame by the SLAM that was begun, with odometry corrected by what is found while driving. The
-        frame ``odom`` stays that of odometry as it is read. Raises as ``SequentialSlam.track`` does."""
+        """The pose of one frame by SLAM, with odometry corrected by the calibration found while driving. The frame
+        ``odom`` remains that of the uncorrected odometry. Raises as ``SequentialSlam.track`` does."""
         calibration = self.calibration
         if calibration is None or odometry is None:
             return self._slam.track(frame, odometry)
@@ -74,8 +74,8 @@ class SlamSession:
         return result
 
     def locate(self, tracking: TrackingResult, odometry: Odometry | None, computing_ns: int = 0) -> LocalizationState:
-        """Where the base is at a tracked frame, and put it on the ground. odometry: of the frame. computing_ns: so long
-        after its stamp the pose of a frame is known."""
+        """Where the base is at a tracked frame; also enters it in the ground. odometry: of the frame. computing_ns:
+        time from a frame's stamp until its pose is known."""
         now_ns, localization = tracking.stamp_ns, self._localization
         if odometry is not None and not odometry.impossible:
             known = self._corrected
@@ -97,15 +97,15 @@ class SlamSession:
 
     @property
     def T_map_odom(self) -> SE2 | None:
-        """The odometry frame in the map; None while nobody knows. A new map begins as the odometry frame."""
+        """The odometry frame in the map; None while unknown. A new map begins as the odometry frame."""
         where = self.where
         if where.T_map_base is None or where.T_odom_base is None:
             return SE2() if self.slam_map is None else None
         return (where.T_map_base @ where.T_odom_base.inverse()).wrapped()
 
     def base_at(self, odometry: Odometry) -> SE2 | None:
-        """T_map_base by a newer reading, after which the camera may have been lost for a while; None while nobody knows
-        where in the map the base is."""
+        """T_map_base by a newer reading, even if the camera has been lost for a while; None while the base's place in
+        the map is unknown."""
         where, T_map_odom = self.where, self.T_map_odom
         other = where.T_map_base is not None and where.odom_epoch != odometry.odom_epoch
         return None if other or T_map_odom is None else T_map_odom @ odometry.T_odom_base

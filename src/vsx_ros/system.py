@@ -1,6 +1,6 @@
-"""The whole explorer as one object and one verb: a frame and the odometry in, a velocity out.
+"""The whole explorer as one object with one main method: a frame and the odometry in, a velocity out.
 
-This is the lock-step run (``vsx explore --fast``), and the list of what the ROS nodes do between them."""
+This is the lock-step run (``vsx explore --fast``), and shows what the ROS nodes do together."""
 
 import math
 from typing import Any, NamedTuple
@@ -27,12 +27,12 @@ from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.snapshot import MapSnapshot, SlamMap
 from vsx_ros.slam.state import TrackingResult
 
-_MAP_EVERY_NS = 500_000_000  # emulated; SLAM makes a keyframe or two meanwhile
+_MAP_EVERY_NS = 500_000_000  # emulated; SLAM adds a keyframe or two in that time
 
 
 class StepResult(NamedTuple):
-    """What one step did: the command for the wheels, the tracking behind it, the mission's decision if it was asked,
-    and how far the base was from the plan [m] if there is one."""
+    """The result of one step: the command for the wheels, the tracking result, the mission's decision if it made one,
+    and the distance of the base from the plan [m] if there is one."""
 
     command: VelocityCommand
     tracking: TrackingResult
@@ -41,8 +41,8 @@ class StepResult(NamedTuple):
 
 
 class SavedSystem(NamedTuple):
-    """What another session needs to go on: the map, what was counted and driven, by name, and what the mission
-    remembers."""
+    """What another session needs to continue: the map, the counts and driven ground as arrays by name, and the
+    mission's data."""
 
     slam_map: SlamMap
     state: dict[str, NDArray[Any]]
@@ -56,9 +56,9 @@ class ExplorationSystem:
         self, camera: PinholeCamera, T_base_cam: SE3, config: Config, seed: int, planner: str = "fov",
         saved: SavedSystem | None = None, slam_map: SlamMap | None = None,
     ) -> None:  # fmt: skip
-        """saved: of a run to go on with, the base standing where it stood; slam_map: a map to go on in, the base
-        anywhere in it. Raises CalibrationError when either was made with another camera or mount, InputError when
-        memory is damaged."""
+        """saved: a run to continue; the base stands where it stood. slam_map: a map to continue; the base may be
+        anywhere in it. Raises CalibrationError when either was made with another camera or mount, InputError when the
+        saved data is damaged."""
         self._config = config
         self.planner = GoalPlanner(config, planner, seed)
         self._computing_time = ComputingTime(config.computing)
@@ -79,21 +79,21 @@ class ExplorationSystem:
         self.grid: OccupancyGrid | None = None
         self.dense: DenseMap | None = None
         self._saved = None if saved is None else saved.mission
-        while self._densify(self.slam.snapshot()):  # what a map made before shows
+        while self._densify(self.slam.snapshot()):  # process all of an earlier map
             pass
 
     def step(self, frame: Frame, odometry: Odometry, hazard: str | None = None) -> StepResult:
-        """Track the frame, refresh the map, decide, and say how the wheels shall turn. hazard: a pressed bumper."""
+        """Track the frame, refresh the map, decide, and return the command for the wheels. hazard: a pressed bumper."""
         return self.act(self.track(frame, odometry), hazard)
 
     def track(self, frame: Frame, odometry: Odometry) -> TrackingResult:
-        """The first half of ``step``. Here odometry enters."""
+        """The first half of ``step``. Odometry enters the system here."""
         self.odometry = self._epochs.enter(odometry)
         return self.session.track(frame, self.odometry)
 
     def act(self, tracking: TrackingResult, hazard: str | None = None) -> StepResult:
-        """What ``step`` does once the frame is tracked. Its pose is known only when computing it is over; so it is with
-        decisions and plans (``ComputingTime``)."""
+        """The second half of ``step``, after tracking. Poses, decisions and plans are known only after their computing
+        time (``ComputingTime``)."""
         now_ns, odometry = tracking.stamp_ns, self.odometry
         where = self.session.locate(tracking, odometry, self._computing_time.frame_ns())
         if hazard and where.T_map_base is not None:
@@ -112,7 +112,7 @@ class ExplorationSystem:
         return StepResult(followed.command, tracking, decision, error_m)
 
     def surface_points(self) -> Points3:
-        """(N, 3) spots of surface of the dense map, in the map as it is now [m]."""
+        """(N, 3) surface points of the dense map, in the present map [m]."""
         spots = self.ground.dense
         return spots.surfaces(self.slam.snapshot()).points if spots is not None else np.zeros((0, 3))
 
@@ -133,7 +133,7 @@ class ExplorationSystem:
         self.planner.take_landmarks(snapshot.points_world, now_ns)
 
     def _densify(self, snapshot: MapSnapshot) -> bool:
-        """Whether there was something to do: a new keyframe, or work left from the last one."""
+        """Update the dense map; returns whether there was work: a new keyframe, or work left from the last one."""
         if self._densifier is None or not len(snapshot.keyframe_ids):
             return False
         if self.dense is not None and not self.dense.is_due(snapshot):
@@ -159,7 +159,7 @@ class ExplorationSystem:
         return decision
 
     def _carry_out(self, now_ns: int) -> None:
-        """What was decided, once choosing it is over; the mission is not asked meanwhile."""
+        """Carry out the last decision after its computing time; until then the mission makes no other."""
         if self._decided is None or now_ns < self._decided[0]:
             return
         decision, self._decided = self._decided[1], None

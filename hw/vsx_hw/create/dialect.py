@@ -1,4 +1,4 @@
-"""What the Create 1 and the Create 2 share: modes, hazards, battery, the way to stop."""
+"""What the Create 1 and the Create 2 share: modes, hazards, battery, how to stop."""
 
 from collections.abc import Iterable, Mapping
 from functools import reduce
@@ -18,9 +18,9 @@ MODE_PAUSE_S = 0.05  # Commands within 20 ms of a change of mode are lost
 
 CHARGING = (1, 2, 3)  # reconditioning, full, trickle
 _KNOWN = {21: ("charging state", range(6)), 34: ("chargers", range(4))}
-"""What a packet may say; anything else is told, and taken for nothing."""
+"""Known values of a packet; any other value causes a warning and counts as 0."""
 _SLOW = {18: 0, 21: 0, 22: 500, 25: 100, 26: 0, 34: 0}
-"""By how much packets change from one report to the next, mV and mAh; what people change counts when repeated."""
+"""Largest change of packets from one report to the next, mV and mAh; a change that people make counts when repeated."""
 
 _HAZARDS = (
     (7, 1, Hazard.BUMPER_RIGHT), (7, 2, Hazard.BUMPER_LEFT),
@@ -36,15 +36,15 @@ ALARM_SONG, ALARM_NOTES = 0, [(84, 0.125), (72, 0.25)]  # its number; MIDI notes
 
 class CreateDialect(Dialect):
     """Both robots are driven in Safe mode: at a cliff or a raised wheel they stop by themselves and fall to Passive.
-    They are put back to Safe when the cause is gone, or for reversing from a cliff, and a command to move arrives; from
-    a mode that is not known at once, unless they charge."""
+    A command to move puts them back to Safe when the cause is gone, or to reverse from a cliff. From an unknown mode
+    they are put back at once, unless they charge."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
         self._forget()
 
     def _forget(self) -> None:
-        """What the robot said in another connection."""
+        """Forget what the robot reported in another connection."""
         self._mode = Mode.OFF
         self._hazards = Hazard.NONE
         self._charges = self._doubted = self.driving = self.deaf = False
@@ -54,7 +54,7 @@ class CreateDialect(Dialect):
 
     @property
     def obeys(self) -> bool:
-        """Whether a command to drive is sent: in Passive the robot would not hear it, in an unknown mode it might."""
+        """Whether drive commands are sent. In Passive the robot would ignore them, in an unknown mode it might obey."""
         return self._mode in (Mode.SAFE, Mode.FULL)
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
@@ -95,7 +95,7 @@ class CreateDialect(Dialect):
         yield protocol.encode_song(ALARM_SONG, ALARM_NOTES), 0.0
 
     def halt(self) -> bytes:
-        """See Dialect. Nothing right behind a change of mode: it is not heard, and until then the robot stands."""
+        """See Dialect. Empty right after a change of mode: the robot would not hear it, and stands until then."""
         return b"" if self.deaf else protocol.encode_drive_direct(0.0, 0.0)
 
     def farewell(self) -> bytes:
@@ -108,7 +108,7 @@ class CreateDialect(Dialect):
     ) -> BaseReading:
         """The reading of SAFETY_PACKETS and BATTERY_PACKETS."""
         self._mode, self._charges = protocol.mode_of(values[35]), values[21] in CHARGING
-        hazards = hazards_of(values)  # a contact ends with the second report that says so: one may have been damaged
+        hazards = hazards_of(values)  # a contact ends with the second report without it: one may be damaged
         held, self._hazards = hazards | self._hazards, hazards
         mode, refusal = self._mode.name.lower(), ""
         if self._mode is Mode.UNKNOWN:
@@ -123,8 +123,8 @@ class CreateDialect(Dialect):
         )  # fmt: skip
 
     def believes(self, values: Mapping[int, int], follows: bool = True) -> bool:
-        """Whether these values can come after those of the last report. What cannot is refused once: the next report
-        counts whatever it says. follows: what else there is to tell."""
+        """Whether these values can follow those of the last report. If not, they are refused once: the next plausible
+        report is accepted. follows: result of other checks."""
         if not is_plausible(values):
             return False
         steady = all(abs(values[p] - self._last.get(p, values[p])) <= most for p, most in _SLOW.items())
@@ -144,13 +144,13 @@ class CreateDialect(Dialect):
 
 def is_plausible(values: Mapping[int, int]) -> bool:
     """Whether a robot can have sent SAFETY_PACKETS and BATTERY_PACKETS like these. An answer to a query has neither
-    frame nor checksum, so this is all that tells it from bytes that slipped."""
+    frame nor checksum, so this is the only check against shifted bytes."""
     flags = max(values[7], values[14]) <= 31 and max(values[p] for p in (9, 10, 11, 12)) <= 1
     return flags and 5_000 <= values[22] <= 25_000 and values[26] <= 10_000
 
 
 def warnings_of(values: Mapping[int, int]) -> tuple[str, ...]:
-    """What the robot says that the Open Interface does not have, with the value."""
+    """Reported values that the Open Interface does not define."""
     return tuple(
         f"{name} {values[packet]} (packet {packet}) is unknown, taken for 0; look at the charger"
         for packet, (name, known) in _KNOWN.items()
@@ -159,7 +159,7 @@ def warnings_of(values: Mapping[int, int]) -> tuple[str, ...]:
 
 
 def hazards_of(values: Mapping[int, int]) -> Hazard:
-    """All that these packets tell; a caster drop counts as both wheels."""
+    """All hazards in these packets; a caster drop counts as both wheels."""
     return reduce(or_, (hazard for packet, bit, hazard in _HAZARDS if values[packet] & bit), Hazard.NONE)
 
 

@@ -1,4 +1,4 @@
-"""The languages of the Create 1 and the Create 2."""
+"""The protocols of the Create 1 and the Create 2 for ``BaseDriver``."""
 
 from collections.abc import Iterable
 
@@ -13,7 +13,7 @@ MOTION_PACKETS = [19, 20]  # distance and angle since the last request
 GYRO_PACKET = 33  # the analogue input of the cargo bay
 
 QUERIES_PER_MOTION = 25
-"""Every half second: each reading of distance and angle may cut off most of a millimetre and of a degree."""
+"""Every half second: each reading of distance and angle may lose almost a millimetre and a degree."""
 
 
 class Create2Dialect(CreateDialect):
@@ -49,7 +49,7 @@ class Create2Dialect(CreateDialect):
 
 
 class Create1Dialect(CreateDialect):
-    """Create 1: questions and answers, because its distance and angle suffer from being read often."""
+    """Create 1: questions and answers, because frequent readings make its distance and angle worse."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(protocol.CREATE_1)
@@ -62,8 +62,8 @@ class Create1Dialect(CreateDialect):
         self._measured_once = False
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
-        """See Dialect. What the robot printed at start-up is not an answer; what it drove since the last reading is
-        lost with the first of this connection."""
+        """See Dialect. The robot's start-up text is not an answer. The motion since the last reading is lost, as the
+        first reading of a connection is not used."""
         if self._measured_once:
             self.odometry.lose()
         self._asked, self._measured_once = [], False
@@ -71,7 +71,7 @@ class Create1Dialect(CreateDialect):
         yield bytes((protocol.Opcode.PAUSE_STREAM, 0)), 0.0
 
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
-        """See Dialect. Bytes that nobody asked for are a late answer: the motion in it was given up already."""
+        """See Dialect. Bytes without an open question are a late answer, whose motion already counts as lost."""
         if not self._asked:
             return []
         self._buffer += data
@@ -85,7 +85,7 @@ class Create1Dialect(CreateDialect):
         self._asked = []
         self._frames += 1
         if 19 in values:
-            # The first reading holds whatever happened before this program began.
+            # The first reading also contains the motion before this connection.
             if self._measured_once:
                 self.odometry.measure(values[19], values[20], now_ns)
             self._measured_once = True
@@ -96,13 +96,13 @@ class Create1Dialect(CreateDialect):
         return [self.base_reading(values, odometry, gyro)]
 
     def waits(self) -> bool:
-        """See Dialect. After a change of mode it is deaf for a moment."""
+        """See Dialect. After a change of mode the robot is deaf for a moment."""
         return bool(self._asked) or self.deaf
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """The command, the camera's supply (digital output 0 of a TurtleBot 1, cleared whenever Safe is left), and the
-        next question; none after an answer that did not come, so that its late bytes are not taken for the next, nor
-        behind a change of mode, where it would be lost."""
+        next question. After a missing answer there is no question, so that late bytes are not taken for the next
+        answer. After a change of mode there is none either, as the robot would not hear it."""
         command = super().drive(v_m_s, omega_rad_s) + (
             bytes((protocol.Opcode.DIGITAL_OUTPUTS, 1)) if self.obeys else b""
         )
@@ -119,8 +119,8 @@ class Create1Dialect(CreateDialect):
         return command + protocol.encode_query(self._asked)
 
     def _give_up(self) -> None:
-        """The answer is lost. A motion that was asked for is asked for again: what the robot read out is gone, what it
-        has not read out still counts up inside."""
+        """The answer is lost. If it was to hold the motion, ask again: what the robot has sent is lost, what it has not
+        sent still counts up inside the robot."""
         self._lost += 1
         if 19 in self._asked:
             self.odometry.lose()

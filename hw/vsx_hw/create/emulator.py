@@ -29,8 +29,8 @@ _ARGUMENTS: dict[int, int] = {
 
 class CreateBoard:
     """Obeys modes as the robot does: deaf for 20 ms after a change; Safe falls to Passive at cliffs and raised wheels;
-    in Safe it drives on for ever when the driver falls silent. ``mode``, ``outputs`` and ``log``, every byte received,
-    may be looked at."""
+    in Safe it drives on for ever when the driver falls silent. ``mode``, ``outputs`` and ``log`` (all bytes received)
+    may be read."""
 
     def __init__(self, model: Model, plant: Plant, seed: int = 0) -> None:
         self.baud = model.baud
@@ -146,6 +146,6 @@ class CreateBoard:
         return values
 
     def _travelled(self, state: PlantState) -> tuple[float, float]:
-        """(distance [m], angle [rad]) since the start. What is cut off at a reading is lost, as on the robot."""
+        """(distance [m], angle [rad]) since the start. A reading loses what it cuts off, as on the robot."""
         turn = (state.right_m - state.left_m) / self._model.wheel_base_m
         return 0.5 * (state.left_m + state.right_m), turn

@@ -1,8 +1,8 @@
-"""Where a Create is: Create 2 by its encoders, Create 1 by its whole millimetres and degrees, and by the gyro of the
+"""The pose of a Create. Create 2 uses encoders. Create 1 uses its whole millimetres and degrees, and the gyro of the
 TurtleBot 1's power board: one analog axis on the Create's cargo bay input (packet 33).
 
-Sources: Analog Devices ADXRS613 data sheet (12.5 mV per deg/s about 2.5 V, 150 deg/s); the factor 1.35 is the one that
-the TurtleBot's own driver calibrates with (0.395 deg/s a count; the data sheet alone gives 0.391)."""
+Sources: Analog Devices ADXRS613 data sheet (12.5 mV per deg/s about 2.5 V, 150 deg/s). The TurtleBot's own driver
+calibrates with the factor 1.35 (0.395 deg/s per count; the data sheet alone gives 0.391)."""
 
 import math
 from collections import deque
@@ -17,22 +17,22 @@ LONGEST_GAP_S = 0.5  # over longer ones counters may have wrapped or the robot m
 FASTEST_M_S = 0.6  # The robot drives 0.5
 SPEED_WINDOW = 5  # reports over which the speed is taken: encoders step coarsely
 CORRECTION_M, CORRECTION_RAD = 0.03, 0.02
-"""By which a report corrects the shown pose at most: a jump looks like a base that counts from zero again."""
+"""Largest correction of the shown pose per report: a jump would look like a base that restarted at zero."""
 LOST = "a report of the motion is lost or cannot be: it is not known how far the base went"
 COASTING_NS = 500_000_000
 """After a stop the wheels roll on for a moment; later counts come from someone who pushes the robot."""
 
 RANGE_DEG_S = 150.0  # of the ADXRS613
 RANGE_FACTOR = 1.35  # see above
-ENOUGH_SAMPLES, MOST_SAMPLES = 50, 1000  # of a standing robot, to know the offset; over so many the mean goes at most
+ENOUGH_SAMPLES, MOST_SAMPLES = 50, 1000  # of a standing robot: to know the offset; at most in its mean
 HEALTHY_OFFSET = (425.0, 575.0)  # of 1023 counts, around the middle of the range
 STILL_COUNTS = 8.0
-"""Three deg/s: a robot that is told to stand but turns faster is being carried; its samples are no offset."""
+"""Three deg/s: a robot that turns faster on a command to stand is being carried; its samples give no offset."""
 
 
 class EncoderOdometry(WheelOdometry):
-    """Create 2. Its encoders count but do not know the direction: the robot assumes the commanded one. Counts without a
-    command are therefore not motion that can be trusted: they are left out and reported."""
+    """Create 2. Its encoders do not measure the direction: the robot assumes the commanded one. Counts without a
+    command are therefore not trusted: they are left out and reported."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(MotionCheck(CREATE_2.wheel_base_m), linear_scale, angular_scale)
@@ -47,13 +47,13 @@ class EncoderOdometry(WheelOdometry):
         return max(abs(left), abs(right)) <= FASTEST_M_S * max(dt_s, 0.03)
 
     def _rolled(self, left_ticks: int, right_ticks: int, now_ns: int) -> tuple[float, float, float]:
-        """(way of the left wheel, of the right one [m], seconds) since the last report."""
+        """(left wheel distance [m], right wheel distance [m], seconds) since the last report."""
         left_then, right_then, then_ns = self._previous or (left_ticks, right_ticks, now_ns)
         left, right = signed(left_ticks - left_then, 0x10000), signed(right_ticks - right_then, 0x10000)
         return METRES_PER_TICK * left, METRES_PER_TICK * right, (now_ns - then_ns) * 1e-9
 
     def update(self, left_ticks: int, right_ticks: int, driving: bool, now_ns: int) -> OdometryReading:
-        """The reading after one more pair of counts (16 bit); driving: whether the wheels were told to turn."""
+        """The reading after one more pair of counts (16 bit); driving: whether the wheels were commanded to turn."""
         if driving:
             self._driven_ns = now_ns
         v = omega = 0.0
@@ -73,7 +73,7 @@ class EncoderOdometry(WheelOdometry):
         return self._reading(now_ns, v, omega, LOST if now_ns - self._lost_ns < WINDOW_NS else "", trusted)
 
     def _move(self, left: float, right: float, now_ns: int) -> tuple[float, float]:
-        """Advance the pose; the speeds are means over a few reports, because their arrival is not even."""
+        """Advance the pose; returns (v, omega), means over a few reports, because reports arrive unevenly."""
         distance = 0.5 * (left + right) * self._linear_scale
         turn = (right - left) / CREATE_2.wheel_base_m * self._angular_scale
         self._pose.advance(distance, turn)
@@ -88,9 +88,9 @@ class EncoderOdometry(WheelOdometry):
 
 
 class DistanceOdometry(WheelOdometry):
-    """Create 1. Its distance and angle are whole millimetres and degrees, zeroed by each reading, so they are read
-    seldom; in between the pose follows the commanded speeds, or the gyro's rate where the power board has one that is
-    believed, and is corrected by the next reading."""
+    """Create 1. Its distance and angle are whole millimetres and degrees, and each reading resets them, so they are
+    read seldom. In between, the pose follows the commanded speeds, or the rate of a trusted gyro on the power board.
+    The next reading corrects it."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(MotionCheck(CREATE_1.wheel_base_m, math.radians(0.5)), linear_scale, angular_scale)
@@ -103,7 +103,7 @@ class DistanceOdometry(WheelOdometry):
 
     @property
     def gyro_trusted(self) -> bool:
-        """Whether the gyro's latest rate is believed."""
+        """Whether the gyro's latest rate is trusted."""
         return super().gyro_trusted and self._strange_ns != self._then_ns
 
     def reset(self) -> None:
@@ -111,7 +111,7 @@ class DistanceOdometry(WheelOdometry):
         self._measured, self._best, self._pose = PlanarPose(), PlanarPose(), PlanarPose()
 
     def command(self, v_m_s: float, omega_rad_s: float) -> None:
-        """What the robot was told last."""
+        """Record the latest command to the robot."""
         self._speeds = v_m_s, omega_rad_s
         super().command(v_m_s, omega_rad_s)
 
@@ -166,7 +166,7 @@ class DistanceOdometry(WheelOdometry):
 
 
 def _since(then_ns: int, now_ns: int) -> float:
-    """Seconds to integrate over, at most a tenth: of a longer pause nothing is known."""
+    """Seconds to integrate over, at most 0.1: the motion in a longer pause is not known."""
     return min((now_ns - then_ns) * 1e-9, 0.1) if then_ns else 0.0
 
 
@@ -201,6 +201,6 @@ class BoardGyro:
 
 
 def counts_of(rate_rad_s: float, offset: float = 512.0) -> int:
-    """What the converter shows for a rate; saturates."""
+    """The converter's value for a rate; saturates."""
     turned = math.degrees(rate_rad_s) / (RANGE_DEG_S * RANGE_FACTOR)
     return max(0, min(1023, round(offset * (1.0 - turned))))

@@ -33,7 +33,7 @@ class Opcode(enum.IntEnum):
 
 
 class Mode(enum.IntEnum):
-    """Packet 35. Real robots also report 4 and 32: UNKNOWN, and nobody knows whether they then obey."""
+    """Packet 35. Real robots also report 4 and 32: UNKNOWN; it is not known whether they then obey."""
 
     UNKNOWN = -1
     OFF = 0
@@ -140,7 +140,7 @@ class StreamParser:
 
 
 def _stream_values(content: bytes) -> dict[int, int] | None:
-    """The packets of a stream frame, or None unless they tile it exactly."""
+    """The packets of a stream frame, or None unless they fill it exactly."""
     values = {}
     at = 0
     while at < len(content):
@@ -160,8 +160,8 @@ def encode_stream_frame(values: Mapping[int, int]) -> bytes:
 
 
 def encode_drive_direct(left_mm_s: float, right_mm_s: float) -> bytes:
-    """Wheel speeds, right one first on the wire; both scaled alike to the robot's 500 mm/s, so the curve stays. Raises
-    ProtocolError for numbers that are not finite."""
+    """Wheel speeds, right one first on the wire. Both are scaled down alike to the robot's 500 mm/s, which keeps the
+    curve. Raises ProtocolError for numbers that are not finite."""
     left, right = wheel_speeds(left_mm_s, right_mm_s)
     return struct.pack(">Bhh", Opcode.DRIVE_DIRECT, right, left)
 
@@ -176,15 +176,15 @@ def wheel_speeds(left_mm_s: float, right_mm_s: float) -> tuple[int, int]:
 
 def encode_lamps(bits: int, color: int, intensity: int) -> bytes:
     """Lamps. bits: Create 1 2 play, 8 advance; Create 2 1 debris, 2 spot, 4 dock, 8 check. The power lamp's color runs
-    from 0 green to 255 red. Raises ProtocolError for values that are no bytes."""
+    from 0 green to 255 red. Raises ProtocolError for values outside 0..255."""
     if not all(0 <= value <= 255 for value in (bits, color, intensity)):
         raise ProtocolError(f"lamps: {bits}, {color}, {intensity}; each is a byte")
     return bytes((Opcode.LAMPS, bits, color, intensity))
 
 
 def encode_song(number: int, notes: list[tuple[int, float]]) -> bytes:
-    """Store a song: (MIDI note 31-127, duration [s]) each; numbers 0-4 exist on all robots. Raises ProtocolError, so
-    that nothing is sent half, for a number, a note, a duration or a count out of range."""
+    """Store a song: (MIDI note 31-127, duration [s]) each; numbers 0-4 exist on all robots. Raises ProtocolError
+    for a number, a note, a duration or a count out of range."""
     if not (0 <= number <= 4 and 1 <= len(notes) <= 16):
         raise ProtocolError(f"song {number} of {len(notes)} notes; songs 0-4 hold 1 to 16 notes")
     content = b""

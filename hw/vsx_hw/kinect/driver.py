@@ -19,21 +19,21 @@ from vsx_hw.readings import DeviceClock, ImageReading, LinkStatus
 logger = logging.getLogger(__name__)
 
 REPLY_TIMEOUT_S = 0.5  # of a control message
-REVIVE_AFTER_S = 5.0  # without a picture: the stream is started again
-LOCK_AFTER_S = 2.0  # of pictures: the automatic exposure has settled
+REVIVE_AFTER_S = 5.0  # without an image: the stream is restarted
+LOCK_AFTER_S = 2.0  # of images: the automatic exposure has settled
 BACKOFF_S = (0.5, 1.0, 2.0)  # between tries to open it
 
 _FULL_RANGE = np.clip((np.arange(256) - 16) * 255.0 / 219.0 + 0.5, 0, 255).astype(np.uint8)
-"""Luma 16..235 of the camera's UYVY to 0..255 (ITU-R BT.601)."""
+"""Maps luma 16..235 of the camera's UYVY to 0..255 (ITU-R BT.601)."""
 
 
 class KinectTransport(Protocol):
     """An open camera. Every method raises DeviceError once the camera is lost."""
 
     serial: str
-    """Serial number, or what stands for it; names the calibration file."""
+    """Serial number or a substitute; names the calibration file."""
     failure: str
-    """Why the stream has ended, empty while it has not."""
+    """Why the stream has ended; empty while it runs."""
 
     def control_out(self, data: bytes) -> None:
         """Send a control message."""
@@ -45,18 +45,18 @@ class KinectTransport(Protocol):
         """Begin to receive packets."""
 
     def stop_iso(self) -> None:
-        """Receive no more; the handler is not called after the return."""
+        """Stop receiving; the handler is not called after the return."""
 
     def close(self) -> None:
-        """Let go of the camera; may be called twice."""
+        """Release the camera; may be called twice."""
 
 
 class KinectCamera(ConnectionThread):
-    """Images of one mode to ``on_image``, called on the transport's thread.
+    """Calls ``on_image`` with images of one mode, on the transport's thread.
 
-    A stream that delivers nothing new for five seconds is stopped and started again; a camera that vanishes is opened
-    again with growing pauses; a picture that repeats itself is not delivered. lock_exposure: after two seconds of
-    images, exposure and white balance stay as they are."""
+    A stream without a new image for five seconds is restarted. A camera that vanishes is reopened with growing pauses.
+    A repeated image is not delivered. lock_exposure: after two seconds of images, exposure and white balance are
+    locked."""
 
     def __init__(
         self, open_transport: Callable[[], KinectTransport], device: str, on_image: Callable[[ImageReading], None],
@@ -93,7 +93,7 @@ class KinectCamera(ConnectionThread):
                 self._lock_exposure(transport)
 
     def _restart(self) -> None:
-        """Nothing is known of the stream that begins."""
+        """Reset the state for a new stream."""
         self._assembler = FrameAssembler(self._mode, self._counters)
         self._clock = DeviceClock(CLOCK_HZ, CLOCK_BITS)
         self._last_image_s, self._streaming_since_s = time.monotonic(), 0.0
@@ -106,7 +106,7 @@ class KinectCamera(ConnectionThread):
         self._begin(transport)
 
     def _begin(self, transport: KinectTransport) -> None:
-        """Receive first, then switch on: the other way round the first packets are lost."""
+        """Receive first, then switch on; in the other order the first packets are lost."""
         self._restart()
         transport.start_iso(self._on_packets)
         self._write(transport, self._mode.start)
@@ -119,7 +119,7 @@ class KinectCamera(ConnectionThread):
             transport.stop_iso()
 
     def _lock_exposure(self, transport: KinectTransport) -> None:
-        """A camera that refuses is used as it is."""
+        """A camera that refuses stays automatic."""
         address, automatic = protocol.EXPOSURE_MODES, protocol.AUTOMATIC_EXPOSURE | protocol.AUTOMATIC_WHITE_BALANCE
         try:
             reply = self._ask(transport, protocol.CMOS_REGISTER, 1, address, 0)
@@ -133,8 +133,8 @@ class KinectCamera(ConnectionThread):
             self._ask(transport, protocol.WRITE_REGISTER, *register)
 
     def _ask(self, transport: KinectTransport, command: int, *words: int) -> tuple[int, ...]:
-        """Send a message; the words of its reply. The camera says nothing until it is done: ask
-        again, but not for ever."""
+        """Send a message and return the words of its reply. The camera has no reply until it is done: poll until the
+        timeout."""
         transport.control_out(protocol.encode_message(command, self._tag, *words))
         deadline = time.monotonic() + REPLY_TIMEOUT_S
         while time.monotonic() < deadline:
@@ -147,7 +147,7 @@ class KinectCamera(ConnectionThread):
         raise DeviceTimeout(f"{self._name}: no answer in {REPLY_TIMEOUT_S} s; check its 12 V supply and replug it")
 
     def _on_packets(self, arrival_ns: int, packets: list[bytes]) -> None:
-        """On the transport's thread, where nobody would see an exception: the driver's own thread raises it."""
+        """Runs on the transport's thread, where an exception would be lost: the driver's own thread raises it."""
         try:
             for frame in self._assembler.feed(arrival_ns, packets):
                 self._hand_over(frame)

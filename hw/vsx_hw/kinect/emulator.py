@@ -37,7 +37,7 @@ class KinectBoard:
         self._sequence = 0
 
     def control_out(self, message: bytes) -> None:
-        """Obey a write, read or write the sensor; nonsense gets no reply."""
+        """Write a register, or read or write the image sensor; an invalid message gets no reply."""
         self._reply = b""
         try:
             command, tag, words = protocol.decode_message(message)
@@ -64,7 +64,7 @@ class KinectBoard:
 
     @property
     def mode(self) -> protocol.StreamMode | None:
-        """The mode that the registers select, None for a combination that is none."""
+        """The mode that the registers select; None for any other combination."""
         selected = {address: self.registers.get(address) for address in _SETTINGS}
         return next((m for m in protocol.MODES.values() if selected.items() <= dict(m.start).items()), None)
 
@@ -107,8 +107,8 @@ class KinectEmulator:
         return self._receiving and self.board.streaming
 
     def send_frame(self, image: NDArray[np.uint8], start_ns: int) -> bool:
-        """Send an image whose first row left the sensor at host time start_ns; False when nobody listens, or wants
-        another mode."""
+        """Send an image whose first row left the sensor at host time start_ns. False when it is not sent: no driver
+        listens, or the image does not fit the mode."""
         with self._lock:
             mode = self.board.mode
             if self._client is None or not self.streaming or self.silent or mode is None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from vsx_hw.errors import ProtocolError
 
-REPLY_BYTES = 0x200  # most of an answer
+REPLY_BYTES = 0x200  # longest answer
 _REQUEST, _REPLY = 0x4D47, 0x4252  # magic words
 WRITE_REGISTER, CMOS_REGISTER = 0x03, 0x95  # commands
 CMOS_WRITE = 0x8000  # bit of the address: write, not read
@@ -36,7 +36,7 @@ STOP = (Register(STREAM_SWITCH, 0x00),)  # the video stream
 
 
 class StreamMode(NamedTuple):
-    """An image format: size, bytes a pixel, frames a second, and the register writes that start it."""
+    """An image format: size, bytes per pixel, frames per second, and the register writes that start it."""
 
     name: str
     width_px: int
@@ -52,24 +52,25 @@ class StreamMode(NamedTuple):
 
 
 def _settings(image_format: int, resolution: int, rate_hz: int) -> tuple[Register, ...]:
-    """0x0C format: 0 Bayer, 5 UYVY. 0x0D resolution: 1 VGA, 2 SXGA. 0x0E frames a second."""
+    """0x0C format: 0 Bayer, 5 UYVY. 0x0D resolution: 1 VGA, 2 SXGA. 0x0E frames per second."""
     return (Register(0x0C, image_format), Register(0x0D, resolution), Register(0x0E, rate_hz))
 
 
-VGA_BAYER = StreamMode("vga", 640, 480, 1, 30, (*_settings(0, 1, 30), *_ON))  # format, resolution, images a second
+VGA_BAYER = StreamMode("vga", 640, 480, 1, 30, (*_settings(0, 1, 30), *_ON))  # format, resolution, images per second
 VGA_UYVY = StreamMode("uyvy", 640, 480, 2, 15, (*_settings(5, 1, 15), *_ON))  # as above
 SXGA_BAYER = StreamMode("sxga", 1280, 1024, 1, 10, (*_OFF, *_WAKE_DEPTH, *_settings(0, 2, 15), *_ON))
-"""Asked for 15, delivers about 10 a second. The firmware refuses it unless the depth stream was switched on and off."""
+"""Delivers about 10 of the requested 15 images per second. The firmware refuses it unless the depth stream was switched
+on and off."""
 
 MODES = {mode.name: mode for mode in (VGA_BAYER, VGA_UYVY, SXGA_BAYER)}
 
-PACKET_BYTES = 1920  # most of an isochronous packet
+PACKET_BYTES = 1920  # longest isochronous packet
 MAGIC, FLAG_START, FLAG_MIDDLE, FLAG_END = b"\x52\x42", 0x81, 0x82, 0x85  # of the protocol
 _HEADER = struct.Struct("<2sxBxB2xI")
 HEADER_BYTES = _HEADER.size
 PACKET_DATA_BYTES = PACKET_BYTES - HEADER_BYTES
 CLOCK_HZ, CLOCK_BITS = 60_000_000, 32  # of the stamps in packets
-MICROFRAME_NS = 125_000  # of USB 2: a packet in each
+MICROFRAME_NS = 125_000  # of USB 2; each holds one packet
 
 PacketHandler = Callable[[int, list[bytes]], None]
 """Called with the host time of arrival [ns] and packets in order, on the transport's thread."""
@@ -80,8 +81,8 @@ AUTOMATIC_EXPOSURE, AUTOMATIC_WHITE_BALANCE = 1 << 14, 1 << 1  # bits of EXPOSUR
 
 
 def encode_message(command: int, tag: int, *words: int, magic: int = _REQUEST) -> bytes:
-    """A control message. WRITE_REGISTER: register, value. CMOS_REGISTER, of the image sensor: 1, address, with
-    CMOS_WRITE the value, else 0."""
+    """A control message. Words of WRITE_REGISTER: register, value. Words of CMOS_REGISTER (image sensor): 1, address,
+    and the value with CMOS_WRITE, else 0."""
     return struct.pack(f"<{4 + len(words)}H", magic, len(words), command, tag & 0xFFFF, *words)
 
 
@@ -131,15 +132,15 @@ class RawFrame(NamedTuple):
 
 
 class FrameAssembler:
-    """``feed`` packets in order of arrival; ``counters`` goes on with frames, torn_frames and bad_packets. A torn frame
-    is counted and dropped: half an image of the past under half an image of now is worse for tracking than none."""
+    """Call ``feed`` with packets in order of arrival; ``counters`` counts frames, torn_frames and bad_packets. A torn
+    frame is counted and dropped: an image that is half old and half new is worse for tracking than none."""
 
     def __init__(self, mode: StreamMode = VGA_BAYER, counters: Counter[str] | None = None) -> None:
         self._size = mode.frame_bytes
         self._shape = (mode.height_px, mode.width_px) + ((mode.pixel_bytes,) if mode.pixel_bytes > 1 else ())
         self.counters = Counter(frames=0, torn_frames=0, bad_packets=0) if counters is None else counters
         self._pixels: bytearray | None = None  # of the open frame
-        self._ended = False  # a frame has just come to its end
+        self._ended = False  # a frame has just ended
         self._sequence: int | None = None
         self._first_arrival_ns = 0
 

@@ -2,7 +2,7 @@
 
 ``kind, length, body``. Kinds from the driver: O control out, I control in, S start and X stop receiving packets.
 From the camera: R reply to I, P packets: i64 bus time [ns], u16 count, u16 lengths, then the packets.
-The bus time is when the packets would have been on the wire: what a host controller knows as the frame number. An
+The bus time says when the packets would have been on the wire; a host controller knows it as the frame number. An
 emulated image is rendered after its exposure, so its arrival on the socket says nothing about its age."""
 
 import contextlib

@@ -1,4 +1,4 @@
-"""The motor part of the first Kinect (1414): its accelerometer tells the camera's pitch and roll against gravity.
+"""The motor part of the first Kinect (1414): its accelerometer gives the camera's pitch and roll against gravity.
 
 Source: OpenKinect protocol documentation. Control IN 0xC0, request 0x32, 10 bytes: status and level of the motor, then
 i16 big endian x, y, z in counts of 819 per g, i8 twice the tilt in degrees, u8 motor state."""

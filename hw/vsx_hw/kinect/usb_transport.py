@@ -50,7 +50,7 @@ def lamp_message(tag: int, color: int) -> bytes:
 
 
 def light_lamp(context: Any) -> str:
-    """Light the lamp; the serial number of the audio part, empty without one. Failure is told and does not matter."""
+    """Light the lamp and return the serial number of the audio part, empty without one. A failure is only logged."""
     for device in context.getDeviceIterator(skip_on_error=True):
         if (device.getVendorID(), device.getProductID()) in AUDIO_PARTS:
             try:
@@ -117,7 +117,8 @@ class UsbTransport:
         raise DeviceNotFound(f"no Kinect with serial number {serial}; found {others}" if others else ABSENT)
 
     def _serial_number(self, device: Any, handle: Any) -> str:
-        """The camera's own; of newer models, whose cameras say zero, that of the audio part; else its place."""
+        """The camera's own number; on newer models, whose cameras report zero, that of the audio part. Without either,
+        the USB address."""
         serial = str(handle.getSerialNumber() or "")
         if device.getbcdDevice() != FIRST_MODEL:
             serial = light_lamp(self._context) or serial
@@ -157,7 +158,7 @@ class UsbTransport:
             raise DeviceError(f"Kinect: {remedy(error)}") from error
 
     def _on_transfer(self, transfer: Any) -> None:
-        """On the event thread: hand over, submit again."""
+        """Runs on the event thread: hands over the packets and submits the transfer again."""
         arrival_ns = time.time_ns()
         status = transfer.getStatus()
         if status == usb1.TRANSFER_COMPLETED and (handler := self._handler) is not None:

@@ -1,4 +1,4 @@
-"""The language of the Kobuki."""
+"""The protocol of the Kobuki for ``BaseDriver``."""
 
 from collections.abc import Iterable
 
@@ -14,14 +14,14 @@ _LAMPS = {Signal.READY: Led.GREEN, Signal.HELD: Led.ORANGE, Signal.ALARM: Led.RE
 _STILL = protocol.drive_payload(BaseControl(0, 0))
 
 VERSION_REQUESTS = 10  # then its firmware stays unknown
-FRAMES_PER_REQUEST = 25  # commands between two: half a second
+FRAMES_PER_REQUEST = 25  # commands between two requests: half a second
 WIRE_NS = 7_000_000
-"""A regular frame of 81 bytes takes 7 ms at 115200 baud: it was measured before its last byte arrived."""
+"""A regular frame of 81 bytes takes 7 ms at 115200 baud: the measurement is older than its last byte."""
 
 
 class KobukiDialect(Dialect):
-    """Kobuki frames as readings of a base, commands as frames. Readings refuse to be driven by until the base has told
-    a firmware that is known, or any with ``allow_unknown_firmware``."""
+    """Converts Kobuki frames to readings, and commands to frames. Readings hold a refusal until the base has reported a
+    known firmware; ``allow_unknown_firmware`` turns the refusal into a warning."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         self.allow_unknown_firmware = False
@@ -52,7 +52,7 @@ class KobukiDialect(Dialect):
         self.firmware = feedback.firmware_version or self.firmware
         self._hardware = feedback.hardware_version or self._hardware
         refusal, warnings = self._trust(core)
-        hazards = hazards_of(core)  # a contact ends with the second frame that says so: one may have been damaged
+        hazards = hazards_of(core)  # a contact ends with the second frame without it: one frame may be damaged
         held, self._hazards = hazards | self._hazards, hazards
         stamp_ns = self._clock.host_ns(core.time_ms, now_ns) - WIRE_NS
         odometry = self.odometry.update(feedback, stamp_ns)
@@ -63,7 +63,7 @@ class KobukiDialect(Dialect):
         )
 
     def _trust(self, core: Core) -> tuple[str, tuple[str, ...]]:
-        """(refusal, warnings) of the versions and of what this frame says."""
+        """(refusal, warnings) from the versions and this frame."""
         warnings = []
         refusal = objection(self.firmware, self._hardware)
         if refusal and self.allow_unknown_firmware:
@@ -76,7 +76,7 @@ class KobukiDialect(Dialect):
         return refusal, tuple(warnings)
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
-        """Base control; until the base has told versions that are known they are asked for, but not for ever."""
+        """Base control. Also requests the versions until known ones are reported, at most VERSION_REQUESTS times."""
         self.odometry.command(v_m_s, omega_rad_s)
         payloads = [protocol.drive_payload(self._rounding.command(v_m_s, omega_rad_s, _encoded))]
         requests, remainder = divmod(self._commands_sent, FRAMES_PER_REQUEST)
@@ -90,7 +90,7 @@ class KobukiDialect(Dialect):
         return encode_frame(_STILL)
 
     def show(self, signal: Signal) -> bytes:
-        """See Dialect. The first lamp."""
+        """See Dialect. Uses the first lamp."""
         sound = [protocol.melody_payload(protocol.ERROR_MELODY)] if signal is Signal.ALARM else []
         return encode_frame(protocol.outputs_payload(led1=_LAMPS[signal]), *sound)
 

@@ -12,20 +12,19 @@ from vsx_hw.serial_emulator import Plant, PlantState
 
 FRAME_NS = 20_000_000  # 50 reports a second
 TOP_WHEEL_SPEED_M_S = 0.7  # of the data sheet
-RAW_NOISE = 20.0  # Deviation in steps: 0.03 deg/s per root of a hertz (ST L3G4200D data sheet) at 35 Hz
+RAW_NOISE = 20.0  # Standard deviation in steps: 0.03 deg/s/sqrt(Hz) (ST L3G4200D data sheet) at 35 Hz
 EXTERNAL_POWER = 0x00F0  # bits of the four supplies, on at power-on
 FACTORY_GAINS = struct.pack("<B3I", 0, 100_000, 100, 2_000)  # P, I and D of the wheels, times 1000
 VERSIONS = {1: bytes((10, 4, 4, 0, 1, 0)), 2: bytes((11, 4, 0, 2, 1, 0)), 8: struct.pack("<BB3I", 19, 12, 1, 2, 3)}
-"""What is told of the hardware, the firmware and the board, by the flag that asks for it."""
+"""Answers with the versions of hardware and firmware and the board's id, by the flag that requests them."""
 
 
 class KobukiBoard:
     """Streams a frame every 20 ms from power-on and obeys base control.
 
-    As long as nobody says otherwise it keeps its last command: what the firmware does when commands cease is not
-    documented, and the driver must be safe in the worst case. battery_volt, charger and gyro_stands (it repeats what it
-    told last, to the bit) may be changed while it runs; ``outputs`` is the register of lamps and supplies as the driver
-    last wrote it."""
+    It keeps its last command until a new one: what the firmware does without commands is not documented, and the driver
+    must be safe in the worst case. battery_volt, charger and gyro_stands (the gyro repeats its last values exactly) may
+    be changed while it runs; ``outputs`` is the register of lamps and supplies as the driver last wrote it."""
 
     baud = BAUD
 
@@ -110,7 +109,7 @@ class KobukiBoard:
         ]
 
     def _samples(self, rate_rad_s: float) -> bytes:
-        """Two samples of three axes, each with the noise of its own that a living sensor has."""
+        """Two samples of three axes, each with independent noise, as a working sensor has."""
         raw = rate_rad_s / RAW_STEP_RAD_S
         steps = [round(self._rng.gauss(mean, RAW_NOISE)) for mean in (0.0, 0.0, raw, 0.0, 0.0, raw)]
         return struct.pack("<6h", *(max(-32768, min(32767, step)) for step in steps))

@@ -1,8 +1,8 @@
-"""What a Kobuki says: its frames decoded, and the versions that this driver knows.
+"""Decodes the frames of a Kobuki, and lists the versions that this driver knows.
 
 Sources: Yujin Robot, Kobuki "Serial Protocol" appendix; kobuki_core, packets firmware and hardware (two bytes); iClebo
 Kobuki user guide, "Firmware, Version Checking" (a major version breaks the protocol), and the firmware's changelog
-(1.1.4 mends the drift of the gyro)."""
+(1.1.4 fixes the drift of the gyro)."""
 
 import math
 import struct
@@ -15,12 +15,12 @@ METRES_PER_TICK = 0.000085292090497737557  # of a wheel, as the maker gives it
 GYRO_STEP_RAD = math.radians(0.01)  # hundredths of a degree
 CHARGER_STATES = {0: "", 2: "charged", 6: "charging", 18: "charged", 22: "charging"}  # protocol's byte
 AT_THE_DOCK = (2, 6)
-"""Charger bytes: discharging, then charged and charging at the dock; those of the adapter have bit 16 set."""
+"""Charger bytes for charged and charging at the dock; those of the adapter also have bit 16 set; 0 is discharging."""
 PART_BYTES = {
     1: (15,), 3: (3,), 4: (7,), 5: (6,), 6: (2,), 10: (2, 4), 11: (2, 4), 15: (17,), 16: (16,), 19: (12,), 21: (13,),
 }  # fmt: skip
-"""Sub-payload -> its lengths; that of 13, the gyro, is in its own second byte."""
-ANSWERS = {10, 11, 15, 19, 21}  # Sub-payloads that come when asked for
+"""Sub-payload -> its lengths; 13, the gyro, gives its length in its own second byte."""
+ANSWERS = {10, 11, 15, 19, 21}  # Sub-payloads that are sent on request
 BATTERY_EMPTY_V, BATTERY_LOW_V, BATTERY_FULL_V = 13.2, 14.0, 16.5  # of four lithium-ion cells
 
 
@@ -32,14 +32,14 @@ class Version(NamedTuple):
     patch: int
 
     def __str__(self) -> str:
-        """As people write it."""
+        """major.minor.patch."""
         return f"{self.major}.{self.minor}.{self.patch}"
 
 
 PROTOCOL = 1  # major version
 KNOWN_FIRMWARE = {Version(1, *rest) for rest in ((0, 0), (1, 0), (1, 1), (1, 2), (1, 3), (1, 4), (2, 0))}
 STEADY_GYRO = Version(1, 1, 4)  # from here on the gyro's heading can be trusted
-FIRST, FIRST_NUMBER = Version(1, 0, 0), 123  # told as a number before versions had parts
+FIRST, FIRST_NUMBER = Version(1, 0, 0), 123  # reported as one number, before versions had parts
 
 
 class Core(NamedTuple):
@@ -87,7 +87,7 @@ class Feedback(NamedTuple):
     """One verified frame; parts that the frame did not carry are None.
 
     dock_ir, cliff_adc: right, centre, left. current: left, right [10 mA]. analog: inputs 0-3, 12 bits of 3.3 V.
-    regular_parts: ids of what each frame of a base carries, without the answers to questions."""
+    regular_parts: ids of the parts that every frame of a base carries, without answers to requests."""
 
     core: Core
     inertia: Inertia | None = None
@@ -104,8 +104,8 @@ class Feedback(NamedTuple):
 
 
 def decode(payload: bytes) -> Feedback | None:
-    """The frame, or None unless its parts tile it, each once and as long as documented, with values in their ranges.
-    Parts with unknown ids are skipped."""
+    """Decode a frame. None unless its parts fill it exactly, each once, with documented lengths and values in their
+    ranges. Parts with unknown ids are skipped."""
     parts = sub_payloads(payload) or []
     fields = dict(parts)
     if 1 not in fields or len(fields) != len(parts) or not all(_is_whole(*part) for part in parts):
@@ -169,7 +169,7 @@ def decode_version(data: bytes | None) -> Version | None:
 
 
 def objection(firmware: Version | None, hardware: Version | None) -> str:
-    """Why a Kobuki of these versions must not be driven, with the remedy; empty for one that is known."""
+    """Why a Kobuki of these versions must not be driven, with the remedy; empty for known versions."""
     remedy = (
         f"this driver knows {', '.join(map(str, sorted(KNOWN_FIRMWARE)))}: flash 1.2.0, "
         "or set ~allow_unknown_firmware to drive it all the same"

@@ -1,6 +1,6 @@
-"""Where the Kobuki is, from its encoders and its gyro, and whether that is alive.
+"""The Kobuki's pose from its encoders and gyro, and a check that the gyro is alive.
 
-Source: Yujin Robot, Kobuki "Serial Protocol" appendix, sub-payloads 4 and 13 (ST L3G4200D, 0.00875 deg/s a step,
+Source: Yujin Robot, Kobuki "Serial Protocol" appendix, sub-payloads 4 and 13 (ST L3G4200D, 0.00875 deg/s per step,
 mounted a quarter turn about the vertical)."""
 
 import math
@@ -13,21 +13,22 @@ from vsx_hw.odometry import WheelOdometry, signed
 from vsx_hw.plausibility import PERIOD_NS, MotionCheck
 from vsx_hw.readings import GyroReading, OdometryReading, RateSample
 
-SHORT_GAP_MS = 60  # Over so much, a refused frame or two, the gyro tells the turn although the counters jumped
+SHORT_GAP_MS = 60  # Over one or two refused frames the gyro still gives the turn when the counters jumped
 LOST_FRAMES = 50  # After a gap the pose is uncertain for a second
 
 RAW_STEP_RAD_S = math.radians(0.00875)  # of L3G4200D at 250 deg/s (data sheet)
 SAMPLE_NS = 10_000_000  # 100 samples a second
 FRAMES = 25
-"""Half a second. The sensor's noise of 0.03 deg/s per root of a hertz is twenty steps: samples that repeat for so
-long are not measured."""
+"""Half a second. The sensor's noise of 0.03 deg/s/sqrt(Hz) is twenty steps: samples that repeat for so long are not
+measured."""
 AGREES_RAD, AGREES_SHARE = 0.02, 0.2
-"""What its angle and the sum of its samples may differ by in that time: a zero that is off by 1 deg/s, and the
+"""Largest difference of the gyro's angle and the sum of its samples in that time: a zero error of 1 deg/s, and the
 scale."""
 
 
 def gyro_reading(feedback: Feedback, stamp_ns: int, trusted: bool) -> GyroReading | None:
-    """Heading, rate and raw samples of a frame: those in the axes of the base, 10 ms apart, the newest at stamp_ns."""
+    """Heading, rate and raw samples of a frame. Samples are in the axes of the base, 10 ms apart, the newest at
+    stamp_ns."""
     if feedback.inertia is None:
         return None
     heading, rate = (math.radians(value / 100.0) for value in feedback.inertia)
@@ -41,14 +42,14 @@ def gyro_reading(feedback: Feedback, stamp_ns: int, trusted: bool) -> GyroReadin
 
 
 class Pulse:
-    """Whether the gyro is alive, by its own samples."""
+    """Judges from the gyro's own samples whether it is alive."""
 
     def __init__(self) -> None:
         self._frames: deque[tuple[tuple[tuple[int, int, int], ...], float, float]] = deque(maxlen=FRAMES)
 
     def alive(self, feedback: Feedback, turn_rad: float, dt_s: float) -> bool | None:
-        """After one more frame, whose angle turned by turn_rad: True when its samples live and agree with its angle,
-        False when they stand still, None when nobody knows."""
+        """Take one more frame, whose angle turned by turn_rad. True when the samples vary and agree with the angle,
+        False when they repeat, None when it is not known."""
         if feedback.gyro is None or not feedback.gyro.samples:
             self._frames.clear()
             return None
@@ -65,17 +66,17 @@ class Pulse:
 
 
 class KobukiOdometry(WheelOdometry):
-    """Integrates feedback frames. Distance comes from the encoders, heading from the gyro where the frame has it and
-    the ``MotionCheck`` believes it, else from the encoders.
+    """Integrates feedback frames. Distance comes from the encoders. Heading comes from the gyro if the frame has it and
+    the ``MotionCheck`` trusts it, else from the encoders.
 
-    After a gap, a power cycle or an impossible step the counters are taken as a new base line: the pose stays
-    continuous and ``gaps`` counts the loss."""
+    After a gap, a power cycle or an impossible step the counters are the new reference: the pose stays continuous and
+    ``gaps`` counts the loss."""
 
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(MotionCheck(WHEEL_BASE_M), linear_scale, angular_scale)
         self._previous: Feedback | None = None
         self._pulse = Pulse()
-        self._time_ns = 0  # of the base's own clock, counted on over gaps
+        self._time_ns = 0  # of the base's own clock, continued over gaps
         self._since_gap = LOST_FRAMES
 
     def update(self, feedback: Feedback, stamp_ns: int) -> OdometryReading:
@@ -88,7 +89,7 @@ class KobukiOdometry(WheelOdometry):
         return self._reading(stamp_ns, v, omega, lost if self._since_gap < LOST_FRAMES else "")
 
     def _move(self, before: Feedback, after: Feedback) -> tuple[float, float]:
-        """Count the motion between two frames; its speeds."""
+        """Integrate the motion between two frames; returns (v, omega)."""
         dt_ms = (after.core.time_ms - before.core.time_ms) % 0x10000
         rolled, turned = rolled_m(before, after), None
         if before.inertia is not None and after.inertia is not None:
@@ -113,5 +114,5 @@ class KobukiOdometry(WheelOdometry):
         return distance / dt_s, turn / dt_s
 
     def _is_turn_known(self, turned_rad: float, dt_ms: int) -> bool:
-        """Whether the gyro is believed though the counters jumped: two frames at 1.5 rad/s are worth 3.4 degrees."""
+        """Whether to use the gyro although the counters jumped: two frames at 1.5 rad/s are 3.4 degrees."""
         return self._checked.gyro and 0 < dt_ms <= SHORT_GAP_MS and self._check.can_turn(1000.0 * turned_rad / dt_ms)

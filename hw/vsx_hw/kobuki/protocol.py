@@ -1,6 +1,6 @@
-"""Kobuki serial protocol: the frames of both directions, and the commands. No I/O; ``feedback`` is what the base says.
+"""Kobuki serial protocol: the frames of both directions, and the commands. No I/O; ``feedback`` decodes the reports.
 
-Source: Yujin Robot, Kobuki "Serial Protocol" appendix. A frame is ``AA 55 LEN payload XOR``; the payload is a row of
+Source: Yujin Robot, Kobuki "Serial Protocol" appendix. A frame is ``AA 55 LEN payload XOR``; the payload is a list of
 sub-payloads ``ID LEN data``, little endian. The XOR of everything from LEN to the checksum is 0. 115200 baud, 8N1."""
 
 import enum
@@ -29,7 +29,7 @@ def encode_frame(*payloads: bytes) -> bytes:
 
 
 def sub_payloads(payload: bytes) -> list[tuple[int, bytes]] | None:
-    """(id, data) of each part, or None unless the parts tile the payload exactly."""
+    """(id, data) of each part, or None unless the parts fill the payload exactly."""
     parts = []
     at = 0
     while at + 2 <= len(payload):
@@ -40,8 +40,8 @@ def sub_payloads(payload: bytes) -> list[tuple[int, bytes]] | None:
 
 
 class FrameScanner:
-    """Finds frames in a byte stream. After a bad one it looks again from the second byte of its header, so that a good
-    frame inside is not lost."""
+    """Finds frames in a byte stream. After a bad frame it searches again from the second byte of its header, so that a
+    good frame inside is not lost."""
 
     def __init__(self) -> None:
         self.skipped_bytes = 0
@@ -53,7 +53,7 @@ class FrameScanner:
         return list(iter(self._next, None))
 
     def clear(self) -> None:
-        """Forget a frame that has begun."""
+        """Drop an incomplete frame."""
         self._buffer.clear()
 
     def _next(self) -> bytes | None:
@@ -112,7 +112,7 @@ def base_control(v_m_s: float, omega_rad_s: float) -> BaseControl:
 
 
 def _mismatch(command: BaseControl, v_m_s: float, omega_rad_s: float) -> float:
-    """Distance to the twist, 1 mm/s counting like 0.01 rad/s."""
+    """Distance to the twist; 1 mm/s counts like 0.01 rad/s."""
     v, omega = twist_of(command)
     return max(abs(v - v_m_s) / 0.001, abs(omega - omega_rad_s) / 0.01)
 

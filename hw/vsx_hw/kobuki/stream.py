@@ -1,7 +1,7 @@
-"""Kobuki frames out of a stream of bytes: those that are whole, documented, and possible after the one before.
+"""Extracts Kobuki frames from a byte stream: complete, documented, and possible after the previous one.
 
-One XOR byte lets a frame through when two bits of the same column were changed. So the structure must be that of the
-frame before, and its values must be reachable from there in the time that passed."""
+The XOR byte does not detect two changed bits in the same column. So a frame must have the structure of the previous
+one, and its values must be reachable from there in the elapsed time."""
 
 from typing import NamedTuple
 
@@ -10,14 +10,14 @@ from vsx_hw.kobuki.protocol import FrameScanner
 from vsx_hw.odometry import signed
 
 USUAL_MS, LONGEST_MS = (10, 40), 500
-"""From one frame to the next (20 ms), and the longest time that is compared over when frames were lost."""
+"""Time between two frames (20 ms), and the longest time over which frames are compared after losses."""
 MOST_TICKS_PER_MS = 10  # 0.85 m/s; the base drives 0.7
 MOST_CENTIDEG_PER_MS = 25  # 250 deg/s, where the gyro saturates; the base turns by 180
 MOST_DECIVOLT = 5  # from one frame to the next
 
 
 class _Received(NamedTuple):
-    """A frame, when it came, and what had been refused and skipped by then."""
+    """A frame, its arrival time, and the numbers of refused frames and skipped bytes until then."""
 
     feedback: Feedback
     time_ns: int
@@ -28,9 +28,9 @@ class _Received(NamedTuple):
 class StreamParser:
     """Turns the byte stream into Feedback frames; recovers after lost, added or changed bytes.
 
-    A frame counts when it can follow the last that counted, or the one that was refused just before it: a base that
-    was switched off and on costs one frame, one whose clock stands or jumps is silent. ``refused`` counts frames with
-    a right checksum that failed."""
+    A frame is accepted when it can follow the last accepted one, or the one refused just before it. So switching the
+    base off and on costs one frame; a base whose clock stands or jumps counts as silent. ``refused`` counts frames with
+    a correct checksum that were not accepted."""
 
     def __init__(self) -> None:
         self.frames = 0
@@ -39,7 +39,7 @@ class StreamParser:
         self.restart()
 
     def restart(self) -> None:
-        """Another connection begins, of which nothing has been heard; the counters go on."""
+        """Start a new connection without earlier frames; the counters continue."""
         self._scanner.clear()
         self._last: _Received | None = None
         self._doubted: _Received | None = None
@@ -51,11 +51,11 @@ class StreamParser:
 
     @property
     def doubts(self) -> bool:
-        """Whether the latest whole frame could not follow the ones before."""
+        """Whether the latest complete frame could not follow the earlier ones."""
         return self._doubted is not None
 
     def feed(self, data: bytes, now_ns: int = 0) -> list[Feedback]:
-        """The frames completed by these bytes, in order. now_ns: when they came, if that is known."""
+        """The frames completed by these bytes, in order. now_ns: arrival time, if known."""
         found = []
         for payload in self._scanner.feed(data):
             feedback = decode(payload)
@@ -77,8 +77,8 @@ class StreamParser:
 
 
 def _follows(heard_before: _Received, heard_after: _Received) -> bool:
-    """Whether a base can have sent this frame after that one. Where nothing else came between them, it is known how
-    many frames later this one is. What only people change (buttons, charger) counts from its second frame on."""
+    """Whether a base can have sent the second frame after the first. If no bytes were skipped in between, the number of
+    frames in between is known. Changes that people make (buttons, charger) are accepted in their second frame."""
     before, after = heard_before.feedback, heard_after.feedback
     a, b = before.core, after.core
     dt_ms = (b.time_ms - a.time_ms) % 0x10000
@@ -98,7 +98,7 @@ def _follows(heard_before: _Received, heard_after: _Received) -> bool:
 
 
 def rolled_m(before: Feedback, after: Feedback) -> tuple[float, float] | None:
-    """Ways of the left and the right wheel between two frames, or None where the base cannot have made them."""
+    """Distances of the left and right wheel between two frames, or None when the base cannot have driven them."""
     a, b = before.core, after.core
     dt_ms = (b.time_ms - a.time_ms) % 0x10000
     left, right = signed(b.left_ticks - a.left_ticks, 0x10000), signed(b.right_ticks - a.right_ticks, 0x10000)

@@ -1,1 +1,1 @@
-"""What a robot's own recordings tell about its camera, its wheels and where the one sits on the other."""
+"""Calibration of a robot's camera, wheels and camera mount from its own recordings."""

@@ -1,4 +1,4 @@
-"""Flat patterns of known size: finding them in a picture, and where the camera is as seen from them."""
+"""Flat patterns of known size: finding them in an image, and the camera's pose relative to them."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ class Board:
         return cls(pattern, columns, rows, spacing)
 
     def points(self) -> Points3:
-        """(columns * rows, 3) places on the board, row by row, z = 0 [m]."""
+        """(columns * rows, 3) points on the board, row by row, z = 0 [m]."""
         y, x = np.mgrid[: self.rows, : self.columns]
         return self.spacing * np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
 
     def find(self, image: GrayImage, *, quick: bool = False) -> Pixels | None:
-        """(columns * rows, 2) pixels of the same places, or None where the board is not wholly in view. A board that
-        looks the same upside down may be found so. quick: pass by pictures without squares at a twentieth of the time;
-        for films, where one picture more or less does not count."""
+        """(columns * rows, 2) pixels of ``points``, or None if the board is not completely in view. A board that looks
+        the same upside down may be found upside down. quick: reject images without squares in a twentieth of the time;
+        for videos, where a missed image does not matter."""
         size = (self.columns, self.rows)
         if quick and self.pattern == "checkerboard" and not cv2.checkChessboard(image, size):
             return None
@@ -62,7 +62,7 @@ class Board:
 
 
 def _refined(image: GrayImage, corners: FloatArray, columns: int) -> FloatArray:
-    """Each corner where the edges around it meet: more exact than the search, above all near the pattern's border."""
+    """The corners refined to where their edges meet: more exact than the search, mainly near the pattern's border."""
     along = np.linalg.norm(np.diff(corners.reshape(-1, columns, 2), axis=1), axis=2).min()
     radius = int(np.clip(REFINE_SHARE * along, 2, MAX_REFINE_PX))
     enough = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 30, 0.01)
@@ -70,8 +70,8 @@ def _refined(image: GrayImage, corners: FloatArray, columns: int) -> FloatArray:
 
 
 def board_poses(board: Board, camera: PinholeCamera, views: Sequence[Pixels | None]) -> list[SE3 | None]:
-    """T_board_cam of each view [m], None where there is none. A board that looks the same upside down is taken the way
-    up that is nearer to the pose before."""
+    """T_board_cam of each view [m], None where there is none. If a board looks the same upside down, the pose nearer to
+    the one before is taken."""
     poses: list[SE3 | None] = []
     latest: SE3 | None = None
     for pixels in views:
@@ -86,7 +86,7 @@ def board_poses(board: Board, camera: PinholeCamera, views: Sequence[Pixels | No
 
 
 def _pose(board: Board, camera: PinholeCamera, pixels: Pixels) -> SE3:
-    """The better of the two poses from which a plane looks alike, refined."""
+    """The better of the two poses from which a plane looks the same, refined."""
     plane = np.ascontiguousarray(camera.unproject(pixels)[:, :2])
     _, rotation, translation = cv2.solvePnP(board.points(), plane, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
     rotation, translation = cv2.solvePnPRefineLM(board.points(), plane, np.eye(3), None, rotation, translation)

@@ -1,7 +1,7 @@
-"""Focal lengths, centre and distortion of a camera from views of a flat board, and which views are worth keeping.
+"""Focal lengths, centre and distortion of a camera from views of a flat board, and the choice of useful views.
 
-Z. Zhang, "A flexible new technique for camera calibration", 2000, as OpenCV has it. radtan is plumb_bob without
-k3, which only wide lenses show; these want rational or fisheye."""
+Z. Zhang, "A flexible new technique for camera calibration", 2000, in OpenCV's implementation. radtan is plumb_bob
+without k3, which matters only for wide lenses; these need rational or fisheye."""
 
 import math
 from collections.abc import Sequence
@@ -18,32 +18,32 @@ from vsx_ros.geometry.camera import PinholeCamera, check_calibration
 from vsx_ros.geometry.lens import COEFFICIENTS, EQUIDISTANT, PLUMB_BOB, RATIONAL
 
 Fit: TypeAlias = tuple[float, Any, Any, Any, Any, Any]
-"""What OpenCV tells: rms [px], K, coefficients, rotations of the board, standard errors, rms of each view [px]."""
+"""OpenCV's result: rms [px], K, coefficients, rotations of the board, standard errors, rms of each view [px]."""
 
 MODELS = {"radtan": PLUMB_BOB, "rational": RATIONAL, "fisheye": EQUIDISTANT}
-# Of the image's width, where the search begins: a view of 53 degrees; for wide lenses one of 90, too; one of 180.
+# Start of the search, focal length per image width: fields of view of 53 degrees, for wide lenses also 90, and 180.
 START_FOCAL_RATIOS = {PLUMB_BOB: (1.0,), RATIONAL: (1.0, 0.5), EQUIDISTANT: (1.0 / math.pi,)}
 MIN_VIEWS, GOOD_VIEWS = 4, 10  # three determine a camera (Zhang 2000); ten or more is common advice
-OUTLIER_RATIO, OUTLIER_PX = 2.5, 0.5  # times the median view's error, or that much: blurred or wrong
+OUTLIER_RATIO, OUTLIER_PX = 2.5, 0.5  # a view above both, times the median error and px, is blurred or wrong
 GOOD_RMS_PX, USABLE_RMS_PX = 0.5, 1.2  # more is blur or a bent board
 GOOD_FOCAL_RATIO, USABLE_FOCAL_RATIO = 0.003, 0.015  # standard deviation: 1 cm and 5 cm in 3 m
 COVER_CELLS = (8, 6)  # of the image, columns and rows
-GOOD_COVER, GOOD_TILT_RAD = 0.6, math.radians(20.0)  # of the cells; flat views leave the focal length open
-NOVEL, MAX_VIEWS = 0.2, 40  # sum of differences of place, size and tilt (each about 0 to 1); so many views, for time
-EDGE, NEAR, FAR, TILT = 0.12, 0.4, 0.35, 0.08  # shares of the image, and of the lengths of opposite sides of the board
+GOOD_COVER, GOOD_TILT_RAD = 0.6, math.radians(20.0)  # of the cells; flat views do not determine the focal length
+NOVEL, MAX_VIEWS = 0.2, 40  # sum of differences of place, size and tilt (each about 0 to 1); limit to save time
+EDGE, NEAR, FAR, TILT = 0.12, 0.4, 0.35, 0.08  # shares of the image; log ratio of opposite sides of the board
 
 
 class BoardView(NamedTuple):
-    """One picture of the board. name: the file or number. pixels: (N, 2), as ``Board.find`` gives them."""
+    """One image of the board. name: the file or number. pixels: (N, 2), from ``Board.find``."""
 
     name: str
     pixels: Pixels
 
 
 class CameraCalibration(NamedTuple):
-    """view_rms_px: of each view that was used, in the order given. left_out: names of views that contradict the others.
-    focal_sigma_px, centre_sigma_px: standard errors. cover: share of the image where the board was. tilt: by how much
-    the views turn the board at most [rad]."""
+    """view_rms_px: of each used view, in the given order. left_out: names of views that contradict the others.
+    focal_sigma_px, centre_sigma_px: standard errors. cover: share of the image where the board was. tilt: largest angle
+    between the board in two views [rad]."""
 
     camera: PinholeCamera
     rms_px: float
@@ -56,7 +56,7 @@ class CameraCalibration(NamedTuple):
     verdict: Verdict
 
     def report(self) -> list[str]:
-        """The result in lines for people."""
+        """The result as lines for the user."""
         left_out = f"; left out, as they contradict the others: {', '.join(self.left_out)}" if self.left_out else ""
         names = {EQUIDISTANT: "k1 k2 k3 k4"}.get(self.camera.model, "k1 k2 p1 p2 k3 k4 k5 k6").split()
         known = "  ".join(f"{k} {value:.4f}" for k, value in zip(names, self.camera.distortion) if value)
@@ -69,7 +69,7 @@ class CameraCalibration(NamedTuple):
         ]
 
     def remark(self) -> str:
-        """The result in two lines for a file."""
+        """The result as two lines for a file."""
         count = f"{len(self.view_rms_px)} pictures"
         return f"vsx calibrate camera: {self.rms_px:.3f} px rms over {count}\n{self.verdict}"
 
@@ -77,8 +77,8 @@ class CameraCalibration(NamedTuple):
 def calibrate_camera(
     board: Board, views: Sequence[BoardView], width: int, height: int, model: str = "radtan"
 ) -> CameraCalibration:
-    """The camera that made the views, pictures of width x height px, with one of ``MODELS``. Raises InputError for
-    fewer than ``MIN_VIEWS`` views, CalibrationError when they determine no camera."""
+    """The camera of the views, images of width x height px, with one of ``MODELS``. Raises InputError for fewer than
+    ``MIN_VIEWS`` views, CalibrationError when they determine no camera."""
     kept, left_out = list(views), []
     while True:
         if len(kept) < MIN_VIEWS:
@@ -122,8 +122,8 @@ def covered(views: Sequence[BoardView], width: int, height: int) -> float:
 def _fit(
     board: Board, views: Sequence[BoardView], width: int, height: int, model: str
 ) -> tuple[PinholeCamera, float, FloatArray, FloatArray, FloatArray]:
-    """The camera; what is left [px rms], in all and of each view; standard errors of fx, fy, cx, cy and more [px]; and
-    (N, 3) the board's normal in each view."""
+    """The camera; the residual [px rms] of all views and of each; standard errors of fx, fy, cx, cy and more [px]; and
+    the board's normal in each view (N, 3)."""
     name = MODELS[model]
     objects, pixels = [board.points()[None]] * len(views), [view.pixels[None] for view in views]
     try:
@@ -143,7 +143,7 @@ def _fit(
 def _fitted(
     name: str, objects: list[FloatArray], pixels: list[FloatArray], size: tuple[int, int], focal_px: float
 ) -> Fit:
-    """From a guess of the focal length, by OpenCV."""
+    """OpenCV's fit from a start value of the focal length."""
     start = np.array([[focal_px, 0.0, 0.5 * (size[0] - 1)], [0.0, focal_px, 0.5 * (size[1] - 1)], [0.0, 0.0, 1.0]])
     if name == EQUIDISTANT:
         return _fisheye(objects, pixels, size, start)
@@ -156,7 +156,7 @@ def _fitted(
 
 
 def _fisheye(objects: list[FloatArray], pixels: list[FloatArray], size: tuple[int, int], start: FloatArray) -> Fit:
-    """Standard errors come from the inverse of the normal equations: OpenCV tells none of a fisheye."""
+    """Standard errors come from the inverse of the normal equations: OpenCV gives none for a fisheye."""
     flags = cv2.fisheye.CALIB_RECOMPUTE_EXTRINSIC | cv2.fisheye.CALIB_FIX_SKEW | cv2.fisheye.CALIB_USE_INTRINSIC_GUESS
     rms, K, D, rotations, shifts = cv2.fisheye.calibrate(objects, pixels, size, start, np.zeros((4, 1)), flags=flags)
     count, view_rms = len(objects), list[float]()
@@ -188,7 +188,7 @@ def _verdict(rms_px: float, ratio: float, views: int, cover: float, tilt: float)
 
 
 class ViewChooser:
-    """Keeps views that differ in place, size or tilt: a hundred alike weigh down the few that tell something."""
+    """Keeps views that differ in place, size or tilt: many similar views would outweigh the few useful ones."""
 
     def __init__(self, board: Board, width: int, height: int) -> None:
         self._board, self._size = board, np.array([width, height], float)
@@ -196,7 +196,7 @@ class ViewChooser:
         self.views: list[BoardView] = []
 
     def offer(self, view: BoardView) -> bool:
-        """Keep the view if it is unlike all before. Whether it was kept."""
+        """Keep the view if it differs from all before; returns whether it was kept."""
         feature = self._feature(view)
         alike = any(np.abs(feature - known).sum() < NOVEL for known in self._features)
         if alike or len(self.views) >= MAX_VIEWS:
@@ -206,7 +206,7 @@ class ViewChooser:
         return True
 
     def missing(self) -> list[str]:
-        """Where the board was not shown yet, in words; nothing when the views will do."""
+        """Where the board was not shown yet, in words; empty when the views are enough."""
         if not self.views:
             return ["the whole board"]
         pixels = np.concatenate([view.pixels for view in self.views]) / self._size
@@ -225,7 +225,7 @@ class ViewChooser:
         return [words for words, lacking in wanted.items() if lacking] + more
 
     def _feature(self, view: BoardView) -> FloatArray:
-        """Centre, size as a share of the picture, and how much one side looks longer than the other."""
+        """Centre and size as shares of the image, and log ratios of the lengths of opposite sides."""
         grid = view.pixels.reshape(self._board.rows, self._board.columns, 2)
         corners = np.array([grid[0, 0], grid[0, -1], grid[-1, -1], grid[-1, 0]])
         top, right, bottom, left = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)

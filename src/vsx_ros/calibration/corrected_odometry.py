@@ -1,4 +1,4 @@
-"""Odometry as it would have counted with the right wheels and gyro."""
+"""Odometry corrected for wrong wheels and gyro."""
 
 from collections import deque
 from typing import NamedTuple
@@ -6,18 +6,18 @@ from typing import NamedTuple
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
 
-MEMORY = 20_000  # readings that can be counted again: 20 minutes of frames
+MEMORY = 20_000  # readings that can be integrated again: 20 minutes of frames
 
 
 class OdometryCorrection(NamedTuple):
-    """linear, angular: what way and turn are multiplied by; zero: the turn rate that is read while standing [rad/s]."""
+    """linear, angular: factors of distance and turn. zero: the turn rate that is read at standstill [rad/s]."""
 
     linear: float = 1.0
     angular: float = 1.0
     zero: float = 0.0
 
     def step(self, before: Odometry, now: Odometry) -> SE2:
-        """T_before_now, corrected: a chord of an arc, which turns by half of what the arc does."""
+        """T_before_now, corrected. The chord of an arc turns by half of the correction of its turn."""
         seconds = (now.stamp_ns - before.stamp_ns) * 1e-9
         read = before.T_odom_base.inverse() @ now.T_odom_base
         turn = before.T_odom_base.angle_to(now.T_odom_base)
@@ -31,7 +31,8 @@ class OdometryCorrection(NamedTuple):
 
 
 class CorrectedOdometry:
-    """``take`` one reading after the other. correction: from the next reading on; never a jump."""
+    """Call ``take`` for one reading after the other. A new ``correction`` applies from the next reading on; it causes
+    no jump."""
 
     def __init__(self) -> None:
         self.correction = OdometryCorrection()
@@ -39,7 +40,7 @@ class CorrectedOdometry:
         self._pose = SE2()
 
     def take(self, reading: Odometry) -> Odometry:
-        """The reading, corrected; an impossible one as it is. In a new epoch it counts from the reading's own pose."""
+        """The corrected reading; an impossible one unchanged. A new epoch starts at the reading's own pose."""
         if reading.impossible:
             return reading
         if not self._read or self._read[-1].odom_epoch != reading.odom_epoch:
@@ -51,8 +52,8 @@ class CorrectedOdometry:
         return self.correction.at(reading, self._pose)
 
     def counted_again(self, later_s: float) -> dict[int, SE2]:
-        """By stamp: where the base was so much later than each reading of this epoch, by the correction of now, in a
-        frame of its own."""
+        """By stamp: the base's pose ``later_s`` after each reading of this epoch, with the current correction. The
+        frame starts at the oldest reading."""
         pose, counted, before = SE2(), dict[int, SE2](), None
         for reading in self._read:
             pose = pose if before is None else pose @ self.correction.step(before, reading)

@@ -1,4 +1,4 @@
-"""What ``SelfCalibration`` finds, put to use: in the odometry from now on, and in the map that was made before."""
+"""Applies the results of ``SelfCalibration`` to new odometry and to the map made before."""
 
 import math
 
@@ -14,15 +14,15 @@ from vsx_ros.slam.recount import Recount
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
-# The map is put right when what it was made with is off by more, and that many windows after the last time.
+# The map is corrected when it was made with a correction this wrong, at most once in REST_WINDOWS windows.
 WRONG_SHARE, WRONG_RAD_S, REST_WINDOWS = 0.003, 0.0005, 10
 
 
 class DrivingCalibration:
-    """``corrected`` every reading before SLAM gets it, then ``learn`` what SLAM made of it."""
+    """Call ``corrected`` for every reading before SLAM gets it, then ``learn`` with SLAM's result."""
 
     def __init__(self, T_base_cam: SE3, camera: PinholeCamera, config: Config, own_map: bool) -> None:
-        """own_map: whether the map is made with this odometry; the size of a loaded one is another's."""
+        """own_map: whether the map is made with this odometry; a loaded one has its scale from another drive."""
         self._T_cam_base, self._config, self._own_map = T_base_cam.inverse(), config.self_calibration, own_map
         self._later_s = 0.5 * sum(shutter_of(camera, config.slam.shutter))  # to the middle of an image
         self._odometry = CorrectedOdometry()
@@ -32,20 +32,20 @@ class DrivingCalibration:
 
     @property
     def found(self) -> Found:
-        """All that is told so far."""
+        """All results so far."""
         return self._estimate.found
 
     @property
     def correction(self) -> OdometryCorrection:
-        """What is applied now."""
+        """The correction applied now."""
         return self._odometry.correction
 
     def corrected(self, odometry: Odometry) -> Odometry:
-        """The reading as it should have been."""
+        """The corrected reading."""
         return self._odometry.take(odometry)
 
     def learn(self, slam: TrackerAndMapper, result: TrackingResult, odometry: Odometry) -> None:
-        """A frame and its odometry as it was read. At the end of each window ``slam`` may be told to recount."""
+        """Add a frame and its uncorrected odometry. At the end of a window it may call ``slam.recount``."""
         sure = result.state is TrackingState.GOOD and result.T_world_cam is not None and not result.corrected
         seen = (result.T_world_cam @ self._T_cam_base).to_se2() if sure and result.T_world_cam is not None else None
         if odometry.impossible or not self._estimate.add(odometry, seen):
@@ -60,8 +60,7 @@ class DrivingCalibration:
         self._put_right(slam, result.stamp_ns)
 
     def _followed(self, name: str, found: Factor | None, now: float) -> float:
-        """What is found where it has contradicted once what was taken for true, by enough to matter; else what is
-        applied now."""
+        """The found value, once it has contradicted the applied one by enough to matter; else the applied value."""
         least = self._config.apply_zero_rad_s if name == "zero" else self._config.apply_ratio
         if found is not None and abs(found.value - now) > max(least, self._config.apply_sigmas * found.sigma):
             self._doubted.add(name)

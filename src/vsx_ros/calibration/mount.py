@@ -1,8 +1,8 @@
-"""Where the camera looks and how high it sits, from a drive straight ahead.
+"""The camera's viewing direction and height, from a drive straight ahead.
 
-A camera that moves without turning moves towards the focus of expansion; straight ahead on wheels that is the base's
-own x axis, whatever the map's scale (Hartley and Zisserman, Multiple View Geometry, 11.7.2). The floor is the level
-plane below the camera that most map points lie on; its distance gets its metres from odometry."""
+A camera that moves without turning moves towards the focus of expansion. When the base drives straight ahead, this is
+its x axis at any scale of the map (Hartley and Zisserman, Multiple View Geometry, 11.7.2). The floor is the level plane
+below the camera with the most map points; odometry gives its distance in metres."""
 
 import math
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 
 WINDOW_M, STRAIGHT_RAD = 0.3, math.radians(2.0)  # long enough for a direction, straight enough to be one
-MIN_WINDOWS = 3  # fewer say nothing about their scatter
+MIN_WINDOWS = 3  # fewer do not show their scatter
 GOOD_DIRECTION_RAD, USABLE_DIRECTION_RAD = math.radians(0.2), math.radians(0.6)  # 1 cm and 3 cm to a side in 3 m
 FLOOR_REACH_M, FLOOR_BIN_M, FLOOR_INLIER_M = 3.0, 0.06, 0.03  # ahead; layer with the most points; off the plane
-LOWEST_M, HIGHEST_M = 2.0, 0.05  # a floor is sought so far below the camera, and nearer than that is none
-MIN_FLOOR_POINTS = 30  # fewer are no floor but clutter
-LEVEL_RAD = math.radians(1.0)  # more than a floor or a bracket is usually off: said in the verdict
-MAX_PITCH_RAD, MAX_YAW_RAD = 0.8, math.radians(30.0)  # more does not look ahead; config bounds the pitch alike
+LOWEST_M, HIGHEST_M = 2.0, 0.05  # greatest and least distance of a floor below the camera
+MIN_FLOOR_POINTS = 30  # fewer are clutter, not a floor
+LEVEL_RAD = math.radians(1.0)  # floors and brackets are usually less off; more is reported in the verdict
+MAX_PITCH_RAD, MAX_YAW_RAD = 0.8, math.radians(30.0)  # beyond, it does not look ahead; config has the same pitch bound
 
 
 class TrackedPose(NamedTuple):
@@ -35,8 +35,8 @@ class TrackedPose(NamedTuple):
 
 
 class Floor(NamedTuple):
-    """The floor as the drive shows it. height: the lens above it, with its standard error sigma [m]. pitch_off: how far
-    it falls away ahead, where it should be level [rad]. roll: how far it leans to the left [rad]. points: on it."""
+    """The floor seen in the drive. height: of the lens above it, with standard error sigma [m]. pitch_off: its slope
+    down ahead, 0 if level [rad]. roll: its slope down to the left [rad]. points: number of points on it."""
 
     height: float
     sigma: float
@@ -46,8 +46,8 @@ class Floor(NamedTuple):
 
 
 class MountCalibration(NamedTuple):
-    """pitch_down, yaw_left: where the camera looks [rad]. direction_sigma: their standard error [rad]. way: driven
-    straight [m]. floor: None where too little of it is seen to tell the height."""
+    """pitch_down, yaw_left: viewing direction [rad]. direction_sigma: their standard error [rad]. way: distance driven
+    straight [m]. floor: None if too little of it is seen to determine the height."""
 
     pitch_down: float
     yaw_left: float
@@ -58,7 +58,7 @@ class MountCalibration(NamedTuple):
 
 
 def calibrate_mount(drive: Sequence[TrackedPose], points_ref: Points3, forward: float, left: float) -> MountCalibration:
-    """The mount of a camera whose place over the floor (forward, left [m]) is known. drive: the images in order.
+    """The mount of a camera whose position (forward, left [m]) on the base is known. drive: the images in order.
     points_ref: (N, 3) map points in the frame of the drive's reference. Raises InputError when less than
     ``MIN_WINDOWS`` times ``WINDOW_M`` was driven straight ahead."""
     moved_base, moved_cam = _straight_windows(drive, np.array([forward, left]))
@@ -85,8 +85,8 @@ def calibrate_mount(drive: Sequence[TrackedPose], points_ref: Points3, forward: 
 
 
 def _straight_windows(drive: Sequence[TrackedPose], lever: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(K, 2) ways of the camera in the base's frame by odometry [m], and (K, 3) the same in its own by vision, over
-    pieces that follow each other."""
+    """Motions of the camera over consecutive straight pieces: (K, 2) by odometry in the base's frame [m], and (K, 3) by
+    vision in the camera's frame."""
     moved_base, moved_cam = [], []
     start = 0
     for k in range(len(drive)):
@@ -102,7 +102,7 @@ def _straight_windows(drive: Sequence[TrackedPose], lever: FloatArray) -> tuple[
 
 
 def _direction(moved_base: FloatArray, moved_cam: FloatArray) -> tuple[float, float, float]:
-    """Pitch, yaw and their standard error [rad]; the median of the pieces is not led astray by one of them."""
+    """Pitch, yaw and their standard error [rad]: medians of the pieces, robust against a wrong one."""
     unit = moved_cam / np.linalg.norm(moved_cam, axis=1, keepdims=True)
     course = np.arctan2(moved_base[:, 1], moved_base[:, 0])
     pitches = np.arctan2(-unit[:, 1], unit[:, 2])
@@ -113,7 +113,7 @@ def _direction(moved_base: FloatArray, moved_cam: FloatArray) -> tuple[float, fl
 
 
 def _floor(points: Points3) -> Floor | None:
-    """The floor among (N, 3) points [m], x ahead, z up, the camera in the origin; None where it shows too little."""
+    """The floor among (N, 3) points [m], x ahead, z up, the camera at the origin; None if it has too few points."""
     near = points[(points[:, 0] > 0.0) & (points[:, 0] < FLOOR_REACH_M)]
     below = near[(near[:, 2] < -HIGHEST_M) & (near[:, 2] > -LOWEST_M)]
     if len(below) < MIN_FLOOR_POINTS:

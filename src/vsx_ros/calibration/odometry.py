@@ -1,7 +1,7 @@
-"""Factors that make a base's odometry true: of the way and of the turn.
+"""Factors that correct a base's odometry: of the distance and of the turn.
 
-Either the operator knows how far or how often round the robot went, or the camera does: seeing a board of known size it
-knows both, seeing anything it knows the turns, and by how much it looks elsewhere after turns on the spot."""
+The true motion comes from the operator or from the camera. With a board of known size the camera measures distances and
+turns. With any scene it measures turns, and the remaining angle after full turns on the spot."""
 
 import math
 from collections.abc import Sequence
@@ -19,18 +19,18 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 
 RULER_M, MARK_RAD = 0.005, math.radians(1.0)  # how well a tape and a mark on the floor are read
-MAX_DRIFT_RAD, MIN_TURNS, MIN_KNOWN_WAY_M = math.radians(10.0), 0.9, 0.5  # else no straight drive, turns or way
-PIECE_M, PIECE_RAD = 0.15, math.radians(10.0)  # of one measurement: long against the noise of a pose
-STRAIGHT_RAD, STRETCH_RAD = math.radians(3.0), 1.5  # per piece of way; turning in one stretch, in which slip evens out
-MIN_PIECES = 3  # fewer say nothing about their scatter
+MAX_DRIFT_RAD, MIN_TURNS, MIN_KNOWN_WAY_M = math.radians(10.0), 0.9, 0.5  # limits of a straight drive, turns, distance
+PIECE_M, PIECE_RAD = 0.15, math.radians(10.0)  # of one measurement: long compared with the noise of a pose
+STRAIGHT_RAD, STRETCH_RAD = math.radians(3.0), 1.5  # turn of a straight stretch; of a turning one, which averages slip
+MIN_PIECES = 3  # fewer do not show their scatter
 GOOD_SIGMA, USABLE_SIGMA = 0.005, 0.02  # of the factor: 5 mm and 2 cm per metre
-POSSIBLE = (0.8, 1.25)  # factors of a base whose wheels are the right ones
-MIN_MATCHES, RANSAC_RATIO = 25, 0.004  # of two images of the turn; of the focal length: 2 px at 500
+POSSIBLE = (0.8, 1.25)  # factors of a base with the right wheels
+MIN_MATCHES, RANSAC_RATIO = 25, 0.004  # between two images of the turn; of the focal length: 2 px at 500
 LOWE_RATIO = 0.8  # Lowe's ratio test (2004)
 
 
 class Factor(NamedTuple):
-    """What the odometry is to be multiplied by, its standard error, and how much was measured for it ([m] or [rad])."""
+    """A factor for the odometry, its standard error, and how much was measured for it ([m] or [rad])."""
 
     value: float
     sigma: float
@@ -38,7 +38,7 @@ class Factor(NamedTuple):
 
 
 class OdometryCalibration(NamedTuple):
-    """linear: of the way. angular: of the turn. None: this drive does not tell."""
+    """linear: of the distance. angular: of the turn. None: this drive does not determine it."""
 
     linear: Factor | None
     angular: Factor | None
@@ -46,8 +46,8 @@ class OdometryCalibration(NamedTuple):
 
 
 def from_known_way(poses: Sequence[SE2], distance: float) -> OdometryCalibration:
-    """From a straight drive of so many metres as the ruler says. poses: T_odom_base in order. Raises InputError when
-    the wheels did not drive straight ahead over anything like it."""
+    """From a straight drive over a distance [m] measured with a ruler. poses: T_odom_base in order. Raises InputError
+    when the odometry is not straight or its length differs too much."""
     first, last = poses[0], poses[-1]
     way = first.distance_to(last)
     if distance < MIN_KNOWN_WAY_M:
@@ -64,9 +64,9 @@ def from_known_way(poses: Sequence[SE2], distance: float) -> OdometryCalibration
 
 
 def from_known_turns(poses: Sequence[SE2], turns: float, closing: float | None = None) -> OdometryCalibration:
-    """From so many full turns on the spot, counter-clockwise positive. closing: how far the last picture is turned
-    against the first one [rad], None where it was turned back to a mark by eye. Raises InputError when the wheels did
-    not turn anything like it."""
+    """From a number of full turns on the spot, counter-clockwise positive. closing: angle of the last image relative to
+    the first [rad], None if the robot was turned back to a mark by eye. Raises InputError when the odometry's turn
+    differs too much."""
     turned = total_turn(poses)
     if abs(turns) < MIN_TURNS:
         raise InputError(f"{turns:g} turns are too few to be measured; turn 3 times or more")
@@ -78,8 +78,8 @@ def from_known_turns(poses: Sequence[SE2], turns: float, closing: float | None =
 
 
 def from_camera(drive: Sequence[TrackedPose], T_base_cam: SE3, metric: bool) -> OdometryCalibration:
-    """From where the camera says it went. metric: whether that is in metres; if not, only turns are told. Raises
-    InputError when neither enough ways nor enough turns are in it."""
+    """From the camera's poses. metric: whether they are in metres; if not, only the turn's factor is found. Raises
+    InputError when the drive has neither enough distance nor enough turns."""
     if not drive:
         raise InputError("the camera knew its place in no picture; drive in sight of the board, or of texture")
     bases = [pose.T_ref_cam @ T_base_cam.inverse() for pose in drive]
@@ -95,7 +95,7 @@ def from_camera(drive: Sequence[TrackedPose], T_base_cam: SE3, metric: bool) -> 
 
 
 def total_turn(poses: Sequence[SE2]) -> float:
-    """All of the turning, not wrapped [rad]."""
+    """Total turn, not wrapped [rad]."""
     return sum(before.angle_to(after) for before, after in zip(poses, poses[1:]))
 
 
@@ -124,8 +124,8 @@ def _turns(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArra
 
 
 def _fitted(stretches: Sequence[FloatArray], piece: float) -> Factor | None:
-    """The slope of camera over odometry within the stretches, by least squares without the worst rows; None where
-    little was driven. Neighbouring rows err alike: as independent counts one row for each ``piece`` driven."""
+    """The slope of camera over odometry within the stretches, by least squares without the worst rows; None if too
+    little was driven. Errors of neighbouring rows correlate, so one row per ``piece`` counts as independent."""
     driven = sum(float(np.abs(np.diff(stretch[:, 0])).sum()) for stretch in stretches)
     if driven < MIN_PIECES * piece:
         return None
@@ -142,7 +142,7 @@ def _fitted(stretches: Sequence[FloatArray], piece: float) -> Factor | None:
 
 
 def _centred(stretches: Sequence[FloatArray], kept: BoolArray) -> FloatArray:
-    """All rows, each less the mean of the rows that are kept of its stretch."""
+    """All rows, each minus the mean of its stretch's kept rows."""
     ends = np.cumsum([len(stretch) for stretch in stretches])[:-1]
     parts = zip(stretches, np.split(kept, ends), strict=True)
     return np.concatenate([rows - (rows[good] if good.any() else rows).mean(axis=0) for rows, good in parts])
@@ -166,9 +166,8 @@ def _verdict(linear: Factor | None, angular: Factor | None) -> Verdict:
 
 
 def closing_turn(camera: PinholeCamera, before: GrayImage, after: GrayImage) -> float | None:
-    """How far the camera turned to the left in between [rad], both pictures showing the same far things; None where too
-    little of one is found in the other. Of a camera that only turns, pictures are related by the homography K R K^-1
-    (Hartley and Zisserman, 8.4.2)."""
+    """How far the camera turned to the left between two images of the same far scene [rad]; None if too few points
+    match. Images of a camera that only turns are related by the homography K R K^-1 (Hartley and Zisserman, 8.4.2)."""
     orb = cv2.ORB.create(2000)
     (keypoints_a, words_a), (keypoints_b, words_b) = (orb.detectAndCompute(image, None) for image in (before, after))
     if words_a is None or words_b is None or len(words_b) < 2:

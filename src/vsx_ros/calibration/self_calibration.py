@@ -1,13 +1,13 @@
-"""Wheels and gyro that calibrate themselves while driving: slow states, found by what the camera saw of each piece of
-the way.
+"""Self-calibration of wheels and gyro while driving: slow states, estimated from what the camera saw of each piece of
+the drive.
 
-Images show turns by themselves: they tell the turn's scale, the gyro's zero, and the scale of the wheels' own turn. A
-map of one camera has its size from the wheels, so it says nothing of them, but for the floor: where its points lie
-deeper under the lens than the mount's height, the map is too large, and the wheels with it.
+Images measure turns directly: they give the turn's scale, the gyro's zero, and the scale of the wheels' own turn. A map
+of one camera has its scale from the wheels, so only the floor says something about the wheels. If its points lie deeper
+under the lens than the mount's height, the map and the wheels' distance are too large.
 
-Windows are kept and fitted anew each time, by iteratively reweighted least squares (Holland and Welsch, 1977) with
-Tukey's weights and a prior, so that a wrong window counts nothing. All is estimated against odometry as it was read,
-never as it was corrected: what is found does not feed back into itself."""
+All kept windows are fitted again each time, by iteratively reweighted least squares (Holland and Welsch, 1977) with
+Tukey's weights and a prior, so that a wrong window has no weight. The fit uses the odometry as it was read, never the
+corrected one, so that a result does not feed back into itself."""
 
 import math
 from collections import deque
@@ -21,26 +21,26 @@ from vsx_ros.config import SelfCalibrationConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
 
-WINDOW_M, WINDOW_RAD, WINDOW_S = 0.25, 0.35, 1.5  # whichever comes first: long against the noise of a pose
-LONGEST_S = 3.0  # between two frames that are compared; in a longer silence anything can have happened
-MEMORY = 1000  # windows: 250 m of way; what is older may not hold any more
-STRAIGHT_RAD, WAY_M = 0.5, 0.12  # per window that tells the way: its chord by the wheels is exact enough
-MIN_WINDOWS = 6  # fewer say nothing about their scatter
-# Sigmas: wheels from the box; a gyro that was never zeroed; wheels of unequal size.
+WINDOW_M, WINDOW_RAD, WINDOW_S = 0.25, 0.35, 1.5  # whichever comes first; long compared with the noise of a pose
+LONGEST_S = 3.0  # between two compared frames; in a longer gap anything can have happened
+MEMORY = 1000  # windows: 250 m; older ones may not be valid any more
+STRAIGHT_RAD, WAY_M = 0.5, 0.12  # of a window for the distance: its chord by the wheels is exact enough
+MIN_WINDOWS = 6  # fewer do not show their scatter
+# Sigmas: uncalibrated wheels; a gyro that was never zeroed; wheels of unequal size.
 PRIOR_SCALE, PRIOR_ZERO_RAD_S, PRIOR_BEND_RAD_M = 0.15, 0.03, 0.1
-POSE_RAD, POSE_M = 0.001, 0.001  # no window is known better, however well its neighbours agree
+POSE_RAD, POSE_M = 0.001, 0.001  # least sigma of a window, however well the others agree
 TUKEY, STEPS = 4.685, 12
-# The floor: where the layer of points is looked for, as shares of the mount's height; its thickness and how often it
-# must stand out of what lies as thick above and below it, which walls and furniture cover evenly.
+# The floor: search range and thickness of the layer of points, as shares of the mount's height; least ratio of its
+# points to those of equally thick layers above and below, which walls and furniture cover evenly.
 FLOOR_SHARE, FLOOR_LAYER_SHARE, FLOOR_STANDS_OUT = 0.2, 0.05, 1.5
 MIN_FLOOR_POINTS = 40
-ALIKE_FLOOR_POINTS = 20  # that err alike, by the pose of the keyframe they are seen from and the map's size there
+ALIKE_FLOOR_POINTS = 20  # points with the same error, from their keyframe's pose and the map's scale there
 
 
 class Found(NamedTuple):
-    """What the readings are to be multiplied by, each with its standard error, None where refused. linear: of the way.
-    angular: of the turn, less ``zero`` (rate [rad/s], as Factor.value). track: of the turn by the wheels alone.
-    refused: why those that are None are not told, in words."""
+    """Factors for the readings, each with its standard error, None where refused. linear: of the distance. angular: of
+    the turn, after subtracting ``zero`` (rate [rad/s], as Factor.value). track: of the turn by the wheels alone.
+    refused: why some are None, in words."""
 
     linear: Factor | None
     angular: Factor | None
@@ -50,8 +50,8 @@ class Found(NamedTuple):
 
 
 class _Window(NamedTuple):
-    """By odometry as read: turn [rad], turn by the wheels (NaN: unknown), seconds, way [m], ahead positive; what the
-    camera saw."""
+    """By odometry as read: turn [rad], turn by the wheels (NaN: unknown), seconds, way [m], ahead positive. By the
+    camera: turn_seen, way_seen."""
 
     turn: float
     wheel_turn: float
@@ -62,10 +62,10 @@ class _Window(NamedTuple):
 
 
 class SelfCalibration:
-    """``add`` every frame, ``see_floor`` of the newest map now and then; ``found`` is what all of it tells."""
+    """Call ``add`` with every frame, and sometimes ``see_floor`` with the newest map; ``found`` is the result."""
 
     def __init__(self, height_m: float, config: SelfCalibrationConfig) -> None:
-        """height_m: of the lens over the floor, as the mount has it."""
+        """height_m: of the lens over the floor, from the mount."""
         self._height_m, self._config = height_m, config
         self._windows: deque[_Window] = deque(maxlen=MEMORY)
         self._start: tuple[Odometry, SE2] | None = None
@@ -75,8 +75,8 @@ class SelfCalibration:
         self.windows = 0
 
     def add(self, odometry: Odometry, T_world_base: SE2 | None) -> bool:
-        """A frame: odometry as it was read at its instant, and the base as the camera saw it then, None where it is not
-        sure. Whether a window was finished."""
+        """Add a frame: uncorrected odometry at its instant, and the base's pose from the camera, None if uncertain.
+        Returns whether a window was finished."""
         last, self._last = self._last, odometry
         unlike = last is None or last.odom_epoch != odometry.odom_epoch or not 0 < _seconds(last, odometry) < LONGEST_S
         if T_world_base is None or unlike or self._start is None or last is None:
@@ -100,7 +100,7 @@ class SelfCalibration:
         return True
 
     def resized(self, factor: float) -> None:
-        """The map became ``factor`` times as large, and so did what was seen."""
+        """The map, and with it the distances seen, became ``factor`` times as large."""
         self._windows = deque((w._replace(way_seen=factor * w.way_seen) for w in self._windows), MEMORY)
         self._start = None
         if self.map_size is not None:
@@ -112,7 +112,7 @@ class SelfCalibration:
 
     @property
     def found(self) -> Found:
-        """All that is told so far."""
+        """All results so far."""
         rows = np.array(self._windows).reshape(-1, len(_Window._fields))
         refused = list[str]()
         angular, zero = self._turns(rows, refused)
@@ -151,7 +151,7 @@ class SelfCalibration:
             refused.append("track: nobody told the turn by the wheels alone")
             return None
         _, wheels, _, way, seen, _ = rows.T
-        # Wheels of unequal size turn the base by so much per metre, which must not be taken for the track.
+        # Wheels of unequal size turn the base in proportion to the distance; that is not the track's effect.
         prior = np.array([1.0, 0.0]), np.array([PRIOR_SCALE, PRIOR_BEND_RAD_M])
         x, covariance = robust_fit(np.column_stack([wheels, way]), seen, *prior, POSE_RAD)
         track = Factor(float(x[0]), self._through_lens(math.sqrt(covariance[0, 0])), float(np.abs(wheels).sum()))
@@ -161,7 +161,7 @@ class SelfCalibration:
         return None
 
     def _through_lens(self, sigma: float) -> float:
-        """Of a turn: a focal length that is wrong makes all turns wrong alike."""
+        """The sigma of a turn's factor with that of the focal length, whose error scales all turns alike."""
         return math.hypot(sigma, self._config.focal_sigma_ratio)
 
     def _way(self, rows: FloatArray, refused: list[str]) -> Factor | None:
@@ -187,8 +187,8 @@ def _seconds(before: Odometry, now: Odometry) -> float:
 
 
 def map_size(points_world: Points3, height: float) -> Factor | None:
-    """How many of its own metres the map has for one true metre, by the floor's depth under the lens: points (N, 3) in
-    a level world where the lens is ``height`` [m] above z = 0. None where no layer of points stands out near there."""
+    """The map's length of one true metre, from the floor's depth under the lens. points_world (N, 3): in a level world
+    where the lens is ``height`` [m] above z = 0. None if no layer of points stands out near z = 0."""
     layer, reach = FLOOR_LAYER_SHARE * height, FLOOR_SHARE * height
     z = np.sort(points_world[:, 2])
     inside = z[np.abs(z) <= reach]
@@ -214,15 +214,15 @@ def map_size(points_world: Points3, height: float) -> Factor | None:
 def robust_fit(
     A: FloatArray, b: FloatArray, mean: FloatArray, sigma: FloatArray, least: float
 ) -> tuple[FloatArray, FloatArray]:
-    """x (n,) and its covariance (n, n) from A (m, n) x = b (m,) without the rows that do not fit, and the prior (mean,
-    sigma) (n,). least: no row is known better than that."""
+    """x (n,) and its covariance (n, n) from A (m, n) x = b (m,), without the rows that do not fit, and the prior (mean,
+    sigma) (n,). least: lower limit of a row's standard deviation."""
     prior = np.diag(1.0 / sigma**2)
     x: FloatArray = mean
     information: FloatArray = prior
     for step in range(STEPS):
         off: FloatArray = np.abs(b - A @ x)
         scale = max(least, 1.4826 * float(np.median(off)))
-        # Far rows count little at first (Huber), and nothing once x is near the truth.
+        # Outliers have little weight at first (Huber), and none once x is near the truth (Tukey).
         huber: FloatArray = scale / np.maximum(off, scale)
         tukey: FloatArray = np.maximum(0.0, 1.0 - (off / scale / TUKEY) ** 2) ** 2
         weight = huber if step < STEPS // 2 else tukey

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Grade(IntEnum):
-    """good: use it. usable: better than none, do it again when there is time. bad: worse than none."""
+    """GOOD: use it. USABLE: better than none, repeat it when there is time. BAD: worse than none."""
 
     GOOD, USABLE, BAD = range(3)
 
@@ -17,13 +17,13 @@ class Grade(IntEnum):
 
 
 class Verdict(NamedTuple):
-    """findings: the grade of each thing looked at, and what to do about it where it is not good."""
+    """findings: the grade of each check, and what to do if it is not good."""
 
     findings: Sequence[tuple[Grade, str]]
 
     @property
     def grade(self) -> Grade:
-        """The worst."""
+        """The worst grade."""
         return max((grade for grade, _ in self.findings), default=Grade.GOOD)
 
     def __str__(self) -> str:

@@ -1,1 +1,1 @@
-"""The roof, west: the command line."""
+"""The command line."""

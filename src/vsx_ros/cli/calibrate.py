@@ -28,11 +28,11 @@ from vsx_ros.runs.self_calibration import FILE
 from vsx_ros.slam.slam import SequentialSlam
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff")
-MAX_SEARCHED = 150  # pictures of a recording, for time; the chooser keeps 40 at most
+MAX_SEARCHED = 150  # pictures of a recording, to save time; the chooser keeps 40 at most
 
 
 def calibrate(args: argparse.Namespace) -> int:
-    """One of the verbs."""
+    """Run one of the verbs."""
     if args.verb != "camera":
         if args.verb == "odometry" and (args.input / FILE).exists():
             return _from_run(args)
@@ -74,7 +74,7 @@ def _from_pictures(args: argparse.Namespace, board: Board) -> int:
     with explained(CalibrationError, f"{out} cannot be written", "give another file with --out", OSError):
         out.parent.mkdir(parents=True, exist_ok=True)
         camera = result.camera
-        with suppress(CalibrationError):  # no board tells the shutter: what was written there by hand stays
+        with suppress(CalibrationError):  # a board does not show the shutter: keep values written there by hand
             camera = dataclasses.replace(camera, shutter=read_calibration(out).shutter)
         write_calibration(out, camera, args.name, result.remark())
     print(f"written: {out}", f"for a node: camera_info_url:=file://{out.resolve()}", sep="\n  ")
@@ -86,7 +86,7 @@ def _is_recording(source: Path) -> bool:
 
 
 def _pictures(source: Path, image_topic: str | None) -> Iterator[tuple[str, GrayImage]]:
-    """Name and picture; of a recording at most ``MAX_SEARCHED``, evenly spread."""
+    """Name and picture; at most ``MAX_SEARCHED`` of a recording, evenly spread."""
     if _is_recording(source) or not source.exists():
         recording = open_recording(source, image_topic)
         step = -(-recording.frame_count // MAX_SEARCHED)
@@ -131,7 +131,7 @@ def _odometry(args: argparse.Namespace, config: Config, recording: Recording) ->
 
 
 def _from_run(args: argparse.Namespace) -> int:
-    """Take what a run found out while driving. Raises ConfigError when its file is damaged."""
+    """Use what a run found while driving. Raises ConfigError when its file is damaged."""
     found = load(args.input / FILE, []).robot.odometry
     values = {"linear_scale": found.linear_scale, "angular_scale": found.angular_scale}
     print(*(f"{name:14} {value:.4f}: found while driving" for name, value in values.items()), sep="\n")
@@ -152,7 +152,7 @@ def _mount(args: argparse.Namespace, config: Config, recording: Recording) -> in
 
 
 def _recording(args: argparse.Namespace) -> Recording:
-    """The drive, with a camera. Raises InputError where it has no odometry, CalibrationError where no calibration."""
+    """The drive, with a camera. Raises InputError without odometry, CalibrationError without calibration."""
     recording = open_recording(args.input, args.image_topic, args.odometry_topic)
     if len(recording.odometry) < 2:
         raise InputError(f"{args.input} has no odometry; record it with 'vsx record' while the base node runs")
@@ -171,7 +171,7 @@ def _camera(recording: Recording) -> PinholeCamera:
 
 
 def _by_turns(recording: Recording, turns: float) -> odometry.OdometryCalibration:
-    """Between the first and the last picture, of which the camera tells how far they are apart."""
+    """Calibrate between the first and the last picture; the camera measures the turn between them."""
     first = last = None
     for frame in recording.frames():
         first, last = first or frame, frame
@@ -198,7 +198,7 @@ def _seen_from_board(recording: Recording, board: Board) -> list[TrackedPose]:
 
 
 def _seen_by_slam(recording: Recording, config: SlamConfig) -> tuple[list[TrackedPose], Points3]:
-    """The drive by vision alone: odometry and the mount are what is in question."""
+    """Track the drive by vision alone, because odometry and mount are to be measured."""
     slam = SequentialSlam(_camera(recording), None, config)
     drive, frames = [], 0
     for frame in recording.frames():
@@ -237,7 +237,7 @@ def _conclude(out: Path | None, branch: str, values: dict[str, float], verdict: 
 
 
 def _good_enough(verdict: Verdict, out: Path) -> bool:
-    """Say how good the result is, and whether it is written."""
+    """Print the quality of the result; whether it may be written."""
     print(verdict)
     if verdict.grade is Grade.BAD:
         print(f"  {out} is not written")

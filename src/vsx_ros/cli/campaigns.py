@@ -1,4 +1,4 @@
-"""``vsx reproduce`` and ``vsx sweep``: many runs, and the pages made of them."""
+"""``vsx reproduce`` and ``vsx sweep``: many runs, and report pages of them."""
 
 import argparse
 import itertools
@@ -19,16 +19,16 @@ from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.world import open_world
 
-_QUICK_SEEDS, _QUICK_TIME_S = 2, 60.0  # of --quick: whether it runs, not what comes out
+_QUICK_SEEDS, _QUICK_TIME_S = 2, 60.0  # of --quick: only checks that everything runs
 
 
 def reproduce(args: argparse.Namespace) -> int:
-    """Make what was asked for, and say where it is."""
+    """Make the requested pages and print where they are."""
     if args.seeds is None:
         args.seeds = range(100, 120) if args.seed is None else range(args.seed, args.seed + 1)
     if args.quick:
         args.seeds, args.time = args.seeds[:_QUICK_SEEDS], args.time or _QUICK_TIME_S
-    open_world(args.world, args.seeds[0])  # a mistake is told before anything is made
+    open_world(args.world, args.seeds[0])  # report a mistake before making anything
     with explained(ConfigError, f"folder {args.out} cannot be made", "choose another --out", OSError):
         args.out.mkdir(parents=True, exist_ok=True)
     made = f"Made by {made_by()}; {args.world}, "
@@ -55,7 +55,7 @@ def _in_words(chosen: range) -> str:
 
 
 def _made(name: str, args: argparse.Namespace) -> tuple[Section, dict[str, Any]]:
-    """The section of a page, and its numbers."""
+    """One section of a page, and its numbers."""
     world, seed, short_s = args.world, args.seeds[0], args.time or 90.0
     makers = {
         "table1": lambda: _table1(args),
@@ -77,16 +77,16 @@ def _table1(args: argparse.Namespace) -> tuple[Section, dict[str, Any]]:
 
 
 def _drives(args: argparse.Namespace, worlds: list[int]) -> list[Any]:
-    """Tasks with their results, those that are known from results/drives.jsonl."""
+    """Tasks with their results; known results come from drives.jsonl."""
     tasks = [drive.DriveTask(args.world, seed, k, d) for seed in worlds for k in range(args.noises) for d in (1, 2)]
     store, engine = Store(args.out / "drives.jsonl", drive.CONFIG), Engine(args.jobs, args.scheduler)
     return list(zip(tasks, run_campaign(tasks, drive.run_drives, store, engine), strict=True))
 
 
 def sweep(args: argparse.Namespace) -> int:
-    """All runs that are missing, then the page."""
+    """Do all missing runs, then write the page."""
     planners, worlds = args.planners.split(","), args.worlds.split(",")
-    config = load(None, args.set)  # a mistake in --set, --worlds or --planners is told before hundreds of runs fail
+    config = load(None, args.set)  # report mistakes in --set, --worlds or --planners before hundreds of runs fail
     for planner in planners:
         PLANNERS[planner]
     for world in worlds:

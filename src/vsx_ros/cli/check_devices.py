@@ -1,4 +1,4 @@
-"""``vsx doctor``: base, camera, permissions and calibration, as the kernel shows them; with ``--hw`` also spoken to."""
+"""``vsx doctor``: base, camera, permissions and calibration, from the kernel; ``--hw`` also opens the devices."""
 
 import grp
 import math
@@ -27,7 +27,7 @@ class UsbDevice(NamedTuple):
 
 
 def usb_devices(root: Path) -> list[UsbDevice]:
-    """Everything plugged in, as /sys/bus/usb/devices names it. root: where the file system begins."""
+    """All USB devices, from /sys/bus/usb/devices. root: root of the file system."""
     devices = []
     for entry in sorted((root / "sys/bus/usb/devices").glob("*")):
         vendor, product, bus, number = (_content(entry / n) for n in ("idVendor", "idProduct", "busnum", "devnum"))
@@ -38,7 +38,7 @@ def usb_devices(root: Path) -> list[UsbDevice]:
 
 
 def check_devices(root: Path, environment: Mapping[str, str], speak: bool) -> Iterator[Finding]:
-    """Findings about the hardware. speak: open the devices and ask who they are; what is missing then is a failure."""
+    """Findings about the hardware. speak: open the devices and identify them; a missing device is then a failure."""
     ports = sorted({*(root / "dev").glob("ttyUSB*"), *(root / "dev").glob("ttyACM*"), *(root / "dev").glob("kobuki")})
     kinects = [device for device in usb_devices(root) if device.ids in _KINECT_CAMERAS]
     absent = FAIL if speak else NOTE
@@ -104,7 +104,7 @@ def _permissions(root: Path) -> Iterator[Finding]:
 
 
 def _spoken_to(ports: list[Path], kinects: list[UsbDevice]) -> Iterator[Finding]:
-    """No wheel turns: the base is listened to and asked who it is."""
+    """Listen to the base and identify it; the wheels do not turn."""
     from vsx_hw.bases import detect_base
     from vsx_hw.kinect.usb_transport import UsbTransport
 
@@ -129,7 +129,7 @@ def _calibration(file: Path) -> str:
 
 
 def _robot(file: Path) -> str:
-    """What 'vsx calibrate odometry' and 'mount' wrote; without it the robot is taken as built."""
+    """Results of 'vsx calibrate odometry' and 'mount'; without this file, nominal values are used."""
     from vsx_ros.runs.parameters import load
 
     robot = load(file, []).robot

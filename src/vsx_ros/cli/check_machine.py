@@ -1,4 +1,4 @@
-"""``vsx doctor``: what a finding is, and those about Python, libraries, ROS packages, disk and speed."""
+"""``vsx doctor``: the type of a finding, and findings about Python, libraries, ROS packages, disk and speed."""
 
 import importlib
 import importlib.util
@@ -15,7 +15,7 @@ from typing import NamedTuple
 from vsx_ros.errors import VsxError
 
 OK, NOTE, WARN, FAIL = "ok", "note", "warn", "fail"
-"""Fine; nothing wrong but worth knowing; works, though worse than it could; does not work."""
+"""Fine; not wrong but worth knowing; works, but not well; does not work."""
 
 _LIBRARIES = {
     "numpy": ("numpy", 2, 2), "numba": ("numba", 0, 0), "cv2": ("opencv-python-headless", 4, 4),
@@ -23,25 +23,25 @@ _LIBRARIES = {
     "serial": ("pyserial", 3, 3), "usb1": ("libusb1", 2, 3), "msgspec": ("msgspec", 0, 0),
     "yaml": ("PyYAML", 5, 6), "shtab": ("shtab", 1, 1),
 }  # fmt: skip
-"""Module: its distribution, and the oldest and the newest major version known to work."""
+"""Module: its distribution, and the oldest and newest major version known to work."""
 
 _ROS = (
     "rospy", "rosgraph", "roslaunch", "rosmaster", "actionlib", "std_msgs", "sensor_msgs", "nav_msgs", "geometry_msgs",
     "std_srvs", "trajectory_msgs", "visualization_msgs", "diagnostic_msgs", "move_base_msgs", "tf2_msgs",
     "dynamic_reconfigure",
 )  # fmt: skip
-_FULL_GB, _TIGHT_GB = 1.0, 5.0  # less is a fault; less is a warning: nine minutes of raw images
+_FULL_GB, _TIGHT_GB = 1.0, 5.0  # below the first: failure; below the second (nine minutes of raw images): warning
 _RAW_MB_S = 9.2  # 640 x 480 grey at 30 a second
 _SETUP = "run scripts/test once, or 'pip install .' in a virtual environment made with --system-site-packages"
 
-_ENOUGH, _AT_MOST = 20, 80  # frames tracked whose time is taken, of so many driven at most
+_ENOUGH, _AT_MOST = 20, 80  # number of timed frames; maximum number of driven frames
 _CAMERA_MS = 1e3 / 30.0  # between two images of the Kinect
 _SPARE, _SHORT = 0.5, 1.0
-"""Of the time between two images: up to so much leaves room for map and planner, beyond so much images are dropped."""
+"""Shares of the time between two images: up to the first, map and planner have time; above the second, images drop."""
 
 
 class Finding(NamedTuple):
-    """One line of the doctor. remedy: what to type or to do; empty where nothing is to be done."""
+    """One line of the doctor. remedy: what to type or do; empty if nothing."""
 
     area: str
     level: str
@@ -50,7 +50,7 @@ class Finding(NamedTuple):
 
 
 def tried(area: str, look: Callable[[], str]) -> Finding:
-    """What a look says, or its error, whose sentence says what is wrong and, behind a semicolon, what to do."""
+    """The result of a check, or its error: the problem and, after a semicolon, the remedy."""
     from vsx_hw.errors import DeviceError
 
     try:
@@ -61,7 +61,7 @@ def tried(area: str, look: Callable[[], str]) -> Finding:
 
 
 def check_machine(root: Path, folder: Path) -> Iterator[Finding]:
-    """Findings about the software and the disk. root: where the file system begins; folder: where runs go."""
+    """Findings about the software and the disk. root: root of the file system; folder: where runs are stored."""
     version = ".".join(map(str, sys.version_info[:3]))
     yield Finding("python", OK, f"Python {version}, {os.cpu_count()} cores")
     yield from _libraries()
@@ -75,7 +75,7 @@ def _libraries() -> Iterator[Finding]:
         try:
             importlib.import_module(name)
             version = metadata.version(distribution)
-        except Exception as error:  # a library that is broken may raise anything
+        except Exception as error:  # a broken library may raise anything
             yield Finding("libraries", FAIL, f"{distribution} cannot be used ({error})", _SETUP)
             continue
         if oldest <= int(version.split(".")[0]) <= newest:
@@ -119,8 +119,8 @@ def _disk(folder: Path) -> Finding:
 
 
 def check_speed() -> Finding:
-    """Track some rendered frames of a straight drive; the frames that make a keyframe are left out, as the live run
-    maps on a thread of its own."""
+    """Track some rendered frames of a straight drive. Leaves out frames that make a keyframe, because the live run maps
+    on a separate thread."""
     from vsx_ros.config import Config
     from vsx_ros.robot import VelocityCommand
     from vsx_ros.runs.world import open_world
@@ -142,7 +142,7 @@ def check_speed() -> Finding:
 
 
 def judged(took_ms: list[float], load: float, cores: int) -> Finding:
-    """The finding of the times per frame [ms], given the mean number of running programs and the cores."""
+    """The finding from the times per frame [ms], the load average and the number of cores."""
     if not took_ms:
         return Finding("tracking", FAIL, "the emulated drive was not tracked", "run scripts/test and report what fails")
     typical_ms = median(took_ms)

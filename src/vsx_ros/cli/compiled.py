@@ -1,6 +1,6 @@
-"""The kernels compiled before anything waits for them: after an update of the checkout that takes minutes.
+"""Compiles the kernels before anything needs them; after an update of the checkout this takes minutes.
 
-``python -m vsx_ros.cli.compiled`` asks whether they are, by its exit code."""
+The exit code of ``python -m vsx_ros.cli.compiled`` tells whether they are compiled."""
 
 import contextlib
 import importlib.metadata
@@ -12,16 +12,16 @@ from pathlib import Path
 import vsx_ros
 
 _FOLDER = Path(vsx_ros.__file__).parent / "kernels"
-_STAMP = Path("__pycache__") / "warm.stamp"  # Written when all kernels are compiled; tells by what
+_STAMP = Path("__pycache__") / "warm.stamp"  # Written when all kernels are compiled; names the compiler
 
 
 def compiler() -> str:
-    """What compiles: with another one, or one of another Python, all is compiled again."""
+    """The compiler and Python version; if one of them changes, everything is compiled again."""
     return f"numba {importlib.metadata.version('numba')}, Python {platform.python_version()}"
 
 
 def is_compiled(folder: Path = _FOLDER) -> bool:
-    """Whether the kernels of a folder are as they were when they were compiled last, as numba sees it."""
+    """Whether the kernels of a folder are unchanged since they were compiled, by their times of change."""
     stamp = folder / _STAMP
     if not stamp.exists() or stamp.read_text(encoding="utf-8") != compiler():
         return False
@@ -29,8 +29,8 @@ def is_compiled(folder: Path = _FOLDER) -> bool:
 
 
 def compile_kernels(folder: Path = _FOLDER) -> None:
-    """Compile all where something has changed, saying so. What does not compile says why where it is used. Numba would
-    compile only the kernels of files that have changed, and leave the old code of a kernel in those that call it."""
+    """Compile all kernels if something has changed, with a message. Errors are left to the code that uses the kernel.
+    Numba alone would compile only kernels in changed files, and kernels that call them would keep the old code."""
     if is_compiled(folder):
         return
     print("compiling the kernels, as after each update: up to five minutes", file=sys.stderr, flush=True)
@@ -38,10 +38,10 @@ def compile_kernels(folder: Path = _FOLDER) -> None:
         with contextlib.suppress(OSError):
             machine_code.unlink()
     command = [sys.executable, "-m", "vsx_ros.kernels.warmup"]
-    # In a session of its own: a Ctrl-C reaches this process only, which ends the other one without its traceback.
+    # In a new session: Ctrl-C reaches only this process, which ends the other one without a traceback.
     compiled = subprocess.run(command, check=False, start_new_session=True).returncode == 0
     if compiled:
-        with contextlib.suppress(OSError):  # a package of others, whose machine code numba keeps elsewhere
+        with contextlib.suppress(OSError):  # an installation of another user; numba then stores machine code elsewhere
             (folder / _STAMP).parent.mkdir(exist_ok=True)
             (folder / _STAMP).write_text(compiler(), encoding="utf-8")
 

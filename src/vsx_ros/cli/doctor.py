@@ -1,5 +1,5 @@
-"""``vsx doctor``: all checks, and how their findings are shown; whether ROS nodes of this machine can find a master and
-be found."""
+"""``vsx doctor``: runs all checks and prints their findings; also checks whether ROS nodes of this machine can find a
+master and be found."""
 
 import argparse
 import email.utils
@@ -23,7 +23,7 @@ from vsx_ros.runs.process import DONE, FAILED
 
 _COLOURS = {"ok": "32", "note": "36", "warn": "33", "fail": "31"}
 _ANSWER_S = 2.0  # the same machine or network answers in milliseconds
-_SKEW_S = 1.5  # A clock this far from the master's is told; HTTP dates are whole seconds, so less cannot be seen
+_SKEW_S = 1.5  # A larger clock difference is reported; HTTP dates are whole seconds, so a smaller one is not visible
 
 _LOOPBACK = ("127.", "::1")
 
@@ -53,7 +53,7 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
 
 
 def line(finding: Finding, *, colour: bool) -> str:
-    """The finding as a line, its remedy on a second one."""
+    """The finding as a line, with its remedy on a second line."""
     level = f"{finding.level:5}"
     if colour:
         level = f"\x1b[{_COLOURS[finding.level]}m{level}\x1b[0m"
@@ -89,7 +89,7 @@ def _address(name: str) -> str | None:
 
 
 def _is_here(address: str) -> bool:
-    """Whether it is an address of this machine: only then can a socket be bound to it."""
+    """Whether this is an address of this machine: only then can a socket be bound to it."""
     with socket.socket() as probe:
         try:
             probe.bind((address, 0))
@@ -99,7 +99,7 @@ def _is_here(address: str) -> bool:
 
 
 def _own_name(environment: Mapping[str, str], master: str | None) -> Iterator[Finding]:
-    """The name under which other nodes shall find those of this machine."""
+    """Check the name under which other nodes find the nodes of this machine."""
     variable = next((name for name in ("ROS_HOSTNAME", "ROS_IP") if environment.get(name)), "")
     name = environment[variable] if variable else socket.gethostname()
     said = f"{variable}={name}" if variable else f"this machine's name {name!r}"
@@ -142,7 +142,7 @@ def _master(uri: str, host: str, port: int, here: bool) -> Iterator[Finding]:
 
 
 def _ask(host: str, port: int, method: str, *words: str, fallback: Any = None) -> tuple[Any, float | None]:
-    """A question to the master: its answer, and the time of its clock [s]; fallback where it has none."""
+    """Ask the master: its answer, or fallback if it has none, and the time of its clock [s]."""
     with closing(http.client.HTTPConnection(host, port, timeout=_ANSWER_S)) as connection:
         body = xmlrpc.client.dumps(("/vsx_doctor", *words), method)
         connection.request("POST", "/RPC2", body, {"Content-Type": "text/xml"})

@@ -1,4 +1,4 @@
-"""What launch_py/*.py do: launch the nodes that the script is named after, and stay until Ctrl-C."""
+"""The code of launch_py/*.py: starts the nodes that the script's name stands for, and waits for Ctrl-C."""
 
 import argparse
 import os
@@ -42,7 +42,7 @@ def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
 
 
 def parser(name: str) -> argparse.ArgumentParser:
-    """The options of a launch; those of its .launch file."""
+    """The options of a launch; the same as in its .launch file."""
     options = argparse.ArgumentParser(prog=f"{name}.py", description=_TEXTS[name])
     add: Callable[..., Any] = options.add_argument
     add("--config", type=Path, help="YAML with parameters, as 'vsx config' prints it")
@@ -75,7 +75,7 @@ def parser(name: str) -> argparse.ArgumentParser:
 
 
 def main() -> None:
-    """Entry point; the launch is named like the script."""
+    """Entry point; the script's name is the name of the launch."""
     name = Path(sys.argv[0]).stem
     args = parser(name).parse_args()
     logs.quiet_failures()

@@ -1,7 +1,7 @@
 """``vsx``: one command line for everything.
 
-The options of a command are a function whose docstring is its help: a line, what the command does, and examples or exit
-codes. What does it is imported when it runs, so that help and wrong usage are answered at once."""
+A command's options are a function whose docstring is its help: a line, what the command does, and examples or exit
+codes. Its code is imported when it runs, so that help and usage errors come at once."""
 
 import argparse
 import importlib
@@ -39,11 +39,11 @@ COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "world": (options_robot.world, "small_commands"),
     "completion": (options_robot.completion, "small_commands"),
 }
-"""Of each its options and help, and the module here whose function of the same name does it."""
+"""For each command its options and help, and the module in this package with the function of the same name."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose mistakes end with the project's exit code and one sentence."""
+    """A parser that reports mistakes in one sentence and ends with the project's exit code."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(FAILED, f"{self.prog}: {message}; '{self.prog} --help' lists what there is\n")
@@ -67,7 +67,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """The options of a command line; ``line`` is the line that repeats it."""
+    """The options of a command line; ``line`` holds the words to repeat it."""
     words = [word for word in arguments if word != "--debug"]
     args = parser().parse_args(words)
     args.debug, args.line = len(words) < len(arguments), ["vsx", *words]
@@ -75,14 +75,14 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what the options say; the exit code."""
+    """Run the chosen command; returns the exit code."""
     module = importlib.import_module(f"vsx_ros.cli.{COMMANDS[args.command][1]}")
     code: int = getattr(module, args.command)(args)
     return code
 
 
 def execute(arguments: Sequence[str]) -> int:
-    """Run one command line; its exit code. Errors are one sentence on stderr, with a traceback only after --debug."""
+    """Run one command line; returns its exit code. Errors are one sentence on stderr; --debug adds a traceback."""
     try:
         args = parse(arguments)
         load_plugins()
@@ -96,7 +96,7 @@ def execute(arguments: Sequence[str]) -> int:
 
 
 def _explained(error: BaseException) -> tuple[str, int]:
-    """What went wrong in a sentence, and the exit code."""
+    """The error in one sentence, and the exit code."""
     from vsx_hw.errors import DeviceError
 
     match error:
@@ -118,7 +118,7 @@ def _explained(error: BaseException) -> tuple[str, int]:
 
 
 def main() -> NoReturn:
-    """The console script. Threads inside of small matrix products only fight for the cores, and cost bits."""
+    """The console script. Threads inside small matrix products only compete for cores and change the last bits."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     process.never_fail()

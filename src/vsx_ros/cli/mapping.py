@@ -33,7 +33,7 @@ _MAX_RATE = 100.0  # images a second, more than these cameras give
 
 
 def explore(args: argparse.Namespace) -> int:
-    """In lock-step, or live."""
+    """Explore in lock-step or live."""
     if args.fast and args.view:
         raise ConfigError("--view shows the live nodes, and --fast runs none; leave out one of the two")
     if args.until is not None and ((args.world is None and args.resume is None and not args.fast) or args.load_map):
@@ -55,7 +55,7 @@ def explore(args: argparse.Namespace) -> int:
 
 
 def _refuse_wires(args: argparse.Namespace) -> None:
-    """Raises ConfigError for what only a real robot has, or only one with emulated wires."""
+    """Raises ConfigError for options that only a real robot has, or only one with emulated devices."""
     if args.rate is not None and args.world is None and args.resume is None and not args.fast:
         raise ConfigError(f"--rate {args.rate:g} is for an emulated camera; give --world, or leave it out")
     emulated, without = ("--fast", ("base", "port", "camera", "rate")) if args.fast else ("--world", ("port", "camera"))
@@ -66,7 +66,7 @@ def _refuse_wires(args: argparse.Namespace) -> None:
 
 
 def replay(args: argparse.Namespace) -> int:
-    """Replay, write the run folder, say what happened; 3 when tracking was lost for good, 1 when it never began."""
+    """Replay, write the run folder, print the result; 3 when tracking was lost for good, 1 when it never began."""
     _refuse_pace(args)
     compile_kernels()
     if args.ros:
@@ -101,7 +101,7 @@ def replay(args: argparse.Namespace) -> int:
 
 
 def _refuse_pace(args: argparse.Namespace) -> None:
-    """Raises ConfigError for a speed or a view without the nodes, and for an impossible speed."""
+    """Raises ConfigError for a speed or a view without --ros, and for an impossible speed."""
     if not args.ros and (args.rate is not None or args.view):
         raise ConfigError("--rate and --view go with --ros; without it every image is tracked, in order, by no node")
     if args.rate is not None and not 0.0 <= args.rate <= _MAX_RATE:
@@ -109,7 +109,7 @@ def _refuse_pace(args: argparse.Namespace) -> None:
 
 
 def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> tuple[SlamSession, SequentialSlam]:
-    """A new map or the one to go on in; what cannot be read or written at the end is said now."""
+    """The session and SLAM, in a new or loaded map. Raises errors of both map files now, not at the end."""
     if args.save_map and not args.save_map.resolve().parent.is_dir():
         raise MapFileError(f"map {args.save_map} cannot be written: its folder does not exist; choose another folder")
     loaded = load_slam_map(args.load_map) if args.load_map else None
@@ -119,8 +119,7 @@ def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> tup
 
 
 def _track_all(session: SlamSession, slam: SequentialSlam, recording: Recording, keeper: RunWriter) -> bool:
-    """Every frame, with the odometry of its instant; on a terminal, one line tells how far it is. Whether Ctrl-C came
-    first."""
+    """Track every frame with its odometry; on a terminal, show a progress line. Returns whether Ctrl-C was pressed."""
     for reading in recording.odometry:
         keeper.record.add_odometry(reading)
     progress = Progress(sys.stderr, plain=False)
@@ -178,14 +177,14 @@ def _save_slam_map(slam: SequentialSlam, path: Path | None) -> None:
 
 
 def finished_map(slam_map: SlamMap | None, config: Config, seed: int = 0) -> FinishedMap | None:
-    """Surfaces and ground of a SLAM map; None where there is none, or nothing in it."""
+    """Surfaces and ground of a SLAM map; None without a map."""
     if slam_map is None:
         return None
     return FinishedMap(snapshot(slam_map.view), slam_map.camera, slam_map.T_base_cam, config, seed)
 
 
 def _surface_files(folder: RunFolder, finished: FinishedMap) -> list[Callable[[], object]]:
-    """What writes planes.json and dense.ply."""
+    """Functions that write planes.json and dense.ply."""
     cloud = finished.cloud
     writes: list[Callable[[], object]] = [lambda: write_planes(folder.path / "planes.json", finished.facts())]
     if cloud is not None:

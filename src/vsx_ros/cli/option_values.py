@@ -1,4 +1,4 @@
-"""What the options of ``vsx`` take, and the options that several commands share."""
+"""Value types of the options of ``vsx``, and options that several commands share."""
 
 import argparse
 import math
@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 from vsx_ros.registry import PLUGINS, Kinds
 
-BASES = Kinds("vsx_hw.bases:BASES", "auto", "ros")  # those at a port need no ROS
+BASES = Kinds("vsx_hw.bases:BASES", "auto", "ros")  # bases at a port need no ROS
 PLANNERS = Kinds("vsx_ros.planning.planners:PLANNERS")
 _UNITS = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}  # bytes, by SI
 
 
 def add_parameters(parser: argparse.ArgumentParser) -> None:
-    """The options by which every command takes parameters."""
+    """The options for parameters, common to all commands."""
     parser.add_argument("--config", type=Path, metavar="FILE", help="YAML with parameters, as 'vsx config' prints it")
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="override a parameter, e.g. limits.v_m_s=0.2"
@@ -23,7 +23,7 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
 
 
 def add_engine(parser: argparse.ArgumentParser) -> None:
-    """Where the work of many runs is done."""
+    """The options for where many runs are computed."""
     parser.add_argument("--jobs", type=count, default=1, metavar="N", help="processes on this machine (default 1)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="a dask scheduler with workers on other machines")
 
@@ -36,28 +36,28 @@ def positive(text: str) -> float:
 
 
 def count(text: str) -> int:
-    """A number of things."""
+    """A whole number of at least 1."""
     if int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text}: give a number of at least 1")
     return int(text)
 
 
 def share(text: str) -> float:
-    """Of a whole."""
+    """A share of a whole."""
     if not 0.0 < float(text) <= 1.0:
         raise argparse.ArgumentTypeError(f"{text} is no share of a whole; give more than 0 and at most 1, e.g. 0.9")
     return float(text)
 
 
 def rate(text: str) -> float:
-    """Images a second."""
+    """Images per second."""
     if not 1.0 <= float(text) <= 60.0:
         raise argparse.ArgumentTypeError(f"{text} images a second; give 1 to 60")
     return float(text)
 
 
 def camera(text: str) -> str:
-    """What the node camera takes as its ~device."""
+    """A ~device of the node camera."""
     known = re.fullmatch(r"kinect(:.+)?|v4l:\d+|emulator:.+|ros(:[\w/~]+)?", text)
     if not known and not os.environ.get(PLUGINS):
         raise argparse.ArgumentTypeError(
@@ -84,7 +84,7 @@ def seeds(text: str) -> range:
 
 
 class Size(NamedTuple):
-    """Of a file or a disk. text: as it was given."""
+    """Size of a file or a disk. text: as given."""
 
     text: str
     bytes: float

@@ -1,5 +1,5 @@
-"""The options of the commands for a robot and its machine; the docstring of each is its help. Likewise those of
-``vsx config``, ``world`` and ``completion``, which print and write what a run and a shell can be given."""
+"""The options of the commands for a robot and its machine, and of ``vsx config``, ``world`` and ``completion``. The
+docstring of each is its help."""
 
 import argparse
 from pathlib import Path
@@ -12,9 +12,9 @@ from vsx_ros.control.keyboard import KEYS
 def view(parser: argparse.ArgumentParser) -> None:
     """watch a running robot in a browser
 
-    Serves one page with the camera and the points it is tracked by, the map with frontiers, plan and robot, the state
-    with its reason, and buttons. Waits for a stack and outlives it; Ctrl-C ends the view, not the robot. The address it
-    prints holds the token that the buttons need: without it one can only look.
+    Serves one page with the camera picture and its tracked points, the map with frontiers, plan and robot, the state
+    with its reason, and buttons. Waits for a running stack and keeps running after it; Ctrl-C ends the view, not the
+    robot. The printed address holds the token that the buttons need; without it one can only look.
 
     examples: vsx view | vsx view --host 0.0.0.0 (whoever reaches this machine can look)"""
     add = parser.add_argument
@@ -29,7 +29,7 @@ def status(parser: argparse.ArgumentParser) -> None:
     """what a running robot does, and why
 
     Listens for two to four seconds and prints state and reason of exploration and SLAM, the ratio of map points found,
-    the camera's rate, who drives the wheels, hazards and battery. What nobody says is shown as -, in JSON as null.
+    the camera's rate, who drives the wheels, hazards and battery. Unknown values are shown as -, in JSON as null.
 
     exit codes: 0 somebody answers, 1 nobody does"""
     parser.add_argument("--watch", action="store_true", help="print again every second until Ctrl-C")
@@ -39,7 +39,7 @@ def status(parser: argparse.ArgumentParser) -> None:
 def stop(parser: argparse.ArgumentParser) -> None:
     """emergency stop: the wheels stand until it is released
 
-    Sets the emergency stop of the base, which no other command overrides and which outlives a restart of its node, and
+    Sets the emergency stop of the base, which no other command overrides and which survives a restart of its node, and
     waits until the wheels stand. --release lets the robot drive again. A second robot is reached with
     ROS_NAMESPACE=robot1 vsx stop.
 
@@ -101,7 +101,7 @@ def world(parser: argparse.ArgumentParser) -> None:
 def completion(parser: argparse.ArgumentParser) -> None:
     """print a completion script for the shell
 
-    Prints a script by which bash or zsh complete the words of vsx; file names where a file is meant.
+    Prints a script with which bash or zsh complete the words of vsx and the names of files.
 
     add to ~/.bashrc: eval "$(vsx completion bash)" | to ~/.zshrc: eval "$(vsx completion zsh)"
     """
@@ -111,8 +111,8 @@ def completion(parser: argparse.ArgumentParser) -> None:
 def calibrate(parser: argparse.ArgumentParser) -> None:
     """calibrate camera, odometry and camera mount
 
-    Measures what the map depends on, says how sure it is, and writes it where the nodes read it. In this order: camera,
-    odometry, mount."""
+    Measures calibration values, reports their uncertainty, and writes them where the nodes read them. Use this order:
+    camera, odometry, mount."""
     verbs = parser.add_subparsers(dest="verb", metavar="WHAT", required=True)
     for add in (_camera, _odometry, _mount):
         add(verbs)
@@ -173,7 +173,7 @@ def _mount(verbs: Any) -> None:
 
 
 def _drive(parser: argparse.ArgumentParser) -> None:
-    """The options of what is found from a recorded drive."""
+    """Options for calibrations from a recorded drive."""
     add = parser.add_argument
     add("input", type=Path, metavar="BAG", help="a ROS 1 bag or a TUM-layout folder, with odometry")
     add("--calibration", type=Path, metavar="FILE", help="of the camera, if the bag has none")

@@ -10,7 +10,7 @@ MAP_FORMATS = {
     "tum": ".txt", "ply": ".ply", "colmap": "_colmap", "pgm": "_ground.yaml", "dense": "_dense.ply",
     "planes": "_planes.json",
 }  # fmt: skip
-"""What ``vsx map export`` writes, and how the names of its files end."""
+"""The formats of ``vsx map export``, and the file name endings."""
 
 
 def explore(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> None:
@@ -42,7 +42,7 @@ def explore(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> N
 
 
 def _robot(parser: argparse.ArgumentParser) -> None:
-    """What drives and sees, emulated or real."""
+    """Options for the base and camera, emulated or real."""
     add = parser.add_argument
     add("--world", metavar="NAME|FILE", help="emulate: lab, office, corridor, building, a world.yaml, map.yaml or .png")
     add("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
@@ -68,8 +68,8 @@ def replay(parser: argparse.ArgumentParser) -> None:
     """run the SLAM over a bag or an image folder
 
     Tracks every image of a ROS 1 or ROS 2 bag or of a folder in the TUM RGB-D layout (rgb.txt, camera.json,
-    groundtruth.txt), in order and repeatably, and leaves a run folder with the trajectory and a report. Ctrl-C ends it
-    with what there is.
+    groundtruth.txt), in order and repeatably, and writes a run folder with the trajectory and a report. Ctrl-C ends it
+    and keeps the results so far.
 
     examples: vsx replay drive.bag --map | vsx replay rgbd_freiburg1_xyz --calibration fr1.yaml | vsx replay drive.bag
     --ros --view"""
@@ -93,10 +93,10 @@ def replay(parser: argparse.ArgumentParser) -> None:
 def record(parser: argparse.ArgumentParser) -> None:
     """record a bag of a running robot, for vsx replay
 
-    Records images, calibration, odometry, tf, commands, states, plans and every number worth a plot of a running robot
+    Records images, calibration, odometry, tf, commands, states, plans and the numbers to plot of a running robot
     into a ROS 1 bag until Ctrl-C, a limit, or a nearly full disk. Raw images are 9 MB a second and replay bit for bit;
-    png is half of that and loses nothing of the grey picture that the SLAM sees; jpeg is a fifteenth. While it is
-    written the bag is called NAME.bag.active.
+    png is half of that and keeps the grey picture that the SLAM sees without loss; jpeg is a fifteenth. Until it is
+    complete, the bag is called NAME.bag.active.
 
     examples: vsx record | vsx record --images jpeg --time 600 --out office.bag | then: vsx replay office.bag --map"""
     add = parser.add_argument
@@ -111,7 +111,7 @@ def record(parser: argparse.ArgumentParser) -> None:
 def map(parser: argparse.ArgumentParser) -> None:
     """save a SLAM map, go on in it, look into it, export it
 
-    Works on SLAM maps (.vsxmap), which another session can go on in. The ground map of a run is map.pgm with map.yaml
+    Works on SLAM maps (.vsxmap), which another session can continue. The ground map of a run is map.pgm with map.yaml
     in its folder.
 
     examples: vsx map save --out lab.vsxmap | vsx map load lab.vsxmap | vsx map export lab.vsxmap --format colmap"""

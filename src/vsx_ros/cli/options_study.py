@@ -51,9 +51,9 @@ def evaluate(parser: argparse.ArgumentParser) -> None:
 def report(parser: argparse.ArgumentParser) -> None:
     """write the report of a run folder, or compare two
 
-    Writes report.html, one page that needs nothing else: what happened, why it ended, the map, the trajectory, tracking
+    Writes report.html, one self-contained page: what happened, why it ended, the map, the trajectory, tracking
     over time, every number, and the command that repeats the run. With a second run, a page that shows both side by
-    side, and what differs in numbers and settings.
+    side, and the differences in numbers and settings.
 
     examples: vsx report runs/today | vsx report runs/before runs/after --out compared.html"""
     parser.add_argument("run_folder", type=Path, metavar="RUN", help="a run folder")
@@ -67,7 +67,7 @@ def reproduce(parser: argparse.ArgumentParser) -> None:
     table1: drives of many worlds to goals that look elsewhere, by the constrained planner, by one that turns on the
     spot and by the paper's own, tracked as in the paper and by the full tracker. fig2, fig6: their paths, planned and
     tracked. fig3: states to which one segment leads. fig4: points, planes and surface. fig5: the sparse and the dense
-    ground map beside the truth. fig7: the map at stages of an exploration. Each leaves a page that needs nothing else,
+    ground map beside the truth. fig7: the map at stages of an exploration. Each writes a self-contained page
     and its numbers. Ctrl-C interrupts, the same command continues.
 
     examples: vsx reproduce all --quick | vsx reproduce table1 --seeds 100:120 --jobs 2 | vsx reproduce fig5 --seeds
@@ -88,8 +88,8 @@ def sweep(parser: argparse.ArgumentParser) -> None:
     """explore many worlds, compare planners and settings
 
     Explores every world with every seed and planner, in lock-step, one after the other in this process, in several
-    processes (--jobs), or by a dask scheduler's workers (--scheduler), and leaves results.jsonl (a line a run, as it
-    ends), sweep.csv and sweep.html. Ctrl-C interrupts, the same command continues with what is missing.
+    processes (--jobs), or by a dask scheduler's workers (--scheduler), and writes results.jsonl (one line per run when
+    it ends), sweep.csv and sweep.html. Ctrl-C interrupts, the same command continues with the missing runs.
 
     examples: vsx sweep --worlds lab,corridor --seeds 0:20 --jobs 2 | vsx sweep --seeds 100:400 --planners
     fov,unconstrained --scheduler tcp://10.0.0.5:8786"""

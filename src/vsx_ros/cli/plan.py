@@ -23,7 +23,7 @@ from vsx_ros.runs.parameters import load
 from vsx_ros.runs.process import DONE, FAILED
 from vsx_ros.sim.picture import write_picture
 
-_OPEN_FLOOR_MARGIN_M = 3.0  # around start and goal where no map is given: room for any bend
+_OPEN_FLOOR_MARGIN_M = 3.0  # around start and goal if no map is given: room for any curve
 _FORWARD, _REVERSE, _INK, _FAINT = (180, 90, 0), (40, 40, 220), (40, 40, 40), (200, 200, 200)  # BGR
 _LONG_SIDE_PX = 900  # of the picture
 _PROFILE_PX = 220  # height of the curve under it
@@ -102,7 +102,7 @@ def _map(grid: OccupancyGrid, plan: Plan, rows: FloatArray, config: Config) -> C
     def pixel(x: float, y: float) -> tuple[int, int]:
         return round((x - float(low[0])) * scale), round((float(high[1]) - y) * scale)
 
-    # One look-up a pixel: nearest cell of the map.
+    # For each pixel, the nearest cell of the map.
     u, v = np.meshgrid(np.arange(_LONG_SIDE_PX), np.arange(height))
     cells = grid.cells(np.stack([low[0] + u.ravel() / scale, high[1] - v.ravel() / scale], axis=1))
     inside = grid.contains(cells)

@@ -1,6 +1,6 @@
-"""The reference of commands, nodes, topics and services, from the code that has them.
+"""The reference of commands, nodes, topics and services, made from the code.
 
-``python -m vsx_ros.cli.reference > docs/reference.md`` writes it again; a test compares."""
+``python -m vsx_ros.cli.reference > docs/reference.md`` writes it; a test compares the two."""
 
 import argparse
 import importlib
@@ -50,7 +50,7 @@ def _options(command: argparse.ArgumentParser) -> Iterator[str]:
 
 
 def _nodes() -> Iterator[str]:
-    """What each node's module says of it: what it hears and says, and its private parameters."""
+    """The docstring of each node's module: its topics, services and private parameters."""
     for module in pkgutil.iter_modules(nodes.__path__):
         words = importlib.import_module(f"{nodes.__name__}.{module.name}").__doc__ or ""
         yield f"### {module.name}\n\n```\n{words.strip()}\n```\n"

@@ -1,4 +1,4 @@
-"""``vsx evaluate``, ``report`` and ``map``: what came of a run, in numbers, as a page and as a map for others."""
+"""``vsx evaluate``, ``report`` and ``map``: results of a run as numbers, as a page and as exported maps."""
 
 import argparse
 import json
@@ -70,7 +70,7 @@ def _of_files(args: argparse.Namespace, estimate: Path, truth: Path) -> dict[str
 
 
 def report(args: argparse.Namespace) -> int:
-    """Write the page and say where it is."""
+    """Write the page and print where it is."""
     folder = RunFolder.open(args.run_folder)
     if args.other is not None:
         print(_compare(folder, RunFolder.open(args.other), args.out))
@@ -91,7 +91,7 @@ def _compare(a: RunFolder, b: RunFolder, out: Path | None) -> Path:
 
 
 def map(args: argparse.Namespace) -> int:
-    """One of the verbs."""
+    """Run one of the verbs."""
     return {"info": _info, "export": _export, "save": _save, "load": explore}[args.verb](args)
 
 
@@ -120,7 +120,7 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def facts(slam_map: SlamMap) -> dict[str, Any]:
-    """What people ask of a map; lengths in metres where it has a scale, else in its own unit."""
+    """Facts about a map; lengths in metres if it has a scale, else in its own unit."""
     camera, seen = slam_map.camera, snapshot(slam_map.view)
     centres = np.array([T.translation for T in seen.T_world_cams]).reshape(-1, 3)
     extent = np.ptp(seen.points_world, axis=0).round(2).tolist() if len(seen.points_world) else None
@@ -156,7 +156,7 @@ def _export(args: argparse.Namespace) -> int:
 
 
 def _export_surfaces(args: argparse.Namespace, slam_map: SlamMap, out: Path) -> None:
-    """Raises InputError for a map that shows no floor, or no surface."""
+    """Raises InputError for a map without floor or without surfaces."""
     finished = finished_map(slam_map, load(args.config, args.set))
     assert finished is not None
     if finished.note:

@@ -1,5 +1,5 @@
-"""The small commands: ``vsx view``, ``status``, ``stop``, ``teleop`` and ``record`` for a robot that runs; ``config``,
-``world`` and ``completion``, which print and write what a run and a shell can be given."""
+"""The small commands: ``vsx view``, ``status``, ``stop``, ``teleop`` and ``record`` for a running robot; also
+``config``, ``world`` and ``completion``."""
 
 import argparse
 import math
@@ -35,7 +35,7 @@ def stop(args: argparse.Namespace) -> int:
 
 
 def teleop(args: argparse.Namespace) -> int:
-    """Be the node until its end."""
+    """Run the node until it ends."""
     if not max(args.v, args.omega) < math.inf:
         raise ConfigError("--v and --omega: give finite numbers")
     if not sys.stdin.isatty():
@@ -46,7 +46,7 @@ def teleop(args: argparse.Namespace) -> int:
 
 
 def record(args: argparse.Namespace) -> int:
-    """Check what can be checked, and record."""
+    """Check the options and record."""
     if args.out is not None and args.out.exists():
         raise ConfigError(f"{args.out} exists; give another name, or delete it")
     if args.out is not None and not args.out.resolve().parent.is_dir():
@@ -68,7 +68,7 @@ def config(args: argparse.Namespace) -> int:
 
 
 def world(args: argparse.Namespace) -> int:
-    """Make the world and write what was asked for; says on the standard output what it wrote."""
+    """Make the world, write the requested files, and print what was written."""
     from vsx_ros.io.map_file import save_map
     from vsx_ros.runs.world import open_world
     from vsx_ros.sim.picture import BAND_M, world_picture, write_picture
@@ -99,7 +99,7 @@ def completion(args: argparse.Namespace) -> int:
 
 
 def script(parser: argparse.ArgumentParser, shell: str) -> str:
-    """The script for bash or zsh: commands, options and their choices; files where a value may be anything."""
+    """The script for bash or zsh: commands, options and their choices; file names for all other values."""
     import shtab
 
     _prepare(parser, shtab.FILE)
@@ -109,9 +109,9 @@ def script(parser: argparse.ArgumentParser, shell: str) -> str:
 def _prepare(parser: argparse.ArgumentParser, file: Any) -> None:
     for action in parser._actions:
         if isinstance(action.metavar, str):
-            action.metavar = action.metavar.replace(":", " ")  # which shtab does not escape for zsh
+            action.metavar = action.metavar.replace(":", " ")  # shtab does not escape it for zsh
         if isinstance(action, argparse._SubParsersAction):
             for below in action.choices.values():
                 _prepare(below, file)
         elif action.choices is None and action.nargs != 0:
-            action.complete = file  # type: ignore[attr-defined]  # how shtab is told
+            action.complete = file  # type: ignore[attr-defined]  # read by shtab

@@ -1,4 +1,4 @@
-"""Every parameter of the stack: name, unit, default, bound. Branches carry the names of the components
+"""Every parameter of the stack: name, unit, default, bound. Branches have the names of the components
 that receive them. ``vsx config`` prints this tree; config/default.yaml is generated from it."""
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ class MountConfig(Branch, frozen=True):
 
 
 class OdometryConfig(Branch, frozen=True):
-    """What the base multiplies way and turn of its wheels by; 'vsx calibrate odometry' finds it."""
+    """Factors on the distance and turn of the base's wheels; 'vsx calibrate odometry' finds them."""
 
     linear_scale: Annotated[float, Meta(ge=0.5, le=2)] = 1.0
     angular_scale: Annotated[float, Meta(ge=0.5, le=2)] = 1.0
 
 
 class SelfCalibrationConfig(Branch, frozen=True):
-    """Wheels and gyro found while driving. They are taken as they are until the images contradict them by apply_sigmas
-    and by a share of the way or turn (apply_ratio) or a rate (apply_zero_rad_s) that matters: a calibrated robot is
-    off by less, and to correct it costs more than it gains. From then on they follow what is found. What is known less
-    well than the largest sigma is not told. Focal length and height of the camera are what turns and ways are measured
-    by."""
+    """Calibration of wheels and gyro while driving. Their values are used unchanged until the images contradict them by
+    apply_sigmas and by a share of the distance or turn (apply_ratio) or a rate (apply_zero_rad_s). Below that, a
+    correction would cost a calibrated robot more than it gains. From then on the values found are applied. A value with
+    a standard deviation above its max_*_sigma* is not reported. Turns are measured relative to the camera's focal
+    length, distances relative to its height."""
 
     enabled: bool = False  # a calibrated robot maps better without
     focal_sigma_ratio: Positive = 0.002
@@ -65,8 +65,8 @@ class RobotConfig(Branch, frozen=True):
 
 
 class LimitsConfig(Branch, frozen=True):
-    """What the time scaling and the follower never exceed; the bounds are about what the bases can do. a_stop_m_s2 is
-    for what comes to light too near for a_m_s2: 6 cm from 0.3 m/s instead of 14. The bases stop harder than that, as
+    """Limits of the time scaling and the follower; their bounds are about what the bases can do. a_stop_m_s2 is for
+    obstacles found too near for a_m_s2: a stop from 0.3 m/s takes 6 cm instead of 14. The bases can stop harder, as
     they do for a hazard, but then the images blur."""
 
     v_m_s: Annotated[float, Meta(gt=0, le=0.7)] = 0.3
@@ -75,12 +75,12 @@ class LimitsConfig(Branch, frozen=True):
     omega_rad_s: Annotated[float, Meta(gt=0, le=3.2)] = 0.4
     alpha_rad_s2: Annotated[float, Meta(gt=0, le=20)] = 1.0
     a_stop_m_s2: Annotated[float, Meta(gt=0, le=3)] = 1.0
-    # From a command to the wheels: a base's own 0.2 s, the follower's period, a message.
+    # Delay from a command to the wheels: 0.2 s of the base, the follower's period, a message.
     reaction_s: NonNegative = 0.3
 
     def braking(self, a_m_s2: float) -> LimitsConfig:
-        """The limits while braking by a_m_s2: harder than usual it sets in more steeply, too, and where the way bends
-        the turn rate falls with the speed."""
+        """The limits while braking by a_m_s2. Harder braking also needs more jerk, and on bends more turn acceleration,
+        as the turn rate falls with the speed."""
         share = max(1.0, a_m_s2 / self.a_m_s2)
         jerk, alpha = share * share * self.jerk_m_s3, share * self.alpha_rad_s2
         return msgspec.structs.replace(self, a_m_s2=share * self.a_m_s2, jerk_m_s3=jerk, alpha_rad_s2=alpha)
@@ -90,7 +90,7 @@ class PlannerConfig(Branch, frozen=True):
     """Motion planning (paper 4)."""
 
     phi_rad_m: Positive = 2.0
-    # Beside the body: kept always, and kept where that is no detour.
+    # Clearance beside the body: always kept, and kept where that is no detour.
     clearance_m: NonNegative = 0.04
     preferred_clearance_m: NonNegative = 0.15
     max_reverse_m: NonNegative = 1.5
@@ -100,8 +100,8 @@ class PlannerConfig(Branch, frozen=True):
     sight_range_m: Positive = 5.0
     blind_v_m_s: Positive = 0.2
     max_blind_m: NonNegative = 2.0
-    # What is preferred: a cusp, a stop where only the curvature jumps, and a metre driven blind count as so many metres
-    # more; a way with the preferred clearance may be longer by a share and a length.
+    # Costs as extra metres: of a cusp, of a stop where only the curvature jumps, of a metre driven blind. A path with
+    # the preferred clearance may be longer by a share and a length.
     cusp_cost_m: NonNegative = 0.15
     stop_cost_m: NonNegative = 0.3
     blind_cost_ratio: NonNegative = 1.0
@@ -113,14 +113,14 @@ class FollowerConfig(Branch, frozen=True):
     """Following a timed trajectory."""
 
     stiffness_rad_m: Positive = 5.0
-    # Speed per metre behind the plan, and turn rate per radian while turning on the spot; 30 commands a second.
+    # Speed per metre behind the plan, and turn rate per radian while turning on the spot; 30 commands per second.
     along_gain_per_s: Annotated[float, Meta(gt=0, le=10)] = 1.5
     turn_gain_per_s: Annotated[float, Meta(gt=0, le=10)] = 2.0
     goal_slack_m: NonNegative = 0.004
     max_lateral_error_m: Positive = 0.12
     max_heading_error_rad: Positive = 0.25
     pose_timeout_s: Positive = 0.5
-    # Speed while tracking is dubious (state POOR), as a share of the planned one, and how long it stays so afterwards.
+    # Speed while tracking is dubious (state POOR), as a share of the planned speed, and how long it stays so after.
     dubious_speed_factor: Annotated[float, Meta(gt=0, le=1)] = 0.5
     dubious_hold_s: NonNegative = 1.0
     replans_after_divergence: Annotated[int, Meta(ge=0)] = 2
@@ -130,7 +130,7 @@ class ExplorationConfig(Branch, frozen=True):
     """Frontiers, views and the mission (paper 5.2)."""
 
     ranker: str = "views"
-    decide_s: Annotated[float, Meta(gt=0, le=2)] = 0.2  # live the right to drive ends 5 s after a decision
+    decide_s: Annotated[float, Meta(gt=0, le=2)] = 0.2  # live, the permission to drive ends 5 s after a decision
     sensor_range_m: Positive = 3.0
     sensor_fov_rad: Positive = 1.05
     mean_free_path_m: Positive = 1.0
@@ -142,7 +142,7 @@ class ExplorationConfig(Branch, frozen=True):
     stop_cost_m: Positive = 2.0
     look_range_m: Positive = 3.0
     looks_to_half: Positive = 1.5
-    wall_gap_m: Positive = 1.0  # of any straight row; what it hides only counts less (ground_map.wall_gap_m: is wall)
+    wall_gap_m: Positive = 1.0  # in any straight row; ground behind it counts less (ground_map.wall_gap_m: gap is wall)
     goal_seen_ratio: Ratio = 0.3
     look_spacing_m: Positive = 0.35
     view_spacing_m: Positive = 0.2
@@ -159,15 +159,15 @@ class ExplorationConfig(Branch, frozen=True):
 
 
 class RunsConfig(Branch, frozen=True):
-    """The run folder: how often the map is written, to go on with should the run be cut short."""
+    """The run folder: how often the map is written, so that an interrupted run can continue."""
 
     checkpoint_s: Positive = 5.0
 
 
 class ComputingConfig(Branch, frozen=True):
-    """What computing costs in lock-step, in emulated time: a frame, from its stamp to its pose being known; a ranking
-    of views, at least and per known ground; a plan, at least and per metre of the way. Twice the processor time that
-    benchmarks/computing.py measures: on a laptop of two cores SLAM runs on them, too."""
+    """Computing time in lock-step, in emulated time: of a frame, from its stamp until its pose is known; of a ranking
+    of views, at least and per area of known ground; of a plan, at least and per metre of the path. The values are twice
+    the processor time that benchmarks/computing.py measures: on a laptop with two cores SLAM runs on them, too."""
 
     frame_ms: NonNegative = 60.0
     ranking_ms: NonNegative = 60.0
@@ -193,7 +193,7 @@ class Config(Branch, frozen=True):
 
 
 def from_dict(tree: dict[str, Any]) -> Config:
-    """The configuration of a nested dict; missing entries take their default.
+    """The configuration from a nested dict; missing entries take their default.
 
     Raises ConfigError naming the entry, e.g. ``Expected `float` > 0.0 - at `$.planner.phi_rad_m`, not -1``."""
     try:
@@ -213,7 +213,7 @@ def _leaves(tree: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]
 
 
 def _given(tree: Any, message: str) -> str:
-    """The value that a message of msgspec is about, e.g. ", not -1"; nothing where it is about a whole branch."""
+    """The value that a message of msgspec is about, e.g. ", not -1"; empty when it is about a whole branch."""
     for name in message.rpartition("`$.")[2].rstrip("`").split("."):
         if not isinstance(tree, dict) or name not in tree:
             return ""

@@ -11,15 +11,15 @@ Count = Annotated[int, Meta(ge=1)]
 
 
 class Branch(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Common policy: immutable, unknown names refused, keyword only."""
+    """Common policy: immutable, unknown names are refused, keyword only."""
 
 
 class InitializationConfig(Branch, frozen=True):
     """Two-frame start of the map (paper 3.1). Without odometry the baseline gets unit_baseline_m, and the images must
-    determine the motion: the flow that a pure rotation leaves (median) is so many times the noise, 0.2 px or what the
-    residuals show, and with that noise direction and depths (median) are known to those standard deviations. Such a
-    map is watched while it is young: when of its first points fewer survive, or their depths over the baseline grow or
-    shrink by a larger factor, it is begun again."""
+    determine the motion. The median flow beyond a pure rotation is at least min_flow_sigmas times the noise, which is
+    0.2 px or as the residuals show. With that noise, direction and median depth keep their max_*_sigma_*. Such a map is
+    watched for its first keyframes: it starts again when too few of its first points survive, or when their depths over
+    the baseline grow or shrink by more than max_depth_change."""
 
     baseline_m: Positive = 0.20
     baseline_max_m: Positive = 0.6
@@ -28,8 +28,8 @@ class InitializationConfig(Branch, frozen=True):
     min_parallax_deg: Positive = 0.7
     min_parallax_without_odometry_deg: Positive = 0.25
     min_flow_sigmas: Positive = 8.0  # at 5 some starts point 15 deg elsewhere
-    max_direction_sigma_deg: Positive = 1.5  # beyond it the adjustment has other minima
-    max_depth_sigma_ratio: Positive = 0.12  # the map mends itself from here on
+    max_direction_sigma_deg: Positive = 1.5  # above it the adjustment has other minima
+    max_depth_sigma_ratio: Positive = 0.12  # below it the map improves by itself
     watched_keyframes: Count = 10
     min_surviving_ratio: Ratio = 0.3
     max_depth_change: Annotated[float, Meta(gt=1)] = 1.7  # over four sigmas; good starts change by up to 1.5
@@ -37,11 +37,11 @@ class InitializationConfig(Branch, frozen=True):
 
 
 class TrackerConfig(Branch, frozen=True):
-    """Per-frame tracking. corners: wanted on the finest level of a VGA image, about half as many on each coarser.
+    """Per-frame tracking. corners: number wanted on the finest level of a VGA image; about half on each coarser level.
 
-    A pose is in doubt, though enough points were found, where they miss their places by more than max_residual_px
-    (robust standard deviation, px of their pyramid level), or leave the position open by more than max_sigma_ratio of
-    their distance (standard deviation)."""
+    Even with enough points found, a pose is in doubt when their residuals exceed max_residual_px (robust standard
+    deviation, px of their pyramid level), or when the position's standard deviation exceeds max_sigma_ratio of their
+    distance."""
 
     corners: Count = 1300
     max_points: Count = 800
@@ -56,8 +56,9 @@ class TrackerConfig(Branch, frozen=True):
 
 
 class KeyframeConfig(Branch, frozen=True):
-    """When a frame becomes a keyframe (paper 3.1: conservative where the map is already known). So many frames or so
-    much time after the last one: few images a second must all count, many are much alike."""
+    """When a frame becomes a keyframe (paper 3.1: conservative where the map is already known). It is at least
+    min_gap_frames or min_gap_s after the last one: all frames matter at a low image rate, many are alike at a high
+    one."""
 
     min_gap_frames: Count = 4
     min_gap_s: Positive = 0.25
@@ -67,7 +68,7 @@ class KeyframeConfig(Branch, frozen=True):
 
 
 class MapperConfig(Branch, frozen=True):
-    """Making, refining and removing points. corners: as the tracker's, where new points are sought."""
+    """Creating, refining and removing points. corners: as the tracker's, for the search of new points."""
 
     corners: Count = 2600
     window_keyframes: Count = 8
@@ -79,8 +80,8 @@ class MapperConfig(Branch, frozen=True):
 
 
 class CullingConfig(Branch, frozen=True):
-    """A keyframe is redundant when that share of its points is seen by so many others from as near; the newest are
-    kept. With 3 viewers, as ORB-SLAM has it, keyframes as near to each other as here are made again at once."""
+    """A keyframe is redundant when enough others (viewers) see the share seen_ratio of its points from as near; the
+    newest are kept. With 3 viewers, as in ORB-SLAM, keyframes as dense as here would be created again at once."""
 
     seen_ratio: Ratio = 0.9
     viewers: Count = 6
@@ -88,8 +89,8 @@ class CullingConfig(Branch, frozen=True):
 
 
 class RecognitionConfig(Branch, frozen=True):
-    """A place is recognised when patch search finds so many points again, that share of those looked for, in so many of
-    4 x 4 parts of the image: sure where something else speaks for it, certain where nothing does."""
+    """A place is recognised when patch search finds enough points (found), a large enough share of those searched
+    (ratio), in enough of 4 x 4 parts of the image (cells). sure_*: with other evidence; certain_*: without."""
 
     sure_found: Count = 40
     sure_ratio: Ratio = 0.42
@@ -100,8 +101,8 @@ class RecognitionConfig(Branch, frozen=True):
 
 
 class DriftConfig(Branch, frozen=True):
-    """How far a map can have drifted along a way, for a place seen again to close a loop: a constant, and a share of
-    the way and a turn per metre of it, with odometry and by the camera alone."""
+    """Largest drift of a map along a path at which a place seen again may close a loop: a constant, plus a share of the
+    path and a turn per metre of it, with odometry and with the camera alone."""
 
     distance_m: NonNegative = 0.15
     turn_rad: NonNegative = 0.06
@@ -112,17 +113,17 @@ class DriftConfig(Branch, frozen=True):
 
 
 class ShutterConfig(Branch, frozen=True):
-    """How the camera exposes: its rows one after the other (0: all at once), each for so long. With odometry, images
-    are freed from how the camera moves meanwhile. -1: as the calibration says, 0 where that says nothing."""
+    """How the camera exposes: its rows one after the other within readout_s (0: all at once), each for exposure_s. With
+    odometry, images are corrected for the camera's motion in that time. -1: as in the calibration, or 0 without one."""
 
     readout_s: Annotated[float, Meta(ge=-1)] = -1.0
     exposure_s: Annotated[float, Meta(ge=-1)] = -1.0
 
 
 class OdometryNoiseConfig(Branch, frozen=True):
-    """How far wheel odometry between keyframes is believed, per axis: a constant plus a share of the motion; and how
-    far the base stands level on the floor. What is wrong with the wheels' diameter is wrong everywhere alike and
-    becomes the world's size; what counts here is how unlike one stretch is to the next."""
+    """Noise of wheel odometry between keyframes, per axis: a constant plus a share of the motion; and how level the
+    base stands on the floor. An error of the wheels' diameter is the same everywhere and only scales the map. The noise
+    here is the difference between one stretch and the next."""
 
     distance_sigma_m: Positive = 0.0003
     distance_sigma_ratio: Positive = 0.002
@@ -135,10 +136,10 @@ class OdometryNoiseConfig(Branch, frozen=True):
 
 
 class UncertaintyConfig(Branch, frozen=True):
-    """How well the SLAM knows its poses (standard deviations). Two keyframes know each other by the points they share:
-    shared_*: by one point, a share of its depth and a turn; by n points, less by the root of n. *_sqrt_m: what grows
-    with the root of the way between them. image_factor: by which the variance is larger than the image alone tells,
-    whose points err alike. size_sigma_ratio: of the whole map, which odometry measured."""
+    """How well SLAM knows its poses (standard deviations). shared_*: between two keyframes by one shared point, as a
+    share of its depth and a turn; n points divide it by the root of n. *_sqrt_m: grows with the root of the distance
+    between them. image_factor: factor on the variance from the image, because errors of its points are correlated.
+    size_sigma_ratio: of the scale of the whole map, which odometry measured."""
 
     shared_depth_ratio: Positive = 0.002
     shared_turn_rad: Positive = 0.01
@@ -172,8 +173,8 @@ class GroundMapConfig(Branch, frozen=True):
     clear_max_height_m: Positive = 0.40
     max_range_m: Positive = 4.5
     start_clear_m: NonNegative = 0.7
-    # So long an unseen stretch of a straight wall is wall, too. Points, or a few of them, are noise where so many times
-    # more keyframes looked through their place.
+    # An unseen gap in a straight wall up to wall_gap_m is wall, too. Points (or a few points) are noise when this many
+    # times more keyframes looked through their place.
     wall_gap_m: Positive = 1.0
     overruled_ratio: Positive = 1.0
     few_overruled_ratio: Positive = 0.25
@@ -196,7 +197,7 @@ class PlanesConfig(Branch, frozen=True):
 
 
 class DenseConfig(Branch, frozen=True):
-    """Dense planar mapping (paper 5.1). Textures are standard deviations, in grey levels, of what a cell shows."""
+    """Dense planar mapping (paper 5.1). Textures are standard deviations, in grey levels, of a cell's image."""
 
     enabled: bool = True
     planes: PlanesConfig = PlanesConfig()

@@ -13,12 +13,12 @@ _ARROW = re.compile(r"\x1b[\[O]([A-D])|.", re.DOTALL)
 
 
 def keys(text: str) -> list[str]:
-    """The keys of what a terminal sent; w a s d for arrows, three characters in either of a terminal's two modes."""
+    """The keys in the text of a terminal; w a s d for arrows, which are three characters in both terminal modes."""
     return [_ARROWS.get(match[1], match[0]) for match in _ARROW.finditer(text)]
 
 
 class KeyboardDrive:
-    """v_m_s, omega_rad_s: the speeds of the keys. Times are of any clock that never stands."""
+    """v_m_s, omega_rad_s: the speeds of the keys. Times are of any clock that never stops."""
 
     def __init__(self, v_m_s: float, omega_rad_s: float) -> None:
         self.v_m_s, self.omega_rad_s = v_m_s, omega_rad_s
@@ -37,5 +37,5 @@ class KeyboardDrive:
             self.v_m_s, self.omega_rad_s = self.v_m_s * factor, self.omega_rad_s * factor
 
     def speeds(self, now_s: float) -> tuple[float, float] | None:
-        """Forward [m/s] and to the left [rad/s], as the held key wants; None when no key is held."""
+        """Forward [m/s] and to the left [rad/s], for the held key; None when no key is held."""
         return self._speeds if now_s < self._until_s else None

@@ -1,5 +1,5 @@
-"""Where the base is and how well that is known: late SLAM poses carried forward by odometry; and whether the wheels
-turn while the camera stands: then the base pushes against something that no bumper feels."""
+"""Where the base is and how well that is known: odometry carries late SLAM poses forward. Also detects wheels that turn
+while the camera stands: then the base pushes against something that no bumper feels."""
 
 import math
 from collections import deque
@@ -16,34 +16,34 @@ from vsx_ros.slam.state import TrackingState
 MAP_FRAME, ODOM_FRAME = "map", "odom"
 
 _MEMORY = 400  # readings of odometry: 8 s at 50 Hz, more than SLAM is ever late
-_JUMP_M, _JUMP_RAD = 0.3, 0.35  # a loop closed or a place recognised: taken at once, not smeared by a filter
+_JUMP_M, _JUMP_RAD = 0.3, 0.35  # more is a loop closure or a recognised place: taken at once, not filtered
 # Standard deviations: of a SLAM pose; of odometry per square root of a metre; of the bend at first and its drift.
 _SLAM_M, _SLAM_RAD = 0.01, 0.008
 _DRIFT_M, _DRIFT_RAD, _STANDING_VARIANCE = 0.02, 0.03, 1e-8  # m, rad per sqrt(m); of a base that stands
 _BEND_RAD_M, _BEND_DRIFT = 0.15, 0.05  # rad/m, per sqrt(m)
-_STEP_M, _PAIRS = 0.005, 40  # by the wheels between two pairs that are kept; how many, 20 cm of way
-# Beyond how much of a way by odometry it is judged, by how many poses in between, and how much of it must be seen.
+_STEP_M, _PAIRS = 0.005, 40  # wheel distance between two stored pairs; their number, for 20 cm
+# Wheel distance over which it is judged, least number of poses in between, and share that the camera must see.
 _WAY_M, _POSES, _SHARE = 0.06, 3, 0.35
-_MAP_JUMP_M = 0.02  # by which the camera moves farther than odometry when it is the map that moved
-_UNSEEN_M = (1.0 - _SHARE) * _WAY_M  # by which the wheels move farther in one step when the camera saw none of it
+_MAP_JUMP_M = 0.02  # if the camera moves farther than odometry by more, the map has moved
+_UNSEEN_M = (1.0 - _SHARE) * _WAY_M  # if the wheels move farther in one step by more, the camera did not see it
 
 
 class Stuck(NamedTuple):
-    """T_world_push: the base, turned to what it pushes against. reason: what is seen, in words."""
+    """T_world_push: the base, turned towards what it pushes against. reason: in words."""
 
     T_world_push: SE2
     reason: str
 
 
 class StuckDetector:
-    """``add`` every pose that the camera found. ``stuck`` holds until the base is seen to move again."""
+    """Call ``add`` with every pose from the camera. ``stuck`` is set until the base is seen to move again."""
 
     def __init__(self) -> None:
         self._pairs: deque[tuple[Odometry, SE2]] = deque(maxlen=_PAIRS)
         self.stuck: Stuck | None = None
 
     def add(self, odometry: Odometry, T_world_base: SE2) -> None:
-        """The base at one instant, by odometry and as the camera saw it."""
+        """Take the base's pose at one instant, by odometry and by the camera."""
         T_odom_base = odometry.T_odom_base
         if self._pairs:
             last, T_world_last = self._pairs[-1]
@@ -60,7 +60,7 @@ class StuckDetector:
             if before.T_odom_base.distance_to(T_odom_base) >= _WAY_M:
                 counted = before.T_odom_base.inverse() @ T_odom_base
                 self.stuck = _verdict(counted, T_world_base, seen_m) if back > _POSES else None
-                if self.stuck is not None:  # the way from here on is judged by itself
+                if self.stuck is not None:  # the drive from here on is judged separately
                     self._pairs = deque([(odometry, T_world_base)], maxlen=_PAIRS)
                 return
 
@@ -79,7 +79,7 @@ class LocalizationState(NamedTuple):
     """What is known at one instant.
 
     T_map_base: None before the first pose of the camera. odometry: the newest reading, None before the first.
-    slam_age_s: age of the image behind the newest camera pose. stuck: how the wheels turn although the camera stands.
+    slam_age_s: age of the image of the newest camera pose. stuck: set when the wheels turn although the camera stands.
     """
 
     T_map_base: SE2 | None = None
@@ -96,7 +96,7 @@ class LocalizationState(NamedTuple):
 
     @property
     def odom_epoch(self) -> int:
-        """That of T_odom_base."""
+        """The epoch of T_odom_base."""
         return self.odometry.odom_epoch if self.odometry is not None else 0
 
     @property
@@ -110,14 +110,15 @@ class LocalizationState(NamedTuple):
 
 
 class Localization:
-    """Readings and poses in, ``LocalizationState`` out. One for each who drives, plans or decides, all fed alike.
+    """Takes readings and poses, returns ``LocalizationState``. Each driving, planning or deciding node has one, with
+    the same input.
 
     A Kalman filter of the pose at the last image and of the bend of the odometry.
 
-    A SLAM pose belongs to the instant its image was taken, so it is compared with the odometry of that instant, however
-    late it arrives. Wheels of unequal size make the base bend by an unknown angle per metre; that bend is estimated
-    too, because at the curvatures allowed here it is what leads off the path. A SLAM pose too far from the prediction
-    to be noise (a relocalisation) is taken as it is. A new odometry epoch does not move the base."""
+    A SLAM pose belongs to the time of its image, so it is compared with the odometry of that time, even when it arrives
+    late. Wheels of unequal size bend the path by an unknown angle per metre. That bend is estimated too, because at the
+    curvatures allowed here it leads off the path. A SLAM pose too far from the prediction to be noise (a
+    relocalisation) is used as it is. A new odometry epoch does not move the base."""
 
     def __init__(self) -> None:
         self._odometry: deque[Odometry] = deque(maxlen=_MEMORY)
@@ -131,8 +132,8 @@ class Localization:
         self._slam = (TrackingState.NOT_INITIALISED, "waiting for vslam")
 
     def add_odometry(self, odometry: Odometry) -> bool:
-        """Take a reading, or, False, ignore one that is not newer than the last. Raises InputError for an impossible
-        one."""
+        """Take a reading. Returns False and ignores it when it is not newer than the last. Raises InputError for an
+        impossible one."""
         if odometry.impossible:
             raise InputError(f"at {odometry.stamp_ns} ns {odometry.impossible}; check the base driver")
         if self._odometry and odometry.stamp_ns <= self._odometry[-1].stamp_ns:
@@ -143,7 +144,7 @@ class Localization:
         return True
 
     def add_pose(self, stamp_ns: int, T_world_base: SE2) -> None:
-        """Take the pose SLAM found for the image of stamp_ns, however late. Raises InputError for NaN."""
+        """Take the SLAM pose of the image at stamp_ns, even if it is late. Raises InputError for NaN."""
         if not T_world_base.is_finite():
             raise InputError(f"the SLAM pose at {stamp_ns} ns is not finite: {T_world_base}; it must be dropped")
         if self._slam_stamp_ns is not None and stamp_ns <= self._slam_stamp_ns:
@@ -162,7 +163,7 @@ class Localization:
         self._stand_at(T_world_base, T_odom_base, _SLAM_M, _SLAM_RAD)
 
     def add_state(self, state: TrackingState, reason: str) -> None:
-        """Take what the SLAM says of itself."""
+        """Take the state of SLAM."""
         self._slam = (state, reason)
 
     def at(self, now_ns: int) -> LocalizationState:
@@ -191,7 +192,7 @@ class Localization:
         return math.inf if self._slam_stamp_ns is None else (now_ns - self._slam_stamp_ns) * 1e-9
 
     def _enter_epoch(self, T_odom_base: SE2) -> None:
-        """Odometry counts from elsewhere: the base is about where it stood, until the camera knows better."""
+        """Odometry restarted elsewhere: the base is about where it stood, until the camera gives a better pose."""
         stood = self.pose()
         self._odometry.clear()
         if stood is not None and self._anchor is not None:
@@ -203,7 +204,7 @@ class Localization:
         self._covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2, bend_variance])
 
     def _carried(self, T_odom_base: SE2) -> SE2:
-        """The anchor moved by the odometry since, bent."""
+        """The anchor moved by the odometry since then, corrected for the bend."""
         assert self._anchor is not None
         T_world_anchor, T_odom_anchor = self._anchor
         step = T_odom_anchor.inverse() @ T_odom_base
@@ -212,7 +213,7 @@ class Localization:
         return T_world_anchor @ half @ SE2(step.x, step.y, step.theta) @ half
 
     def _corrected(self, believed: SE2, measured: SE2) -> SE2:
-        """Predict the covariance to the new stamp and take in the measurement; the pose there."""
+        """Predict the covariance to the new stamp and apply the measurement; returns the pose there."""
         assert self._anchor is not None
         before = self._anchor[0]
         dx, dy = believed.x - before.x, believed.y - before.y
@@ -232,4 +233,4 @@ class Localization:
 
 
 UNLOCALIZED = LocalizationState()
-"""What is known before anything came."""
+"""The state before any input."""

@@ -1,4 +1,4 @@
-"""Following a timed path: from the pose error to the command of the wheels."""
+"""Follows a timed path: from the pose error to the command for the wheels."""
 
 import enum
 import math
@@ -14,10 +14,10 @@ from vsx_ros.planning.path import Trajectory
 from vsx_ros.planning.retiming import Timing, retime
 from vsx_ros.robot import STOP, VelocityCommand
 
-_CREEP_M_S = 0.01  # slower, omega / v says nothing about the way's curvature
-_GOAL_WAIT_S = 1.5  # to come within goal_slack_m along the way; then it has arrived all the same
-_LONGEST_STEP_S = 0.2  # a loop that paused longer must not jump ahead on the way
-_BEHIND_FACTOR = 3.0  # times max_lateral_error_m: along the way there is more room than beside it
+_CREEP_M_S = 0.01  # at lower speeds omega / v does not give the path's curvature
+_GOAL_WAIT_S = 1.5  # longest wait to come within goal_slack_m along the path; then it counts as arrived
+_LONGEST_STEP_S = 0.2  # a loop that paused longer must not jump ahead on the path
+_BEHIND_FACTOR = 3.0  # times max_lateral_error_m: along the path there is more room than beside it
 _LATER_S = 0.1  # step by which a later moment to stop from is sought
 
 
@@ -33,7 +33,7 @@ class FollowStatus(enum.Enum):
 
 
 class FollowResult(NamedTuple):
-    """The command, what the follower is doing and why; error: the reference pose seen from the base, where known."""
+    """The command, what the follower is doing and why. error: the reference pose seen from the base, if known."""
 
     command: VelocityCommand
     status: FollowStatus
@@ -44,9 +44,9 @@ class FollowResult(NamedTuple):
 class TrajectoryTracker:
     """A unicycle law in arc length along a trajectory that can be slowed and held, always within the limits.
 
-    C. Samson, "Control of chained systems", IEEE TAC 40 (1995), with gains per metre, so that it corrects alike at any
-    speed and in both directions: v = v_r cos e_theta + k e_x, omega = v (kappa + wn^2 e_y) + 2 wn |v| e_theta. A base
-    that stands is not turned to correct an error; only a reference that turns on the spot does that."""
+    C. Samson, "Control of chained systems", IEEE TAC 40 (1995), with gains per metre, so that it corrects equally at
+    any speed and in both directions: v = v_r cos e_theta + k e_x, omega = v (kappa + wn^2 e_y) + 2 wn |v| e_theta. A
+    standing base is not turned to correct an error, except when the reference turns on the spot."""
 
     def __init__(self, config: FollowerConfig, limits: LimitsConfig) -> None:
         self._config, self._comfort = config, limits
@@ -55,17 +55,17 @@ class TrajectoryTracker:
 
     @property
     def progress_s(self) -> float:
-        """The trajectory's own time reached so far [s]; it stands while the follower holds."""
+        """The trajectory's own time reached so far [s]; it does not advance while the follower holds."""
         own = self._timing.trajectory.times_s
         return float(np.interp(self._clock_s, own - own[0], self._timing.places_s))
 
     @property
     def stands(self) -> bool:
-        """Whether it was held and the reference rests."""
+        """Whether the follower holds and the reference rests."""
         return self._factor == 0.0 and self._clock_s >= self._timing.trajectory.duration_s
 
     def start(self, trajectory: Trajectory, now_ns: int) -> None:
-        """Follow from its beginning, from rest."""
+        """Follow the trajectory from its beginning, from rest."""
         self._trajectory, self._active, self._factor = trajectory, True, 1.0
         self._timing = Timing(trajectory, trajectory.times_s - trajectory.times_s[0])
         self._curvature = _curvature(trajectory)
@@ -74,7 +74,7 @@ class TrajectoryTracker:
         self._braking = self._harder = False
 
     def brake(self, a_m_s2: float) -> None:
-        """Come to rest on the way and stay there, braking so hard [m/s2]; never less than before."""
+        """Come to rest on the path and stay there, braking by a_m_s2 [m/s2]; never less than before."""
         if a_m_s2 > self._limits.a_m_s2:
             self._harder, self._limits = True, self._comfort.braking(a_m_s2)
         self._braking = True
@@ -84,11 +84,11 @@ class TrajectoryTracker:
         self._active = False
 
     def halted(self) -> None:
-        """The base was told to stand instead of the last command: go on from rest."""
+        """The base got a stop instead of the last command: continue from rest."""
         self._sent = STOP
 
     def predicted_stop(self) -> SE2 | None:
-        """Where the base would stand if held now: the pose to plan from while still moving; None when idle."""
+        """Where the base would stand if held now, to plan from while it still moves; None when idle."""
         if not self._active:
             return None
         timing, clock_s = self._timing, self._clock_s
@@ -105,9 +105,9 @@ class TrajectoryTracker:
     ) -> FollowResult:
         """The command for now.
 
-        pose: T_world_base, None where unknown. pose_age_s: age of the SLAM pose behind it. tracking_ok: whether SLAM
-        holds. Without a fresh pose the base slows to a stop along the path and resumes when it is back.
-        speed_factor in [0, 1] slows the way ahead. Raises InputError for a pose that is not finite."""
+        pose: T_world_base, None if unknown. pose_age_s: age of the SLAM pose that it is based on. tracking_ok: whether
+        SLAM tracks. Without a fresh pose the base slows to a stop along the path and resumes with a fresh one.
+        speed_factor in [0, 1] slows the drive. Raises InputError for a pose that is not finite."""
         if pose is not None and not pose.is_finite():
             raise InputError(f"the pose to follow from is not finite: {pose}; pass None when it is unknown")
         if not self._active:
@@ -124,7 +124,7 @@ class TrajectoryTracker:
         error = pose.inverse() @ reference
         error = SE2(error.x, error.y, pose.angle_to(reference))
         diverged = self._why_diverged(error)
-        if wanted > 0.0 and self.stands:  # what cannot be timed from rest now cannot a moment later
+        if wanted > 0.0 and self.stands:  # if no timing starts from rest now, none will later
             diverged = diverged or "no speed profile goes on from where the base was held"
         if diverged:
             self.cancel()
@@ -172,7 +172,7 @@ class TrajectoryTracker:
     def _law(self, v: float, omega: float, error: SE2) -> tuple[float, float]:
         if v == 0.0 and omega != 0.0:
             return 0.0, omega + self._config.turn_gain_per_s * error.theta
-        # What lies beside the path is told where the base is on it, not where the reference is, ahead on a bend.
+        # The lateral error is taken at the base's place on the path; the reference may be ahead on a bend.
         times, wn = self._trajectory.times_s, self._config.stiffness_rad_m
         kappa = float(self._curvature[np.searchsorted(times, times[0] + self.progress_s, side="right") - 1])
         heading = error.theta - kappa * error.x
@@ -181,7 +181,7 @@ class TrajectoryTracker:
         return along, along * (kappa + wn * wn * sideways) + 2.0 * wn * abs(along) * heading
 
     def _limited(self, v: float, omega: float, dt: float) -> VelocityCommand:
-        """Within the limits, keeping the curvature; the clock waits for what was cut off."""
+        """Apply the limits and keep the curvature; the clock slows by what was cut off."""
         limits = self._limits
         limited = VelocityCommand(*limit_twist(v, omega, limits.v_m_s, limits.omega_rad_s))
         if abs(v) > 1e-9 and abs(limited.v) < abs(v):
@@ -201,7 +201,7 @@ class TrajectoryTracker:
 
 
 def _curvature(trajectory: Trajectory) -> FloatArray:
-    """(N,) omega / v [rad/m] at the samples; where the base stands that of its way to there, or of the first way."""
+    """(N,) omega / v [rad/m] at the samples. Where the base stands, the last moving sample's value, or the first's."""
     moves = np.abs(trajectory.v) > _CREEP_M_S
     if not np.any(moves):
         return np.zeros(len(trajectory.v))

@@ -1,4 +1,4 @@
-"""The dense map: planes of the sparse map and the cells of them that are surface, kept up to date as it grows."""
+"""The dense map: planes of the sparse map and their cells that are surface, updated as the map grows."""
 
 import math
 from typing import NamedTuple
@@ -18,21 +18,21 @@ from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _UNSETTLED = 2  # the newest keyframes, whose poses bundle adjustment is about to move
-_OBLIQUE = math.log(1e4)  # so much likelier must the pictures make a plane that is neither level nor vertical
-_MOVED_M = 0.02  # in a building; a quarter of a cell. Less does not change what its patches show
-UPDATE_EVERY_S = 1.5  # planes change slowly, and merging all costs the same for one new keyframe as for three
-_KEYFRAMES_OF_A_LAB = 800  # beyond, updates cost more, and come as much less often
+_OBLIQUE = math.log(1e4)  # log likelihood ratio needed by a plane that is neither level nor vertical
+_MOVED_M = 0.02  # in a building; a quarter of a cell. Smaller moves do not change what its patches show
+UPDATE_EVERY_S = 1.5  # planes change slowly, and merging costs the same for one new keyframe as for three
+_KEYFRAMES_OF_A_LAB = 800  # with more, updates cost more and come less often in proportion
 
 
 def update_every_s(keyframes: int) -> float:
-    """How often a map of so many keyframes is worth an update [s]: what one costs grows with the map, its share of the
-    time shall not."""
+    """The period of updates [s] for a map of this many keyframes. An update costs more in a larger map; its share of
+    the processor time must not grow."""
     return UPDATE_EVERY_S * max(1.0, keyframes / _KEYFRAMES_OF_A_LAB)
 
 
 class DenseMap(NamedTuple):
-    """What is surface; version, newest keyframe's id and keyframe indices are those of the snapshot it was made of.
-    complete: whether every cell has been judged with all keyframes, or some wait for the next update."""
+    """The surface cells. version, newest_keyframe (id) and keyframe indices refer to the snapshot it was made of.
+    complete: True if every cell has been judged with all keyframes, False if some wait for the next update."""
 
     version: int
     newest_keyframe: int
@@ -41,16 +41,16 @@ class DenseMap(NamedTuple):
     complete: bool
 
     def is_due(self, snapshot: MapSnapshot) -> bool:
-        """Whether an update would tell more: the snapshot has a new keyframe, or work is left."""
+        """Whether an update is useful: the snapshot has a new keyframe, or cells still wait."""
         return not self.complete or int(snapshot.keyframe_ids[-1]) != self.newest_keyframe
 
 
 class Densifier:
-    """``update`` with each snapshot of one growing map. Work is counted in cells, never in time: same snapshots, same
-    cells."""
+    """Call ``update`` with each snapshot of one growing map. The budget counts cells, not time, so the same snapshots
+    give the same cells."""
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: DenseConfig, seed: int = 0) -> None:
-        """T_base_cam: None for a map without floor and metres."""
+        """T_base_cam: None for a map without floor and metric scale."""
         self._config, self._has_floor = config, T_base_cam is not None
         self._finder = PlaneFinder(camera.fx, config.planes, self._has_floor, seed)
         self._images = KeyframeImages(camera)
@@ -59,13 +59,13 @@ class Densifier:
 
     @property
     def unit(self) -> float:
-        """Length of a metre in the map; guessed where the map has none."""
+        """Length of a metre in the map; an estimate if the map is not metric."""
         return self._finder.unit
 
     def update(self, snapshot: MapSnapshot, budget: int | None = None, settled: bool = False) -> DenseMap:
-        """The dense map of a snapshot. budget: cells to judge at most, ``cells_per_update`` of the configuration by
-        default; what it does not suffice for waits. settled: the map will not change any more, so that the newest
-        keyframes can be used, too."""
+        """The dense map of a snapshot. budget: most cells to judge, by default ``cells_per_update`` of the
+        configuration; the rest waits. settled: the map will not change any more, so the newest keyframes are used,
+        too."""
         planes = self._finder.update(snapshot)
         surfaces = [plane for plane in planes if plane.kind is not PlaneKind.FLOOR]
         views = self._images.views(snapshot, max(0, len(snapshot.images) - (0 if settled else _UNSETTLED)))
@@ -86,7 +86,7 @@ class Densifier:
         return DenseMap(version=snapshot.version, newest_keyframe=newest, planes=planes, cells=cells, complete=complete)
 
     def _believed(self, planes: tuple[Plane, ...], snapshot: MapSnapshot) -> tuple[Plane, ...]:
-        """The planes for which the pictures speak: those that are neither level nor vertical want more of it."""
+        """The planes that the images support. Planes that are neither level nor vertical need more evidence."""
         points, up = snapshot.points_world, np.array([0.0, 0.0, 1.0])
         surfaces = [(self._surfaces[plane.id], plane) for plane in planes if plane.id in self._surfaces]
         said = {plane.id: on.evidence(plane, points[plane.points]) for on, plane in surfaces}
@@ -98,8 +98,8 @@ class Densifier:
     def _prepared(
         self, plane: Plane, snapshot: MapSnapshot, views: Views, fresh: IntArray, anew: IntArray, every: IntArray
     ) -> Surface:
-        """The plane's surface with everything the fresh keyframes show marked as due; anew if the plane has moved.
-        anew, every: rows of the observations by the fresh and by all keyframes, which are ordered by keyframe."""
+        """The plane's surface, with all cells that the fresh keyframes show marked as due; a new surface if the plane
+        has moved. anew, every: rows of the observations by the fresh and by all keyframes, ordered by keyframe."""
         surface, unit = self._surfaces.get(plane.id), self._finder.unit
         if surface is None or moved(surface.judged_at, plane, _MOVED_M * unit):
             surface, looks = Surface(plane, self._config, unit, self._has_floor), every
@@ -112,7 +112,7 @@ class Densifier:
         return surface
 
     def _work(self, planes: list[Plane], snapshot: MapSnapshot, views: Views, budget: int) -> None:
-        """Judge what is due, first on the planes of which the newest keyframe sees most points."""
+        """Judge the due cells. The planes of which the newest keyframe sees most points come first."""
         if not len(views.ids):
             return
         newest = np.zeros(len(snapshot.points_world), np.bool_)

@@ -1,4 +1,4 @@
-"""The surfaces and the ground of a map that will not change any more: of a recording, or out of a file."""
+"""The surfaces and the ground map of a map that will not change any more: from a recording or a file."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,15 +25,15 @@ _ALL_CELLS = 10**9
 
 
 class Cloud(NamedTuple):
-    """points (N, 3) of surface, and what the keyframes show there, (N,) uint8."""
+    """points (N, 3) of surface, and their grey values in the keyframes, (N,) uint8."""
 
     points: Points3
     grey: NDArray[np.uint8]
 
 
 class FinishedMap:
-    """planes: None where the configuration has no dense map, or nothing was mapped. cloud: the spots of its surfaces.
-    note: in what the lengths are given and how the floor was found; empty for a map made with odometry."""
+    """planes: None if the configuration has no dense map, or nothing was mapped. cloud: the spots of its surfaces.
+    note: the unit of length and how the floor was found; empty for a map made with odometry."""
 
     def __init__(
         self, snapshot: MapSnapshot, camera: PinholeCamera, T_base_cam: SE3 | None, config: Config, seed: int = 0
@@ -53,7 +53,7 @@ class FinishedMap:
         self.note = "" if T_base_cam is not None else self._levelled(densifier.unit)
 
     def _levelled(self, unit: float) -> str:
-        """Find the floor; what came of it."""
+        """Find the floor; returns the note."""
         without = "made without odometry, lengths are in the map's own unit"
         self.level = level_of(self.planes or (), self._snapshot, unit) if len(self._snapshot.points_world) else None
         if self.level is None:
@@ -61,8 +61,8 @@ class FinishedMap:
         return f"{without}, of which {unit:.3g} were taken for a metre; the floor is the largest level plane"
 
     def grid(self, trail: Sequence[SE3]) -> OccupancyGrid | None:
-        """The ground map with what is free because the base drove there: trail, T_world_cams. Without odometry in the
-        map's own unit, on the plane that ``level`` tells, without a trail; None where there is none."""
+        """The ground map. trail: T_world_cams of the base's way, which is free. For a map made without odometry it is
+        in the map's own unit, on the plane of ``level``, without the trail; None if no level was found."""
         if self._T_base_cam is None:
             return self._grid_of_level(self.level) if self.level is not None else None
         T_cam_base = self._T_base_cam.inverse()
@@ -83,8 +83,8 @@ class FinishedMap:
         )
 
     def facts(self) -> dict[str, Any]:
-        """The planes, for a file: points x of one have normal . x = offset; extent along its axes right and up; sigma
-        of its tilts about these and of its offset; how many points support it."""
+        """The planes, for a file. Points x of a plane have normal . x = offset. extent: along its axes right and up.
+        sigma: of its tilts about these axes and of its offset. supporters: number of its points."""
         tree: dict[str, Any] = {"unit": "metre" if self._T_base_cam is not None else "map", "note": self.note or None}
         if self.level is not None:
             tree["T_level_world"] = self.level.T_level_world.matrix().tolist()
@@ -111,7 +111,7 @@ def _surfaces(dense: DenseMap, snapshot: MapSnapshot, cell: float) -> Surfaces:
 
 
 def _grey(surfaces: Surfaces, snapshot: MapSnapshot, camera: PinholeCamera) -> NDArray[np.uint8]:
-    """(N,) what each spot's keyframe shows there."""
+    """(N,) grey value of each spot in its keyframe."""
     grey = np.zeros(len(surfaces.points), np.uint8)
     for k in np.unique(surfaces.keyframe).tolist():
         mine = surfaces.keyframe == k

@@ -1,4 +1,4 @@
-"""Gravity and floor of a map made without odometry: from its planes, and from people holding cameras upright."""
+"""Gravity and floor of a map made without odometry: from its planes, and because people hold cameras upright."""
 
 import math
 from collections.abc import Sequence
@@ -14,22 +14,22 @@ from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _ROLL_RAD, _TILT_RAD, _HELD_RAD = math.radians(3.0), math.radians(20.0), math.radians(10.0)
-"""How far a camera in a hand is off the horizon, sideways and ahead, and what all of a map's are off together."""
+"""Standard deviations: roll and tilt of one hand-held camera, and the error of the vertical from all cameras."""
 _ALIGNED_LOG, _MANY_POINTS = 2.0, 100  # by chance one plane in seven is level or vertical
 _ALIGNED_SINE, _LEVEL_COS = math.sin(math.radians(6.0)), math.cos(math.radians(10.0))
-_APART_SINE = math.sin(math.radians(30.0))  # between two walls whose edge tells the vertical
+_APART_SINE = math.sin(math.radians(30.0))  # least angle between two walls whose edge gives the vertical
 _LOWEST_SHARE, _BELOW_M, _UNDER_CAMERAS_M = 0.05, 0.15, 0.1
-"""At most that share of the points is seen farther below a floor; so high above it are the cameras, in a building."""
+"""Most share of the points farther than _BELOW_M below a floor; least height of the cameras above it, in a building."""
 
 
 class Level(NamedTuple):
-    """T_level_world: z up, floor at z = 0, lengths of the map; unit: of what is a metre in a building, in the map."""
+    """T_level_world: z up, floor at z = 0, lengths of the map. unit: length in the map of a metre of the building."""
 
     T_level_world: SE3
     unit: float
 
     def of(self, snapshot: MapSnapshot) -> MapSnapshot:
-        """The snapshot stood upright, its lengths those of a building."""
+        """The snapshot with z up and lengths in metres of the building."""
         poses = tuple((self.T_level_world @ T).scaled(1.0 / self.unit) for T in snapshot.T_world_cams)
         return replace(
             snapshot, T_world_cams=poses, points_world=self.T_level_world @ snapshot.points_world / self.unit
@@ -37,7 +37,7 @@ class Level(NamedTuple):
 
 
 def held_up(T_world_cams: Sequence[SE3]) -> FloatArray:
-    """(3,) up in the world by the cameras alone: people turn and tilt them, and hardly ever roll them."""
+    """(3,) up in the world, from the cameras alone: people turn and tilt cameras, but hardly ever roll them."""
     R = stacked(T_world_cams)[0]
     squares = np.einsum("nik,njk,k->ij", R[:, :, [0, 2]], R[:, :, [0, 2]], [1.0 / _ROLL_RAD**2, 1.0 / _TILT_RAD**2])
     up = np.linalg.eigh(squares)[1][:, 0]
@@ -45,8 +45,8 @@ def held_up(T_world_cams: Sequence[SE3]) -> FloatArray:
 
 
 def gravity(planes: Sequence[Plane], T_world_cams: Sequence[SE3]) -> FloatArray:
-    """(3,) up in the world: the direction near that of the cameras' that makes most planes level or vertical, those
-    of few points counting less."""
+    """(3,) up in the world: the direction, near the cameras' up, that makes most planes level or vertical. Planes with
+    few points count less."""
     held = held_up(T_world_cams)
     normals = np.array([plane.normal for plane in planes]).reshape(-1, 3)
     weights = np.minimum(1.0, np.array([len(plane.points) for plane in planes]) / _MANY_POINTS)
@@ -60,20 +60,20 @@ def gravity(planes: Sequence[Plane], T_world_cams: Sequence[SE3]) -> FloatArray:
 
     up = max(candidates, key=score)
     signs = np.where(np.abs(normals @ up) < 0.5, 1.0, -1.0) * np.where(aligned(normals, up), weights, 0.0)
-    few = 0.1 * weights.sum() * (np.eye(3) - np.outer(up, up))  # where one plane alone leaves a turn open
+    few = 0.1 * weights.sum() * (np.eye(3) - np.outer(up, up))  # one plane alone does not determine all rotations
     better = np.linalg.eigh(np.einsum("n,ni,nj->ij", signs, normals, normals) + few)[1][:, 0] if len(planes) else up
     return np.asarray(better * math.copysign(1.0, better @ held))
 
 
 def aligned(normals: FloatArray, up: FloatArray) -> BoolArray:
-    """(N,) which planes are level or vertical, as most of those that people build."""
+    """(N,) which planes are level or vertical, as most planes in buildings are."""
     level = np.linalg.norm(np.cross(normals, up), axis=-1) < _ALIGNED_SINE
     return np.asarray((np.abs(normals @ up) < _ALIGNED_SINE) | level)
 
 
 def level_of(planes: Sequence[Plane], snapshot: MapSnapshot, unit: float) -> Level | None:
-    """How to stand a map upright: on its largest level plane below all cameras with hardly a point under it. None
-    without one."""
+    """The level frame of a map: its floor is the largest level plane below all cameras with hardly a point under it.
+    None if there is no such plane."""
     up = gravity(planes, snapshot.T_world_cams)
     cameras = stacked(snapshot.T_world_cams)[1]
     for plane in sorted(planes, key=lambda plane: -len(plane.points)):
@@ -87,7 +87,7 @@ def level_of(planes: Sequence[Plane], snapshot: MapSnapshot, unit: float) -> Lev
 def _standing(floor: Plane, T_world_cam: SE3) -> SE3:
     """T_level_world with the floor at z = 0, a camera above the origin, looking along x."""
     z = floor.normal
-    forward = T_world_cam.rotation[:, 2] - T_world_cam.rotation[:, 1]  # of a camera that looks down, too
+    forward = T_world_cam.rotation[:, 2] - T_world_cam.rotation[:, 1]  # also right for a camera that looks down
     y = np.cross(z, forward)
     y /= np.linalg.norm(y)
     R = np.array([np.cross(y, z), y, z])

@@ -1,5 +1,5 @@
-"""The ground map of one run: what is seen, driven, bumped and known to be surface, in the map as it is now. Cells of
-surface are spots tied to the keyframes they were judged in, so that they move with a map that is adjusted."""
+"""The ground map of one run, from points, trail, bumps and surfaces in the current map. Surface cells are spots tied to
+the keyframes they were judged in, so they move when the map is adjusted."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class AnchoredSurface(NamedTuple):
 
     @staticmethod
     def of(dense: DenseMap, snapshot: MapSnapshot, cell_m: float) -> AnchoredSurface:
-        """The middles of the quarters of all cells of a dense map; snapshot: the one it was made of."""
+        """The centres of the quarters of all cells of a dense map. snapshot: the one it was made of."""
         spots, sigma = np.zeros((len(dense.cells.plane), 4, 3)), np.zeros(len(dense.cells.plane))
         for plane in dense.planes:
             mine = dense.cells.plane == plane.id
@@ -49,7 +49,7 @@ class AnchoredSurface(NamedTuple):
         return AnchoredSurface(in_camera, snapshot.keyframe_ids[keyframe].astype(np.int64), np.repeat(sigma, 4))
 
     def surfaces(self, snapshot: MapSnapshot) -> Surfaces:
-        """Where they are in a snapshot of the same map, later or not; those of keyframes that are gone are left out."""
+        """The spots in any snapshot of the same map. Spots whose keyframe was removed are left out."""
         if not len(snapshot.keyframe_ids):
             return Surfaces.none()
         index = np.minimum(np.searchsorted(snapshot.keyframe_ids, self.keyframe), len(snapshot.keyframe_ids) - 1)
@@ -60,7 +60,7 @@ class AnchoredSurface(NamedTuple):
 
 
 def _off_plane(plane: Plane, points: Points3) -> FloatArray:
-    """(N,) standard deviation [m] of the plane's place along its normal, at points on it."""
+    """(N,) standard deviation [m] of the plane's position along its normal, at points on it."""
     middle = np.array([0.5 * (plane.extent[0] + plane.extent[1]), 0.5 * (plane.extent[2] + plane.extent[3])])
     right, up = (plane.coordinates(points) - middle).T
     lever = np.column_stack([up, -right, np.ones(len(points))])
@@ -68,8 +68,8 @@ def _off_plane(plane: Plane, points: Points3) -> FloatArray:
 
 
 class MappedGround:
-    """``moved``, ``bumped`` and ``pushed`` as it happens, from any thread, which never waits for a map to be built;
-    ``dense`` when surfaces are known anew, then ``grid``, from one."""
+    """Any thread may call ``moved``, ``bumped`` and ``pushed`` when they happen; they never wait while a grid is built.
+    One thread sets ``dense`` when there are new surfaces, and then calls ``grid``."""
 
     def __init__(self, config: Config) -> None:
         self._ground_map = GroundMap(config.ground_map, config.robot)
@@ -84,11 +84,11 @@ class MappedGround:
         self._news += [(now_ns, partial(self._trail.add, pose)), (now_ns, partial(self._suspected.moved, pose))]
 
     def bumped(self, pose: SE2) -> None:
-        """The bumper is pressed here [m]: there is something, for good."""
+        """The bumper is pressed here [m]: a permanent obstacle."""
         self._news.append((None, partial(self._bumps.add, pose)))
 
     def pushed(self, pose: SE2, now_ns: int) -> None:
-        """The wheels turn here [m] in vain: there may be something ahead, for a while."""
+        """The wheels turn here [m] without moving the base: an obstacle is suspected ahead, for some time."""
         self._news.append((now_ns, partial(self._suspected.pushed, pose, now_ns)))
 
     def _take_over(self) -> None:
@@ -98,12 +98,12 @@ class MappedGround:
             self._now_ns = self._now_ns if now_ns is None else now_ns
 
     def state(self) -> dict[str, FloatArray]:
-        """What was driven and bumped, for ``restore``; surfaces are found again from the map, and pushes forgotten."""
+        """Start, trail and bumps, for ``restore``. Surfaces are found again from the map; pushes are forgotten."""
         self._take_over()
         return {"start": self.start.as_array(), "trail": self._trail.state(), "bumps": self._bumps.state()}
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
-        """Go on from what ``state`` gave. Raises InputError for anything else."""
+        """Continue from a ``state``. Raises InputError for anything else."""
         try:
             self.start = SE2(*(float(x) for x in state["start"]))
             self._trail.restore(state["trail"])
@@ -113,18 +113,17 @@ class MappedGround:
 
     @property
     def counts(self) -> tuple[int, int, int]:
-        """How many poses were driven through, bumped and pushed at; with the snapshot they say whether the grid has
-        changed."""
+        """Numbers of trail poses, bumps and active pushes. If these and the snapshot are the same, so is the grid."""
         self._take_over()
         return len(self._trail), len(self._bumps), self._suspected.count(self._now_ns)
 
     def trail(self, snapshot: MapSnapshot) -> list[SE2]:
-        """The poses driven through, in the map of a snapshot."""
+        """The driven poses, in the map of a snapshot."""
         self._take_over()
         return self._trail.poses(snapshot.keyframe_ids, snapshot.T_world_cams)
 
     def grid(self, snapshot: MapSnapshot, with_surfaces: bool = True) -> OccupancyGrid:
-        """The map of a snapshot; without surfaces it is the paper's sparse one."""
+        """The ground map of a snapshot; without surfaces, the sparse one of the paper."""
         self._take_over()
         keyframes = snapshot.keyframe_ids, snapshot.T_world_cams
         touched = self._bumps.poses(*keyframes) + self._suspected.poses(self._now_ns, *keyframes)

@@ -1,8 +1,8 @@
-"""Photo-consistency of cells: the second best correlation over several keyframes, against that at other depths.
+"""Photo-consistency of cells: the second best correlation over several keyframes, compared with that at other depths.
 
-Paper 5.1, after Argiles, Civera, Montesano (IROS 2011). A high correlation alone does not tell a surface from the floor
-seen through a gap, where the picture runs along the motion: what is alike at the plane's depth must be less alike in
-front of it and behind."""
+Paper 5.1, after Argiles, Civera, Montesano (IROS 2011). Where the texture runs along the motion, the floor seen through
+a gap can correlate as highly as a surface. So the correlation must be higher at the plane's depth than in front of it
+and behind it."""
 
 import math
 from typing import NamedTuple
@@ -20,16 +20,16 @@ from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.vision.pyramid import layout
 
-_STORE_WIDTH_PX = 320  # images are kept at about this width: a cell at 4.5 m has 5 px of it
-_RIVAL_DEPTHS = np.array([0.65, 0.8, 1.2, 1.5])  # of the cell's own: as good there, it is not believed
-_ENOUGH_PARALLAX_DEG, _APART_DEG = 8.0, 1.0  # more is no better; views nearer to each other are one
-_HOPELESS_ZNCC = 0.5  # correlation with the first view below which no more is computed
-_REFUTED_ZNCC, _REFUTED_TEXTURE, _CARVED_VOTES = 0.4, 5.0, 1  # against a cell; grey levels; rays through it
+_STORE_WIDTH_PX = 320  # images are stored at about this width: a cell at 4.5 m is 5 px wide
+_RIVAL_DEPTHS = np.array([0.65, 0.8, 1.2, 1.5])  # times the cell's depth; as good there, a cell is not believed
+_ENOUGH_PARALLAX_DEG, _APART_DEG = 8.0, 1.0  # more is no better; views closer than this count as one
+_HOPELESS_ZNCC = 0.5  # below this correlation with the first view, no other is computed
+_REFUTED_ZNCC, _REFUTED_TEXTURE, _CARVED_VOTES = 0.4, 5.0, 1  # evidence against a cell; grey levels; rays through it
 
 
 class Judgement(NamedTuple):
-    """Of cells, (N,) or (W, H) each: texture [grey levels], score and rival (ZNCC at the cell, and at the best of other
-    depths), views: how many compared, keyframe: id of the reference, -1 where nobody sees it."""
+    """Arrays over cells, (N,) or (W, H). texture [grey levels]. score, rival: ZNCC at the cell, and at the best of the
+    other depths. views: number compared. keyframe: id of the reference, -1 if no keyframe sees the cell."""
 
     texture: FloatArray
     score: FloatArray
@@ -38,19 +38,20 @@ class Judgement(NamedTuple):
     keyframe: NDArray[np.int64]
 
     def consistent(self, config: DenseConfig) -> BoolArray:
-        """Cells that look alike at the plane's depth and less so at others, in enough keyframes beside its own."""
+        """Cells that look alike at the plane's depth and less alike at others, in enough other keyframes."""
         alike = (self.texture >= config.min_texture) & (self.score >= config.accept_zncc)
         return np.asarray(alike & (self.score > self.rival + config.rival_margin) & (self.views >= config.min_views))
 
     def refuted(self, passing: IntArray) -> BoolArray:
-        """Cells where the plane is not: textured and unlike, or looked through by any of ``passing`` keyframes."""
+        """Cells that are not on the plane: textured and unlike, or with rays through them. passing: how many keyframes
+        look through each."""
         unlike = (self.texture >= _REFUTED_TEXTURE) & (self.views >= 3) & (self.score < _REFUTED_ZNCC)
         return np.asarray(unlike | (passing >= _CARVED_VOTES))
 
 
 class KeyframeImages:
-    """Undistorted image pyramids of the living keyframes, from a quarter of the pixels down: a cell's samples are some
-    two pixels apart at arm's length and never need more."""
+    """Undistorted image pyramids of the keyframes in the map, from about 320 px width down. Finer levels are never
+    needed: at arm's length a cell's samples are about two pixels apart."""
 
     def __init__(self, camera: PinholeCamera) -> None:
         shrink = max(0, round(math.log2(camera.width / _STORE_WIDTH_PX)))
@@ -65,7 +66,7 @@ class KeyframeImages:
         self._slot: dict[int, int] = {}
 
     def views(self, snapshot: MapSnapshot, count: int) -> Views:
-        """The first ``count`` keyframes of a snapshot; images of those no longer living are forgotten."""
+        """The first ``count`` keyframes of a snapshot. Images of removed keyframes are dropped."""
         ids = snapshot.keyframe_ids[:count]
         living = set(snapshot.keyframe_ids.tolist())
         self._slot = {number: slot for number, slot in self._slot.items() if number in living}
@@ -99,8 +100,8 @@ class KeyframeImages:
 
 
 def judge(views: Views, frame: FloatArray, centres: Points3, config: DenseConfig, unit: float) -> Judgement:
-    """What the keyframes say about cells of a plane. frame (3, 3): its right, up and normal; centres (N, 3) world;
-    unit: length of a metre in the map."""
+    """Judge cells of a plane in the keyframes. frame (3, 3): its right, up and normal. centres (N, 3): world. unit:
+    length of a metre in the map."""
     steep, least, most, apart = (
         math.cos(math.radians(angle))
         for angle in (config.max_incidence_deg, config.min_parallax_deg, config.max_parallax_deg, _APART_DEG)

@@ -1,4 +1,4 @@
-"""The planes of the map, kept up to date while it grows (paper 5.1: dominant planes of the sparse map by J-linkage)."""
+"""The planes of the map, updated while it grows (paper 5.1: dominant planes of the sparse map by J-linkage)."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -17,20 +17,20 @@ from vsx_ros.kernels.dense.plane_fits import in_plane_axes
 from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, point_information
 from vsx_ros.slam.snapshot import MapSnapshot
 
-_MOVED_M = 0.01  # in a building; points that moved less are the same ones for the planes
-_CHANGED = 0.05  # share of a tile's points; with less new or moved, its planes stay
-_TYPICAL_RANGE_M = 2.0  # in rooms; where the map is not metric, its median range is taken for this
-_NOISE_ROUNDS, _LIMIT_SIGMAS = 3, 4.0  # of estimating the noise and finding the planes by it; beyond, no noise
-_FLOOR_GATE, _FLOOR_LIMIT_M = 3.0, 0.05  # standard deviations, but never so high that an obstacle begins (6 cm)
+_MOVED_M = 0.01  # points that moved less count as unchanged
+_CHANGED = 0.05  # share of a tile's points; if fewer are new or moved, its planes stay
+_TYPICAL_RANGE_M = 2.0  # in rooms; a map that is not metric is scaled so that its median range is this
+_NOISE_ROUNDS, _LIMIT_SIGMAS = 3, 4.0  # of estimating noise and finding planes with it; larger deviations are no noise
+_FLOOR_GATE, _FLOOR_LIMIT_M = 3.0, 0.05  # standard deviations, but below the height where obstacles begin (6 cm)
 _FLOOR_ID, _FLOOR_NORMAL = 0, np.array([0.0, 0.0, 1.0])  # the floor is plane number 0, z = 0 in the world
 _FLOOR_COVARIANCE = np.diag([0.01, 0.01, 0.01]) ** 2  # tilts [rad2], offset [m2]
-_EXTENT_SHARE = 0.005  # of the points left out at each end: outliers would stretch the plane
+_EXTENT_SHARE = 0.005  # share of points left out at each end: outliers would stretch the plane
 
 Key = tuple[int, ...]
 
 
 class _Tile(NamedTuple):
-    """What a tile was made of, and the planes found in it with their points' ids."""
+    """The points of a tile, and the planes found in it with their points' ids."""
 
     ids: IntArray
     world: Points3
@@ -38,11 +38,11 @@ class _Tile(NamedTuple):
 
 
 class PlaneFinder:
-    """``update`` with each snapshot of one growing map; only tiles whose points moved or changed are done again.
+    """Call ``update`` with each snapshot of one growing map. It recomputes only tiles whose points moved or changed.
 
-    With a floor (a map made with odometry) z is up, z = 0 the floor, lengths are metres, and planes are vertical or
-    level. Without, planes have any direction and lengths are told by the typical distance of the points.
-    common_sigma_m: how far points are off besides their own noise, as the planes of the last update told."""
+    With a floor (a map made with odometry) z is up, z = 0 is the floor, lengths are metres, and planes are vertical or
+    level. Without, planes have any direction, and the typical distance of the points gives the scale.
+    common_sigma_m: noise that points have besides their own, estimated from the planes of the last update."""
 
     def __init__(self, focal_px: float, config: PlanesConfig, has_floor: bool, seed: int = 0) -> None:
         self._focal_px = focal_px
@@ -58,12 +58,12 @@ class PlaneFinder:
 
     @property
     def unit(self) -> float:
-        """Length of a metre in the map; 1 where it has a floor, else guessed when the first points come."""
+        """Length of a metre in the map: 1 if it has a floor, else estimated from the first points."""
         return self._unit if self._unit is not None else 1.0
 
     def update(self, snapshot: MapSnapshot) -> tuple[Plane, ...]:
-        """The planes of the snapshot, the floor first, then those of most points. Ids last while most of a plane's
-        points do."""
+        """The planes of the snapshot: the floor first, then those with most points. A plane keeps its id while most of
+        its points remain."""
         points = observed_points(snapshot, self._focal_px, self._config.noise_px)
         if not len(points.world):
             return ()
@@ -78,7 +78,7 @@ class PlaneFinder:
             self._redo(candidates, up, noise)
             tiled = (plane for key in sorted(self._tiles) for plane in self._tiles[key].planes)
             pieces = (Found(fit, _rows_of(ids, candidates.ids)) for fit, ids in tiled)
-            still = [piece for piece in pieces if len(piece.rows)]  # a tile is not done again for few points that went
+            still = [piece for piece in pieces if len(piece.rows)]  # a tile stays when few of its points were removed
             found = merged(still, candidates, self._config.min_points, noise, self._unit)
             self.common_sigma_m = common_sigma(found, candidates, used, self._config, self._unit)
             if self.common_sigma_m == used:
@@ -106,7 +106,7 @@ class PlaneFinder:
         return Noise(sigma, config.inlier_sigmas, max(config.max_distance_m * self.unit, _LIMIT_SIGMAS * sigma))
 
     def _redo(self, points: ObservedPoints, up: FloatArray, noise: Noise) -> None:
-        """Find the planes of tiles, half overlapping, whose points are no longer what they were."""
+        """Find the planes of the half-overlapping tiles whose points have changed."""
         fresh: dict[Key, _Tile] = {}
         for key, rows in _tiled(points.world[:, : 2 if self._has_floor else 3], 0.5 * self._config.tile_m * self.unit):
             old = self._tiles.get(key)
@@ -119,8 +119,8 @@ class PlaneFinder:
         self._tiles = fresh
 
     def _numbers(self, found: list[Found], points: ObservedPoints) -> list[int]:
-        """An id for each plane: that of the earlier plane with which it shares at least half of the points of the
-        smaller one; each id once."""
+        """An id for each plane, each id once. A plane takes the id of an earlier one if they share at least half of
+        the points of the smaller one."""
         owner = np.zeros(len(points.ids), np.int64)
         _, now, before = np.intersect1d(points.ids, self._ids, assume_unique=True, return_indices=True)
         owner[now] = self._owner[before]
@@ -160,12 +160,12 @@ def _plane(
 
 
 def observed_points(snapshot: MapSnapshot, focal_px: float, noise_px: float) -> ObservedPoints:
-    """All points of the snapshot, row by row. noise_px: standard deviation of an observation at level 0."""
+    """All points of the snapshot, in its row order. noise_px: standard deviation of an observation at level 0."""
     world = np.ascontiguousarray(snapshot.points_world)
     _, centres = stacked(snapshot.T_world_cams)
     noise = np.asarray(noise_px / focal_px * 2.0**snapshot.obs_level, np.float64)
     information, rays, distances = point_information(world, centres, snapshot.obs_keyframe, snapshot.obs_point, noise)
-    # Observations along one ray leave the depth open: it is then known to 10 m, no worse.
+    # Observations along one ray do not determine the depth; its standard deviation is then 10 m.
     covariances = np.asarray(np.linalg.inv(information + 1e-2 * np.eye(3)), np.float64)
     views = rays / np.maximum(np.linalg.norm(rays, axis=1), 1e-9)[:, None]
     sigma = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
@@ -176,15 +176,15 @@ def observed_points(snapshot: MapSnapshot, focal_px: float, noise_px: float) -> 
 
 
 def _rows_of(ids: IntArray, among: IntArray) -> IntArray:
-    """Rows of those ids that are still among the ascending ones."""
+    """Rows in ``among`` (ascending) of those ids that it still holds."""
     rows = np.searchsorted(among, ids)
     inside = rows < len(among)
     return np.asarray(rows[inside][among[rows[inside]] == ids[inside]])
 
 
 def _tiled(points: FloatArray, stride: float) -> Iterator[tuple[Key, IntArray]]:
-    """The tiles, two strides wide, of (N, 2 or 3) points, in ascending order, with the ascending rows of their points;
-    each point is in every tile that covers it."""
+    """The tiles of (N, 2 or 3) points in ascending order, each with the ascending rows of its points. Tiles are two
+    strides wide; each point is in every tile that covers it."""
     steps = np.floor(points / stride).astype(np.int64)
     shifts = np.indices((2,) * points.shape[1]).reshape(points.shape[1], -1).T
     every = np.concatenate([steps - shift for shift in shifts])
@@ -197,8 +197,8 @@ def _tiled(points: FloatArray, stride: float) -> Iterator[tuple[Key, IntArray]]:
 
 
 def _changed(old: _Tile, points: ObservedPoints, rows: IntArray, noise: Noise, min_points: int) -> bool:
-    """Whether more than a few of the tile's points (rows) are new, gone or elsewhere, or enough for another plane are
-    where none of the tile's planes is."""
+    """Whether more than a few of the tile's points (rows) are new, removed or moved, or enough new or moved ones for
+    another plane lie on none of the tile's planes."""
     ids, world = points.ids[rows], points.world[rows]
     place = np.minimum(np.searchsorted(old.ids, ids), len(old.ids) - 1)
     known = old.ids[place] == ids

@@ -1,4 +1,4 @@
-"""Planes of overlapping tiles made into planes of the map."""
+"""Merges planes of overlapping tiles into planes of the map."""
 
 import math
 from typing import NamedTuple
@@ -12,15 +12,15 @@ from vsx_ros.dense.planes import Fit, fit_plane, on_plane
 from vsx_ros.kernels.dense.plane_fits import in_plane_axes
 from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, beside, best_planes, deviations
 
-_MAX_ANGLE_COS = math.cos(math.radians(12.0))  # pieces of one wall in two tiles, each of few points, differ by less
-_SAME_SHARE, _MIN_OWN = 0.8, 0.5  # of a piece's points on the common plane; of the points on a plane
-_GAP_M, _MARGIN_M = 1.5, 0.3  # a door's width and more parts two planes; around a box its plane may still own points
-_CELL_M, _COMPANY, _COMPACT_SHARE = 0.25, 4, 0.7  # these and eight around are company; share with company
-_MANY_POINTS, _DENSE_PER_M2 = 40, 20.0  # always enough, or so many on each square metre
-_AROUND_M, _ALONE_SHARE = 0.5, 0.7  # before and behind; share of the points there that are its own
+_MAX_ANGLE_COS = math.cos(math.radians(12.0))  # pieces of one wall in two tiles, with few points each, differ by less
+_SAME_SHARE, _MIN_OWN = 0.8, 0.5  # of a piece's points on the common plane; of the points on a plane, its own
+_GAP_M, _MARGIN_M = 1.5, 0.3  # more than a door's width separates two planes; a plane may own points around its box
+_CELL_M, _COMPANY, _COMPACT_SHARE = 0.25, 4, 0.7  # least points in a cell and its 8 neighbours; share of such points
+_MANY_POINTS, _DENSE_PER_M2 = 40, 20.0  # always enough, or this many per square metre
+_AROUND_M, _ALONE_SHARE = 0.5, 0.7  # in front and behind; share of the points there that are the plane's own
 _GROUP = np.dtype("i8, 3f8, 3f8, (2, 3)f8, (2, 2)f8")
 _GROUP.names = "attitude", "normal", "middle", "axes", "box"
-"""Planes side by side, to leave out at once those that another cannot join: a building has hundreds of them."""
+"""Table of planes, to exclude at once those that a piece cannot join: a building has hundreds of planes."""
 
 
 class Found(NamedTuple):
@@ -31,7 +31,7 @@ class Found(NamedTuple):
 
 
 def merged(pieces: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[Found]:
-    """The planes of all tiles, each once, each point on the one it fits best, those of most points first."""
+    """The planes of all tiles, each once, those with most points first. Each point is on the plane it fits best."""
     groups: list[Found] = []
     table = np.zeros(len(pieces), _GROUP)
     for piece in sorted(pieces, key=lambda piece: -len(piece.rows)):
@@ -51,7 +51,7 @@ def merged(pieces: list[Found], points: ObservedPoints, min_points: int, noise: 
 
 
 def _near(table: NDArray[np.void], piece: Found, points: ObservedPoints, noise: Noise, unit: float) -> IntArray:
-    """The groups of a table, in order, that lie in the plane of a piece and may touch it."""
+    """Indices, ascending, of the groups in a table that lie in the plane of a piece and may touch it."""
     low, high = points.world[piece.rows].min(axis=0), points.world[piece.rows].max(axis=0)
     alike = table["normal"] @ piece.fit.normal >= _MAX_ANGLE_COS
     k = np.flatnonzero(alike & (table["attitude"] == piece.fit.attitude))
@@ -63,7 +63,7 @@ def _near(table: NDArray[np.void], piece: Found, points: ObservedPoints, noise: 
 
 
 def _joined(a: Found, b: Found, points: ObservedPoints, noise: Noise, unit: float) -> Found | None:
-    """Both, near each other's planes, as one plane; None when they lie apart or no plane holds both."""
+    """Two groups joined to one plane; None if they lie apart or no plane fits both."""
     axes = in_plane_axes(a.fit.normal)
     one, other = points.world[a.rows] @ axes.T, points.world[b.rows] @ axes.T
     gap = np.maximum(one.min(axis=0) - other.max(axis=0), other.min(axis=0) - one.max(axis=0))
@@ -80,8 +80,8 @@ def _joined(a: Found, b: Found, points: ObservedPoints, noise: Noise, unit: floa
 
 
 def _distinct(groups: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[Found]:
-    """The groups, of most points first, without those whose points mostly lie on earlier ones, too: as far as their
-    noise tells it is the same surface, and each would take points from the other until neither is left."""
+    """The groups, those with most points first, without those whose points mostly lie on earlier ones. Within the noise
+    these are the same surface; each would take points from the other until neither is left."""
     explained, kept = np.zeros(len(points.world), np.bool_), list[Found]()
     for group in sorted(groups, key=lambda group: -len(group.rows)):
         if np.count_nonzero(~explained[group.rows]) < max(min_points, _MIN_OWN * len(group.rows)):
@@ -93,8 +93,8 @@ def _distinct(groups: list[Found], points: ObservedPoints, min_points: int, nois
 
 
 def _shared_out(groups: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[Found]:
-    """Every point to the plane it fits best; planes refitted, split where they are interrupted, and dropped where
-    others explain most of their points."""
+    """Assign every point to the plane it fits best. Refit the planes, split them at gaps, and drop those of which
+    others explain most points."""
     out = []
     for group, own in zip(groups, _owners(groups, points, min_points, noise, unit)):
         for part in _pieces(points.world[own] @ in_plane_axes(group.fit.normal).T, _GAP_M * unit):
@@ -105,8 +105,8 @@ def _shared_out(groups: list[Found], points: ObservedPoints, min_points: int, no
 
 
 def _owners(groups: list[Found], points: ObservedPoints, min_points: int, noise: Noise, unit: float) -> list[IntArray]:
-    """The rows that fit each group best. Of the groups that have too few, the smallest leaves its points to the others:
-    planes that cross a small face take enough of its points to spoil it, and are none themselves."""
+    """The rows that fit each group best. Groups with too few points give them to the others, the smallest group first:
+    wrong planes that cross a small face would take too many of its points."""
     if not groups:
         return []
     axes = np.array([in_plane_axes(group.fit.normal) for group in groups])
@@ -120,8 +120,8 @@ def _owners(groups: list[Found], points: ObservedPoints, min_points: int, noise:
 def _standing(
     guess: Fit, rows: IntArray, points: ObservedPoints, min_points: int, noise: Noise, unit: float
 ) -> Found | None:
-    """The plane near a guess made of the points (rows), with or without those that lie alone; None if neither is one.
-    Without, where few do: they would make it larger than it is."""
+    """The plane near a guess through the points (rows), with or without isolated points; None if neither is a plane.
+    If few points are isolated, it tries without them first: they would make the plane too large."""
     if len(rows) < min_points:
         return None
     core = rows[_in_company(points.world[rows] @ in_plane_axes(guess.normal).T, unit)]
@@ -134,7 +134,7 @@ def _standing(
 
 
 def _in_company(coordinates: FloatArray, unit: float) -> BoolArray:
-    """(N,) which points have some others around them: in their own cell and those that touch it."""
+    """(N,) which points have enough others around them, in their own cell and the eight around it."""
     cells = np.floor(coordinates / (_CELL_M * unit)).astype(np.int64)
     cells -= cells.min(axis=0) - 1
     counts = np.zeros(cells.max(axis=0) + 2)
@@ -144,9 +144,9 @@ def _in_company(coordinates: FloatArray, unit: float) -> BoolArray:
 
 
 def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> bool:
-    """Whether the plane's own points make it one: spread in two directions; many, many on each square metre, or nearly
-    alone before and behind, as few among others lie on some plane by chance; and most of the points that lie on it
-    where they are."""
+    """Whether the plane's own points are enough. They must spread in two directions and be at least half of the points
+    on the plane there. They must be many, dense, or nearly alone in front and behind: a few points among others may lie
+    on a plane by chance."""
     if not is_plane(found.fit, noise):
         return False
     own, (low, high) = len(found.rows), _box(found, points, 0.0)
@@ -160,7 +160,7 @@ def _stands(found: Found, points: ObservedPoints, noise: Noise, unit: float) -> 
 
 
 def _box(found: Found, points: ObservedPoints, margin: float) -> FloatArray:
-    """(2, 2) least and greatest coordinates of the plane's own points along its axes, with a margin [m] around."""
+    """(2, 2) least and greatest coordinates of the plane's own points along its axes, extended by a margin [m]."""
     own = points.world[found.rows] @ in_plane_axes(found.fit.normal).T
     return np.array([own.min(axis=0) - margin, own.max(axis=0) + margin])
 

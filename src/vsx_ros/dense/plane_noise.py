@@ -1,4 +1,4 @@
-"""The noise that neighbouring points of the map have in common, seen in how they scatter about the planes."""
+"""The noise that neighbouring map points share, estimated from their scatter about the planes."""
 
 import numpy as np
 
@@ -8,17 +8,18 @@ from vsx_ros.dense.plane_merging import Found
 from vsx_ros.kernels.dense.plane_fits import in_plane_axes
 from vsx_ros.kernels.dense.planes import ObservedPoints, beside, residuals
 
-_STEP, _STEPS = 1.25, 6  # the estimate is one of a few, so that it does not change with every point
-_LOOK_M = 0.08  # before and behind; what is farther off is something else
-_LEAST_POINTS = 60  # on planes; of fewer the noise is not told
-_SHARES = np.array([0.5, 0.7, 0.85, 0.95])  # of the points near a plane that may be its own
+_STEP, _STEPS = 1.25, 6  # the estimate is one of a few values, so that it does not change with every point
+_LOOK_M = 0.08  # in front and behind; points farther off belong to something else
+_LEAST_POINTS = 60  # on planes; with fewer the noise is not estimated
+_SHARES = np.array([0.5, 0.7, 0.85, 0.95])  # possible shares of a plane's own points among those near it
 
 
 def common_sigma(found: list[Found], points: ObservedPoints, before: float, config: PlanesConfig, unit: float) -> float:
-    """Standard deviation [m] that explains best how points lie about their planes, with their own noise.
+    """Standard deviation [m] that, with the points' own noise, explains best how points scatter about their planes.
 
-    Near a plane a share of the points is its own, normal, the others lie anywhere: the likeliest share and noise, for
-    all planes together. Never less than the configuration's; ``before`` where there are too few planes."""
+    Near a plane a share of the points is its own, normally distributed; the others are uniform. Returns the noise of
+    the likeliest pair of share and noise for all planes together. Never less than the configuration's; ``before`` if
+    the planes have too few points."""
     if sum(len(plane.rows) for plane in found) < _LEAST_POINTS:
         return before
     choices = config.floor_sigma_m * _STEP ** np.arange(_STEPS)
@@ -29,7 +30,7 @@ def common_sigma(found: list[Found], points: ObservedPoints, before: float, conf
 
 
 def _about(plane: Found, points: ObservedPoints, limit: float) -> tuple[FloatArray, FloatArray]:
-    """Distances to a plane of the points before and behind it, and their own variances along its normal."""
+    """Distances to a plane of the points in front of it and behind, and their own variances along its normal."""
     axes = in_plane_axes(plane.fit.normal)
     own = points.world[plane.rows] @ axes.T
     rows = beside(points.world, axes, own.min(axis=0), own.max(axis=0))

@@ -1,5 +1,5 @@
-"""The planes of one tile of the map: planes through a few near points, drawn at random; of these J-linkage (Toldo and
-Fusiello, ECCV 2008) lets the points choose; then refinement."""
+"""The planes of one tile of the map: hypotheses through a few near points drawn at random, clusters of points by
+J-linkage (Toldo and Fusiello, ECCV 2008), then refinement."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,19 +12,19 @@ from vsx_ros.kernels.dense.jlinkage import WORD, agglomerate
 from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, first_accepted, plane_preferences
 
 _MAX_WORDS = 65535 // WORD  # the kernel counts bits in 16-bit numbers
-_TRIES = 24  # random partners of a point of which the nearer are taken for a hypothesis
-_LEVEL_SHARE = 0.1  # of the hypotheses are level planes: tables and boxes have few points, walls many
-_MIN_FACING, _MIN_SINE = 0.05, 0.25  # cosine and sine: planes seen edge-on, and points nearly in line, fix no plane
-_PASSES, _MIN_NEW = 2, 0.5  # the second among what the first left; share of its points new
-_VOXEL_M = 0.10  # one point of each is enough: posters have hundreds
-_MIN_SPREAD_M, _MAX_TILT_SIGMA_RAD = 0.03, 0.12  # at a floor noise of 1 cm; else the tilt is a guess
+_TRIES = 24  # random candidates for a point's partner in a hypothesis; near ones are accepted more often
+_LEVEL_SHARE = 0.1  # share of level hypotheses: tables and boxes have few points, walls many
+_MIN_FACING, _MIN_SINE = 0.05, 0.25  # cosine and sine: an edge-on view, or points nearly in line, give no plane
+_PASSES, _MIN_NEW = 2, 0.5  # the second uses the points left by the first; least share of new points of a plane
+_VOXEL_M = 0.10  # one point per voxel is enough: posters have hundreds
+_MIN_SPREAD_M, _MAX_TILT_SIGMA_RAD = 0.03, 0.12  # at a floor noise of 1 cm; else the tilt is too uncertain
 
 
 def cluster(preferences: NDArray[np.uint64]) -> NDArray[np.int64]:
     """(N,) labels from 0, -1 for points that prefer no model.
 
-    preferences: (N, W), bit h of a row set where the point prefers model h. Of equally near clusters those of smaller
-    rows merge first, so that the order of the points does not matter. Labels are in the order of their first points.
+    preferences: (N, W), bit h of a row is set if the point prefers model h. Among equally near clusters those with
+    smaller rows merge first, so the order of the points does not matter. Labels are in the order of their first points.
     Raises InputError for rows of more than 65472 models or of another type."""
     preferences = np.asarray(preferences)
     if preferences.ndim != 2 or preferences.dtype != np.uint64 or preferences.shape[1] > _MAX_WORDS:
@@ -36,7 +36,7 @@ def cluster(preferences: NDArray[np.uint64]) -> NDArray[np.int64]:
     willing = np.flatnonzero(preferences.any(axis=1))
     if not len(willing):
         return labels
-    # Equal rows are at distance 0 and merge first; what is left has an order of its own.
+    # Equal rows are at distance 0 and merge first; the remaining rows are sorted.
     rows, inverse = np.unique(preferences[willing], axis=0, return_inverse=True)
     into = agglomerate(rows)
     while not np.array_equal(into, into[into]):
@@ -49,14 +49,14 @@ def cluster(preferences: NDArray[np.uint64]) -> NDArray[np.int64]:
 def _partners(
     points: ObservedPoints, first: IntArray, across: int, sigma_m: float, apart_m: float, rng: np.random.Generator
 ) -> IntArray:
-    """(M,) for each point another one at a distance d with probability exp(-d^2 / sigma^2), farther away than its
-    noise; -1 where none was drawn. across: how many coordinates the least distance counts."""
+    """(M,) for each point a partner, accepted at distance d with probability exp(-d^2 / sigma^2) and only if farther
+    away than the noise; -1 if none was accepted. across: how many coordinates the least distance counts."""
     candidates = rng.integers(len(points.world), size=(len(first), _TRIES))
     return first_accepted(points, first, candidates, rng.random(candidates.shape), across, sigma_m, apart_m)
 
 
 def _facing(points: ObservedPoints, normals: FloatArray, through: list[IntArray]) -> FloatArray:
-    """(M, 4) planes through their first points, turned to those who saw it; NaN where others saw them from behind."""
+    """(M, 4) planes through their first points, facing its observers; NaN if another point's observers do not."""
     side = (points.views[through[0]] * normals).sum(axis=1)
     normals = normals * np.where(side < 0.0, -1.0, 1.0)[:, None]
     for rows in through:
@@ -71,8 +71,8 @@ def draw_hypotheses(
 ) -> tuple[FloatArray, IntArray]:  # fmt: skip
     """(M, 4) unit normals and offsets, and (M,) their Attitude; at most ``count`` of them.
 
-    up: (3,), exactly where tied. Level planes go through one point, vertical ones through two; where not tied, half of
-    all go through three, and every plane may tilt afterwards."""
+    up: (3,), exact if tied. Level planes go through one point, vertical ones through two. If not tied, half of all
+    planes go through three points, and every plane may tilt afterwards."""
     first, number = rng.integers(len(points.world), size=count), np.arange(count)
     level = number < _LEVEL_SHARE * count
     second = _partners(points, first, 2 if tied else 3, sigma_m, apart_m, rng)
@@ -93,7 +93,7 @@ def draw_hypotheses(
 
 
 def _through_three(points: ObservedPoints, first: IntArray, second: IntArray, third: IntArray) -> FloatArray:
-    """(M, 3) unit normals of the planes through them; NaN where they are nearly in line, or not drawn."""
+    """(M, 3) unit normals of the planes through three points; NaN where these are nearly in line, or not drawn."""
     a, b = points.world[second] - points.world[first], points.world[third] - points.world[first]
     normals = np.cross(a, b)
     length = np.linalg.norm(normals, axis=1)
@@ -102,13 +102,13 @@ def _through_three(points: ObservedPoints, first: IntArray, second: IntArray, th
 
 
 def is_plane(fit: Fit, noise: Noise) -> bool:
-    """Whether the points spread in two directions and tell the tilt; a row of points belongs to any plane."""
+    """Whether the points spread in two directions and determine the tilt; a line of points fits many planes."""
     tilt = np.sqrt(np.diag(fit.covariance)[:2])
     return bool(fit.spread.min() > _MIN_SPREAD_M / 0.01 * noise.floor and tilt.max() < _MAX_TILT_SIGMA_RAD)
 
 
 def spread_out(points: ObservedPoints, count: int, voxel: float) -> IntArray:
-    """Rows of at most ``count`` points: the best known of every voxel, then the second best, and so on."""
+    """Rows of at most ``count`` points: the most certain one of every voxel, then the second, and so on."""
     if len(points.world) <= count:
         return np.arange(len(points.world))
     _, voxels = np.unique(np.floor(points.world / voxel).astype(np.int64), axis=0, return_inverse=True)
@@ -123,10 +123,10 @@ def planes_of_tile(
     points: ObservedPoints, config: PlanesConfig, up: FloatArray, tied: bool, noise: Noise, unit: float,
     rng: np.random.Generator,
 ) -> list[tuple[Fit, IntArray]]:  # fmt: skip
-    """Planes and their points' ids. The points: of one tile, the floor's taken out. up, tied: see
-    ``draw_hypotheses``; unit: length of a metre in the map.
+    """Planes and their points' ids. points: those of one tile, without the floor's. up, tied: see
+    ``draw_hypotheses``. unit: length of a metre in the map.
 
-    The points that no plane explains are asked again: among fewer points, pairs from one small face are drawn more
+    A second pass uses the points that no plane explains: among fewer points, pairs from one small face are drawn more
     often."""
     planes = list[tuple[Fit, IntArray]]()
     for _ in range(_PASSES):
@@ -145,7 +145,7 @@ def _linked(
     points: ObservedPoints, config: PlanesConfig, up: FloatArray, tied: bool, noise: Noise, unit: float,
     rng: np.random.Generator,
 ) -> list[Fit]:  # fmt: skip
-    """The planes of the clusters that J-linkage makes of some points."""
+    """The planes of the clusters that J-linkage finds."""
     chosen = points.at(spread_out(points, config.max_points_per_tile, _VOXEL_M * unit))
     reach, apart = config.partner_sigma_m * unit, config.min_separation_m * unit
     hypotheses, attitudes = draw_hypotheses(chosen, config.hypotheses, up, tied, reach, apart, rng)
@@ -166,8 +166,8 @@ def _linked(
 def _unexplained(
     points: ObservedPoints, fits: list[Fit], min_points: int, noise: Noise
 ) -> tuple[list[tuple[Fit, IntArray]], BoolArray]:
-    """The fits of most points first, refined with all points of the tile; those left out whose points are mostly
-    explained by earlier ones; and (N,) which points are explained."""
+    """The fits, those with most points first, refined with all points of the tile, without those whose points earlier
+    ones mostly explain; and (N,) which points are explained."""
     every = np.arange(len(points.world))
     refined = [
         fit_plane(points, every[on_plane(points, every, fit, noise)], fit.normal, fit.attitude, noise) for fit in fits

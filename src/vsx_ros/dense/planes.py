@@ -1,5 +1,4 @@
-"""A plane of the building: where it lies, how certain that is, how far it reaches; and its fit to points that each have
-their own noise."""
+"""A plane of the building: its position, uncertainty and extent; and its fit to points with individual noise."""
 
 import math
 from enum import Enum, IntEnum
@@ -12,8 +11,8 @@ from vsx_ros.kernels.dense import plane_fits
 from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, deviations
 
 _UPRIGHT = math.sin(math.radians(15.0))  # nearer to vertical than 15 deg: a wall
-_FLOOR_HEIGHT_M = 0.10  # a horizontal plane no higher is the floor, badly estimated
-_ROUNDS, _CUTOFF_GATES = 4, 2.0  # of reweighting, enough to settle; residuals beyond so many gates count for nothing
+_FLOOR_HEIGHT_M = 0.10  # a horizontal plane not higher than this is the floor, badly estimated
+_ROUNDS, _CUTOFF_GATES = 4, 2.0  # of reweighting, enough to converge; residuals beyond this many gates have no weight
 
 
 class PlaneKind(Enum):
@@ -26,10 +25,10 @@ class PlaneKind(Enum):
 
 
 class Plane(NamedTuple):
-    """Points x with normal . x = offset, world frame, the normal (3,) a unit vector towards those who saw it.
+    """Points x with normal . x = offset, world frame. normal (3,): a unit vector towards the observers.
 
-    id: kept from update to update. covariance (3, 3) of (tilt about axes[0], tilt about axes[1] [rad], offset at the
-    middle of the extent along the normal [m]). axes (2, 3): in-plane right and up (up = +z for walls, right = up x
+    id: the same from update to update. covariance (3, 3) of (tilt about axes[0], tilt about axes[1] [rad], offset at
+    the middle of the extent along the normal [m]). axes (2, 3): in-plane right and up (up = +z for walls, right = up x
     normal, as the observer sees it). extent (4,): right_min, right_max, up_min, up_max [m], coordinates x . axes.
     points: rows of the snapshot."""
 
@@ -56,7 +55,7 @@ class Plane(NamedTuple):
 
 
 def kind_of(normal: FloatArray, offset: float) -> PlaneKind:
-    """What a plane is, where z points up and the floor is at z = 0."""
+    """The kind of a plane, if z points up and the floor is at z = 0."""
     if abs(float(normal[2])) <= _UPRIGHT:
         return PlaneKind.WALL
     if abs(float(normal[2])) < plane_fits.LEVEL:
@@ -98,10 +97,10 @@ def on_plane(points: ObservedPoints, rows: IntArray, fit: Fit, noise: Noise) -> 
 def fit_plane(
     points: ObservedPoints, rows: IntArray, normal: FloatArray, attitude: Attitude, noise: Noise
 ) -> Fit | None:
-    """The plane of some points (rows) near a first guess of its normal; None where they do not determine one.
+    """The plane of some points (rows) near a first guess of its normal; None if they do not determine one.
 
-    Gauss-Newton on two tilts and the offset, Tukey's weights from the second round on. A vertical plane turns about
-    the vertical only, a level one not at all."""
+    Gauss-Newton on two tilts and the offset, with Tukey's weights from the second round on. A vertical plane turns
+    about the vertical only, a level one not at all."""
     if not len(rows):
         return None
     cutoff = _CUTOFF_GATES * noise.gate

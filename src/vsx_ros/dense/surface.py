@@ -1,4 +1,4 @@
-"""The grid on one plane: what is known about each of its cells, which are surface, and why they are believed."""
+"""The grid on one plane: evidence about each cell, which cells are surface, and why they are believed."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from vsx_ros.dense.region_growing import Contact, enclosed, fill_heights, floor_
 from vsx_ros.kernels.dense.surface_cells import count_passing
 from vsx_ros.kernels.dense.view_choice import Views
 
-_MARGIN_M = 0.3  # around a plane's points: what is between the last of them and its edge
-_BEHIND_M, _BEHIND_SHARE = 0.15, 0.08  # so far behind a cell, and so much of the range more, a point speaks against it
+_MARGIN_M = 0.3  # around a plane's points, which do not reach its edge
+_BEHIND_M, _BEHIND_SHARE = 0.15, 0.08  # a point this far behind a cell, and this share of its range, is against it
 _GUESSED_SCORE = 0.5  # of cells that were filled in and not measured: between refuted and accepted
-_ALIKE, _LOOKED_THROUGH = (0.75, 0.35), (0.05, 0.30)  # shares of cells with points: of true planes, of others
+_ALIKE, _LOOKED_THROUGH = (0.75, 0.35), (0.05, 0.30)  # shares of the cells with points, on true planes and on others
 _UNJUDGED = (0.0, -1.0, -1.0, 0, -1)  # Judgement
 _NO_CONTACT = (False, -1)  # Contact
 
@@ -37,9 +37,9 @@ class CellKind(IntEnum):
 
 
 class Cells(NamedTuple):
-    """plane (N,): ids of planes. cell (N, 2): right and up, in cells of the plane's grid, whose origin is the
-    coordinates' origin (cell i covers [i, i + 1) times its size). centre (N, 3): world [m]. kind (N,): CellKind.
-    score (N,): 0 to 1. keyframe (N,): index, in the snapshot, of the reference keyframe it was judged in."""
+    """plane (N,): ids of planes. cell (N, 2): right and up, in cells of the plane's grid, whose origin is that of the
+    coordinates (cell i covers [i, i + 1) times its size). centre (N, 3): world [m]. kind (N,): CellKind. score (N,): 0
+    to 1. keyframe (N,): index in the snapshot of the reference keyframe it was judged in."""
 
     plane: NDArray[np.int64]
     cell: NDArray[np.int64]
@@ -50,7 +50,7 @@ class Cells(NamedTuple):
 
     @staticmethod
     def concatenated(parts: list[Cells]) -> Cells:
-        """All of them in one, in order."""
+        """All parts in order."""
         none = np.zeros(0, np.int64)
         first = Cells(
             plane=none,
@@ -64,8 +64,8 @@ class Cells(NamedTuple):
 
 
 class Surface:
-    """Evidence about the cells of a plane, (W, H) arrays: columns along its right axis, rows up; for a wall row 0
-    stands on the floor. ``due``: cells to be judged (again). Kept while the plane stays where it was."""
+    """Evidence about the cells of a plane, in (W, H) arrays: columns along its right axis, rows up. Row 0 of a wall
+    stands on the floor. ``due``: cells to judge (again). The evidence is valid while the plane does not move."""
 
     def __init__(self, plane: Plane, config: DenseConfig, unit: float, has_floor: bool) -> None:
         """unit: length of a metre in the map. has_floor: whether z = 0 is the floor."""
@@ -87,7 +87,7 @@ class Surface:
         return low, (int(shape[0]), int(shape[1]))
 
     def extended(self, plane: Plane) -> None:
-        """Make room for all of a plane that has grown; cells that are new are due."""
+        """Enlarge the grid for a plane that has grown; new cells are due."""
         low, shape = self._bounds(plane)
         before = np.maximum(self.low - low, 0)
         after = np.maximum(low + shape - self.low - self.due.shape, 0)
@@ -101,14 +101,15 @@ class Surface:
         self._contact = Contact(*(np.pad(a, pad[0], constant_values=blank) for a, blank in contact))
 
     def centres(self, plane: Plane, cells: IntArray) -> Points3:
-        """(N, 3) world positions of cells (N, 2), rows and columns of the arrays."""
+        """(N, 3) world positions of cells (N, 2), indices of the arrays."""
         coordinates: Points2 = np.asarray((cells + self.low + 0.5) * self._size, np.float64)
         return plane.points_at(coordinates)
 
     def look_through(
         self, plane: Plane, centres: Points3, points: Points3, keyframe: IntArray, point: IntArray
     ) -> None:
-        """Account for observations (keyframe of centres, row of points), ordered by keyframe, of what is behind."""
+        """Count the keyframes that see a point behind the plane through each cell. keyframe, point (O,): rows of
+        centres and of points for each observation, ordered by keyframe."""
         behind = np.array([_BEHIND_M * self._unit, _BEHIND_SHARE])
         frame = np.vstack([plane.axes, plane.normal])
         count_passing(
@@ -116,7 +117,7 @@ class Surface:
         )
 
     def mark_seen(self, plane: Plane, views: Views) -> None:
-        """Cells not yet consistent that some of the views show are due again."""
+        """Mark cells as due again that are not yet consistent and are visible in some of the views."""
         near, (_, height_px, width_px) = self._config.max_range_m * self._unit, views.table[0]
         open_cells = np.argwhere(~self.due & ~self._said.consistent(self._config))
         centres = self.centres(plane, open_cells)
@@ -128,7 +129,7 @@ class Surface:
             self.due[tuple(open_cells[shown].T)] = True
 
     def work(self, plane: Plane, views: Views, budget: int) -> int:
-        """Judge at most ``budget`` of the cells that are due; how many."""
+        """Judge at most ``budget`` of the due cells; returns how many."""
         cells = np.argwhere(self.due)[:budget]
         centres = self.centres(plane, cells)
         views = views.at(self._useful(plane, views, centres))
@@ -150,8 +151,8 @@ class Surface:
         return np.flatnonzero(near & (plane.distances(views.centres) > 0.0))
 
     def cells(self, plane: Plane, points: Points3, seen_by: IntArray, living: IntArray) -> Cells:
-        """The cells that are surface. points (M, 3): those of the plane, and ids (M,) of keyframes that see them.
-        living: ids of all keyframes of the snapshot, ascending; cells name their places in it."""
+        """The surface cells. points (M, 3): those of the plane. seen_by (M,): ids of keyframes that see them. living:
+        ids of all keyframes of the snapshot, ascending; the cells' keyframe is an index into it."""
         seed, seed_keyframe = self._seeds(plane, points, seen_by)
         said, strong = self._said, self._said.consistent(self._config)
         weak = (said.score >= self._config.grow_zncc) & (said.score > said.rival)
@@ -180,8 +181,8 @@ class Surface:
         )
 
     def evidence(self, plane: Plane, points: Points3) -> float:
-        """Log likelihood of the pictures and rays at the plane's own points (M, 3) where it is a surface, against a
-        plane that meets other surfaces there: then most cells look unlike, or keyframes look through them."""
+        """Log likelihood ratio, from images and rays at the plane's own points (M, 3): a true surface against a plane
+        that only crosses other surfaces there. On the latter most cells look unlike, or keyframes look through them."""
         seed, _ = self._seeds(plane, points, np.zeros(len(points), np.int64))
         said, through = self._said, self._passing > 0
         judged = seed & (said.texture >= self._config.min_texture) & (said.views >= 2) & ~through
@@ -197,7 +198,7 @@ class Surface:
         return seed, keyframe
 
     def _standing(self, believed: BoolArray, against: BoolArray) -> BoolArray:
-        """Cells filled from the floor up, where the wall touches it."""
+        """Cells filled from the floor up where the wall touches it."""
         if not self._stands:
             return np.zeros_like(believed)
         support: BoolArray = np.any(believed, axis=1)
@@ -208,21 +209,21 @@ class Surface:
 
 
 def _log_ratio(asked: BoolArray, yes: BoolArray, shares: tuple[float, float]) -> float:
-    """How much likelier as many yes among those asked are with the first share than with the second."""
+    """Log likelihood ratio of the number of yes among those asked, for the first share against the second."""
     agree, all_of = np.count_nonzero(asked & yes), np.count_nonzero(asked)
     first, second = shares
     return agree * math.log(first / second) + (all_of - agree) * math.log((1.0 - first) / (1.0 - second))
 
 
 def moved(before: Plane, now: Plane, limit: float) -> bool:
-    """Whether any corner of the plane's former extent is more than ``limit`` from where it was."""
+    """Whether any corner of the plane's former extent has moved by more than ``limit``."""
     a, b, c, d = before.extent
     corners: FloatArray = np.array([[a, c], [a, d], [b, c], [b, d]])
     return bool((np.linalg.norm(before.points_at(corners) - now.points_at(corners), axis=1) > limit).any())
 
 
 def _nearest_known(values: NDArray[np.int64], known: BoolArray) -> NDArray[np.int64]:
-    """(W, H) values, each unknown one replaced by the nearest known one; all -1 where none is known."""
+    """(W, H) values, each unknown one replaced by the nearest known one; all -1 if none is known."""
     if not known.any():
         return np.full_like(values, -1)
     _, labels = cv2.distanceTransformWithLabels(

@@ -1,1 +1,1 @@
-"""Fourth floor: judgement against the truth."""
+"""Evaluation against the truth, and reports."""

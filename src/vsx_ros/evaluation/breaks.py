@@ -1,4 +1,4 @@
-"""Whether the tracking held: where it jumped or was lost for good, and where odometry jumped instead."""
+"""Breaks of the tracking: where it jumped or was finally lost, and where odometry jumped instead."""
 
 import itertools
 import math
@@ -11,20 +11,20 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se3 import SE3, so3_log
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
-_MAX_JUMP_M, _MAX_JUMP_DEG = 0.15, 5.0  # between two frames, against odometry: no drift, the map moved under the camera
-_ITS_OWN = 2.0  # so many times as far from its own course as the other: that one jumped
+_MAX_JUMP_M, _MAX_JUMP_DEG = 0.15, 5.0  # between two frames, against odometry: more is a jump, not drift
+_ITS_OWN = 2.0  # odometry jumped if it leaves its own course this many times farther than the images leave theirs
 
 
 class Break(NamedTuple):
-    """Where the tracking, or odometry, broke, and how."""
+    """A break of the tracking or of odometry: stamp and reason."""
 
     stamp_ns: int
     reason: str
 
 
 class _Step(NamedTuple):
-    """The motion up to a tracked frame from the one before, after so many seconds: by the image and by the reference.
-    Motions (6,): way in the camera before [m], turn in the world, whose z is up [rad]."""
+    """The motion between two tracked frames in ``seconds``: seen by the images, expected by the reference. Motions
+    (6,): translation in the earlier camera [m], turn in the world, whose z is up [rad]."""
 
     stamp_ns: int
     seconds: float
@@ -38,8 +38,8 @@ def find_breaks(
     """Jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end. results: frames in
     order. reference: as many camera poses by odometry (or truth), None where unknown. epochs: of the odometry, if it
     may have restarted. Only frames tracked from the map are compared, each with the tracked frame before it in its
-    epoch; a jump that the map made, because a loop was closed, is none of the tracking, and one that odometry made
-    neither. Turns are compared by their heading: odometry knows no tilt, and a drone banks."""
+    epoch. A jump of the map at a loop closure and a jump of odometry do not count. Turns are compared by heading:
+    odometry measures no tilt, and a drone banks."""
     breaks = [jump for jump, by_odometry in _jumps(results, reference, epochs) if not by_odometry]
     tracked = any(result.state.tracked and result.T_world_cam is not None for result in results)
     if tracked and results[-1].state is TrackingState.LOST:
@@ -51,14 +51,14 @@ def find_breaks(
 def find_odometry_jumps(
     results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int] = ()
 ) -> list[Break]:
-    """Where the two part like that, but the image shows the camera going on as before and odometry does not."""
+    """Such jumps where the images show a steady motion of the camera and odometry does not."""
     return [jump for jump, by_odometry in _jumps(results, reference, epochs) if by_odometry]
 
 
 def _jumps(
     results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int]
 ) -> Iterator[tuple[Break, bool]]:
-    """Every step that contradicts the reference, and whether that jumped and not the image."""
+    """Every step that contradicts the reference, and whether the reference jumped and not the images."""
     steps = _steps(results, reference, epochs)
     for n, step in enumerate(steps):
         if step is None or not _contradicts(step):
@@ -77,7 +77,7 @@ def _jumps(
 def _steps(
     results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int]
 ) -> list[_Step | None]:
-    """One for each tracked frame but the first, None where the two cannot be compared."""
+    """One step per tracked frame except the first, None if it cannot be compared with the reference."""
     known = zip(results, reference, epochs or [0] * len(results), strict=True)
     tracked = [frame for frame in known if frame[0].state.tracked and frame[0].T_world_cam is not None]
     steps: list[_Step | None] = []
@@ -103,11 +103,11 @@ def _contradicts(step: _Step) -> bool:
 
 
 def _difference(step: _Step) -> tuple[float, float]:
-    """Of the way [m] and of the heading [deg]: odometry measures no tilt."""
+    """Differences of translation [m] and heading [deg]: odometry measures no tilt."""
     off = step.seen - step.expected
     return math.hypot(*off[:3]), math.degrees(abs(off[5]))
 
 
 def _size(off: FloatArray) -> float:
-    """Of what a motion is off, in largest steps that are no jump."""
+    """The size of a difference of motions, in multiples of the limits for a jump."""
     return max(math.hypot(*off[:3]) / _MAX_JUMP_M, math.degrees(abs(off[5])) / _MAX_JUMP_DEG)

@@ -1,4 +1,4 @@
-"""Two runs on one page: what differs in their numbers and settings, their maps and their tracking side by side."""
+"""Two runs on one page: differences of their numbers and settings, their maps and tracking side by side."""
 
 import difflib
 import html
@@ -26,7 +26,7 @@ main{max-width:1500px}.sides{display:grid;grid-template-columns:1fr 1fr;gap:24px
 
 
 def compare(a: Named, b: Named) -> str:
-    """The page: the second run against the first."""
+    """The page that compares the second run with the first."""
     title = f"{b[0]} against {a[0]}"
     body = [
         f"<h1>{html.escape(title)}</h1>",
@@ -41,7 +41,7 @@ def compare(a: Named, b: Named) -> str:
 
 
 def change(key: str, before: Any, after: Any) -> tuple[str, str]:
-    """The difference of two values in words, and whether it is better, worse or neither (empty)."""
+    """The difference of two values in words, and "better", "worse" or neither (empty)."""
     numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in (before, after))
     if key == "seed" or not numbers:
         return "", ""
@@ -67,7 +67,7 @@ def _numbers(a: Named, b: Named) -> str:
 
 
 def _settings(a: Named, b: Named) -> str:
-    """Parameters by their full names, and versions, that are not the same."""
+    """The parameters, by full name, and versions that differ."""
     before, after = ([f"{name} {v}" for name, v in versions(d).items()] + _parameters(d.config_yaml) for _, d in (a, b))
     changed = [line for line in difflib.ndiff(before, after) if line[:2] in ("- ", "+ ")]
     if not changed:
@@ -76,7 +76,7 @@ def _settings(a: Named, b: Named) -> str:
 
 
 def _parameters(config_yaml: str) -> list[str]:
-    """A line each, with the name that --set takes."""
+    """One line per parameter, with the name for --set."""
     lines: list[str] = []
     branch: list[str] = []
     for line in config_yaml.splitlines():

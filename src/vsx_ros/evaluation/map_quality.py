@@ -1,5 +1,5 @@
-"""A map against the truth: how much of the world it holds, and how much of that is right; how well it shows the
-obstacles that the robot had before its camera (paper, Figure 5); and pictures of both."""
+"""A map against the truth: how much of the world it holds, how much of that is right, how well it shows the obstacles
+that the camera saw (paper, Figure 5); and pictures of both."""
 
 import math
 from collections.abc import Sequence
@@ -16,21 +16,21 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy.visibility import seen_cells
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
-TOLERANCE_M = 0.10  # two cells: the least that maps of 5 cm can be judged by
-MIN_RANGE_M, MAX_RANGE_M = 0.5, 3.5  # nearer, a picture shows too little of it; farther, too small
+TOLERANCE_M = 0.10  # two cells: the least that makes sense for maps with 5 cm cells
+MIN_RANGE_M, MAX_RANGE_M = 0.5, 3.5  # nearer, an image shows too little of a face; farther, it is too small
 MIN_GAP_M, MAX_GAP_M = 0.4, 0.8  # from the width of the robot to that of a door
-_VIEWER_SPACING_CELLS, _RAYS_AROUND = 4, 360  # 20 cm, 1 deg: a cell at 3.5 m is hit from elsewhere
-_HALF_VIEW_RAD, _RAYS_IN_VIEW = 0.45, 120  # a Kinect's half view less some degrees; rays of 0.4 deg
-_MIN_VIEWS = 3  # as many as a map needs to believe a point
+_VIEWER_SPACING_CELLS, _RAYS_AROUND = 4, 360  # 20 cm, 1 deg: a cell that rays miss at 3.5 m is hit from elsewhere
+_HALF_VIEW_RAD, _RAYS_IN_VIEW = 0.45, 120  # a Kinect's half view minus some degrees; rays 0.4 deg apart
+_MIN_VIEWS = 3  # as many as a map needs for a point
 _UNKNOWN_GREY, _FREE_WHITE = 200, 255
 _FOUND, _MISSED, _PHANTOM = (30, 30, 30), (40, 140, 255), (40, 40, 220)  # BGR: black, orange, red
 
 
 class MapQuality(NamedTuple):
-    """A map against the truth. None where there is nothing to divide by. coverage: share of the observable cells that
-    are known. coverage_correct: known and right; an occupied cell is right within 10 cm of an obstacle, a free cell is
-    right if it is not deeper than that inside one. occupied_precision, occupied_recall: at 10 cm. free_inside_obstacle:
-    share of the free cells more than 10 cm deep inside an obstacle."""
+    """A map against the truth. None where the divisor is zero. coverage: share of the observable cells that are known.
+    coverage_correct: known and right; an occupied cell is right within 10 cm of an obstacle, a free cell if it is at
+    most 10 cm deep inside one. occupied_precision, occupied_recall: at 10 cm. free_inside_obstacle: share of the free
+    cells more than 10 cm deep inside an obstacle."""
 
     coverage: float | None
     coverage_correct: float | None
@@ -40,11 +40,10 @@ class MapQuality(NamedTuple):
 
 
 class ObstacleQuality(NamedTuple):
-    """Of a map against the truth, at 10 cm; shares, None where there is nothing to divide by. precision: of occupied
-    cells near a true obstacle. recall: of seen faces near an occupied cell. f1: of both. surface_free: seen faces whose
-    cell is called free. free_inside: free cells deeper than 10 cm inside an obstacle. phantom_m2: area of occupied
-    cells over 10 cm from any obstacle. gaps_free: known cells in gaps 0.4 to 0.8 m wide, over 10 cm from their sides,
-    that are not called occupied."""
+    """A map against the truth, at 10 cm; shares, None where the divisor is zero. precision: of occupied cells near a
+    true obstacle. recall: of seen faces near an occupied cell. f1: of both. surface_free: of seen faces in a free cell.
+    free_inside: of free cells deeper than 10 cm inside an obstacle. phantom_m2: area of occupied cells over 10 cm from
+    any obstacle. gaps_free: of known cells in gaps 0.4 to 0.8 m wide, over 10 cm from their sides, that are free."""
 
     precision: float | None
     recall: float | None
@@ -56,8 +55,8 @@ class ObstacleQuality(NamedTuple):
 
 
 def observable_cells(truth: OccupancyGrid, start: SE2, robot_radius_m: float, sensor_range_m: float) -> BoolArray:
-    """(H, W) mask of truth cells in sight, within range, of somewhere the robot can stand. start: where the robot
-    begins, in the truth's frame. Raises InputError when it does not begin in free space."""
+    """(H, W) mask of truth cells visible within range from any place that the robot can reach. start: the robot's start
+    in the truth's frame. Raises InputError when it is not in free space."""
     clear = cv2.distanceTransform((truth.data == FREE).astype(np.uint8), cv2.DIST_L2, 5) * truth.resolution
     standable = (clear > robot_radius_m).astype(np.uint8)
     _, labels = cv2.connectedComponents(standable, connectivity=4)
@@ -72,14 +71,14 @@ def observable_cells(truth: OccupancyGrid, start: SE2, robot_radius_m: float, se
 
 
 def map_quality(estimate: OccupancyGrid, truth: OccupancyGrid, observable: BoolArray, T_truth_map: SE2) -> MapQuality:
-    """Judge a map. observable: (H, W) mask over the truth. T_truth_map: where the map's origin truly lies."""
+    """Judge a map. observable: (H, W) mask over the truth. T_truth_map: true pose of the map's origin."""
     to_obstacle, to_free = metres_to(truth.data == OCCUPIED, truth), metres_to(truth.data == FREE, truth)
     values = on_truth(estimate, truth, T_truth_map)[observable]
     known = values != UNKNOWN
     off_m = np.where(values == OCCUPIED, to_obstacle[observable], to_free[observable])
 
     def under(value: int) -> tuple[IntArray, ...]:
-        """Rows and columns of the truth's cells, or those at its edge, under the estimate's cells of the value."""
+        """Rows and columns of the truth's cells, clipped to its edge, under the estimate's cells with the value."""
         cells = truth.cells(T_truth_map @ estimate.centres(np.argwhere(estimate.data == value)))
         return tuple(np.clip(cells, 0, np.array(truth.shape) - 1).T)
 
@@ -97,7 +96,7 @@ def map_quality(estimate: OccupancyGrid, truth: OccupancyGrid, observable: BoolA
 
 
 def seen_faces(truth: OccupancyGrid, T_world_cams: Sequence[SE3]) -> BoolArray:
-    """(H, W) cells of obstacle surface that at least three cameras see within 3.5 m, well inside their pictures."""
+    """(H, W) cells of obstacle surface that at least three cameras see within 3.5 m, well inside their images."""
     counts = np.zeros(truth.shape, np.int64)
     blocked = truth.data != FREE
     for T in T_world_cams:
@@ -108,7 +107,7 @@ def seen_faces(truth: OccupancyGrid, T_world_cams: Sequence[SE3]) -> BoolArray:
 
 
 def _first_hits(blocked: BoolArray, truth: OccupancyGrid, eye: FloatArray, heading: float) -> IntArray:
-    """(N, 2) the cells where rays over the field of view end, each once."""
+    """(N, 2) the cells where rays of the field of view end, each once."""
     angles = heading + np.linspace(-_HALF_VIEW_RAD, _HALF_VIEW_RAD, _RAYS_IN_VIEW)
     steps = np.arange(0.0, MAX_RANGE_M, 0.4 * truth.resolution)
     places = eye + steps[None, :, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, None, :]
@@ -123,7 +122,7 @@ def _first_hits(blocked: BoolArray, truth: OccupancyGrid, eye: FloatArray, headi
 
 
 def obstacle_quality(grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray, T_truth_map: SE2) -> ObstacleQuality:
-    """Judge a map. faces: (H, W) of ``seen_faces``. T_truth_map: where the map's origin truly lies."""
+    """Judge a map. faces: (H, W) of ``seen_faces``. T_truth_map: true pose of the map's origin."""
     values = on_truth(grid, truth, T_truth_map)
     to_obstacle, to_free = metres_to(truth.data == OCCUPIED, truth), metres_to(truth.data == FREE, truth)
     occupied, free = values == OCCUPIED, values == FREE
@@ -140,12 +139,12 @@ def obstacle_quality(grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray
 
 
 def narrow_gaps(truth: OccupancyGrid) -> BoolArray:
-    """(H, W) free cells of gaps 0.4 to 0.8 m wide between obstacles deep enough that no disc of that width, outside
-    the gap, covers it; farther than 10 cm from both sides."""
+    """(H, W) free cells of gaps 0.4 to 0.8 m wide, farther than 10 cm from both sides. A disc between the obstacles
+    covers such a cell if it is 0.4 m wide, but not if it is 0.8 m wide."""
     apart = metres_to(truth.data != FREE, truth)
 
     def filled_by(radius_m: float) -> BoolArray:
-        """Cells that no disc among the obstacles can cover."""
+        """Cells that no disc between the obstacles can cover."""
         return np.asarray(metres_to(apart > radius_m, truth) > radius_m)
 
     gaps: BoolArray = filled_by(0.5 * MAX_GAP_M) & ~filled_by(0.5 * MIN_GAP_M) & (truth.data == FREE)
@@ -153,7 +152,7 @@ def narrow_gaps(truth: OccupancyGrid) -> BoolArray:
 
 
 def truth_picture(truth: OccupancyGrid, faces: BoolArray) -> NDArray[np.uint8]:
-    """(H, W, 3) BGR, north up: free ground white, those faces of obstacles black."""
+    """(H, W, 3) BGR, north up: free ground white, the faces (H, W) black."""
     image = np.full((*truth.shape, 3), _UNKNOWN_GREY, np.uint8)
     image[truth.data == FREE] = _FREE_WHITE
     image[faces] = _FOUND
@@ -163,8 +162,8 @@ def truth_picture(truth: OccupancyGrid, faces: BoolArray) -> NDArray[np.uint8]:
 def map_on_truth_picture(
     grid: OccupancyGrid, truth: OccupancyGrid, faces: BoolArray, T_truth_map: SE2
 ) -> NDArray[np.uint8]:
-    """(H, W, 3) BGR, north up: a map whose origin truly lies at T_truth_map. Its obstacles black, those on free ground
-    red, those of the faces (H, W) that it lacks orange."""
+    """(H, W, 3) BGR, north up: a map's obstacles black, those on free ground red, missing faces (H, W) orange.
+    T_truth_map: true pose of the map's origin."""
     image = np.full((*truth.shape, 3), _UNKNOWN_GREY, np.uint8)
     values = on_truth(grid, truth, T_truth_map)
     occupied = values == OCCUPIED
@@ -177,7 +176,7 @@ def map_on_truth_picture(
 
 
 def _share(hits: BoolArray) -> float | None:
-    """Of a mask that is set; None of nothing."""
+    """The share of a mask that is set; None if it is empty."""
     return float(np.mean(hits)) if hits.size else None
 
 
@@ -190,7 +189,7 @@ def metres_to(cells: BoolArray, grid: OccupancyGrid) -> np.ndarray[tuple[int, in
 
 
 def on_truth(grid: OccupancyGrid, truth: OccupancyGrid, T_truth_map: SE2) -> NDArray[np.int8]:
-    """(H, W) the map's values at the middles of the truth's cells, UNKNOWN outside."""
+    """(H, W) the map's values at the centres of the truth's cells, UNKNOWN outside."""
     cells = grid.cells(T_truth_map.inverse() @ truth.centres(np.argwhere(np.ones(truth.shape, bool))))
     inside = grid.contains(cells)
     values = np.full(len(cells), UNKNOWN, np.int8)

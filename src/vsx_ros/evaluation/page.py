@@ -1,4 +1,4 @@
-"""Pages that need nothing else: a title, tables, pictures."""
+"""Self-contained HTML pages: a title, tables, pictures."""
 
 import csv
 import html
@@ -17,14 +17,14 @@ class Section(NamedTuple):
 
 
 def page(title: str, facts: str, sections: Iterable[Section]) -> str:
-    """The page. facts: what all of it rests on, in words. A section of the page's own title has none of its own."""
+    """The page. facts: the basis of its results, in words. A section with the page's title gets no heading."""
     heads = ((f"<h2>{html.escape(s.title)}</h2>" if s.title != title else "", s.body) for s in sections)
     body = "".join(f"<section>{head}{content}</section>" for head, content in heads)
     return document(title, f"<h1>{html.escape(title)}</h1>{paragraph(facts)}{body}", _FIGURES)
 
 
 def document(title: str, body: str, style: str) -> str:
-    """A whole page. title: as text; body: HTML; style: what it has besides the style of all pages."""
+    """A whole page. title: text. body: HTML. style: CSS in addition to the style of all pages."""
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
         f'<meta name="viewport" content="width=device-width"><style>{_STYLE}{style}</style></head>'
@@ -33,19 +33,19 @@ def document(title: str, body: str, style: str) -> str:
 
 
 def paragraph(text: str) -> str:
-    """Words."""
+    """A paragraph of plain text."""
     return f"<p>{html.escape(text)}</p>"
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Cells are plain text; the first of each row is its name. Nothing where there are no rows."""
+    """A table. Cells are plain text; the first of each row is its name. Empty if there are no rows."""
     head = "".join(f"<th>{html.escape(name)}</th>" for name in header)
     lines = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<table><tr>{head}</tr>{lines}</table>" if lines else ""
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """The same as a file for spreadsheets; floats with six digits."""
+    """The table as CSV for spreadsheets; floats with six digits."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
@@ -55,7 +55,7 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def figures(pictures: Iterable[tuple[str, str]]) -> str:
-    """(caption, svg or img) side by side where there is room."""
+    """(caption, svg or img) side by side if there is room."""
     shown = (f"<figure>{picture}<figcaption>{html.escape(name)}</figcaption></figure>" for name, picture in pictures)
     return f'<div class="figures">{"".join(shown)}</div>'
 

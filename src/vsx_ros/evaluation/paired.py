@@ -1,7 +1,7 @@
-"""What many runs prove: intervals and tests for values that were measured on the same worlds.
+"""Statistics over many runs: intervals and tests for values that were measured on the same worlds.
 
-All of them take their values for independent; of several runs in one world, give them the mean. An interval is None
-where there is no run to compute it from."""
+All functions assume independent values; for several runs in one world, give their mean. An interval is None if there
+is no run."""
 
 import math
 from collections.abc import Hashable, Sequence
@@ -37,7 +37,7 @@ def mean_interval(values: Sequence[float]) -> Interval | None:
 
 
 def ratio_interval(above: Sequence[float], below: Sequence[float]) -> Interval | None:
-    """The ratio of the means of paired values: pairs are drawn together; None where all below are zero, too."""
+    """The ratio of the means of paired values; pairs are drawn together. Also None if all of ``below`` are zero."""
     return _bootstrap(np.column_stack([above, below]))
 
 
@@ -55,8 +55,7 @@ def _bootstrap(rows: FloatArray) -> Interval | None:
 
 
 def share_interval(hits: float, count: int) -> Interval | None:
-    """A share of runs and its interval (Wilson 1927); rather wide where hits are a sum of shares, each between 0 and
-    1."""
+    """A share of runs and its interval (Wilson 1927); rather wide if hits are a sum of shares between 0 and 1."""
     if count <= 0:
         return None
     p, z2 = hits / count, _Z95**2
@@ -66,8 +65,8 @@ def share_interval(hits: float, count: int) -> Interval | None:
 
 
 def sign_test(above: Sequence[float], below: Sequence[float]) -> float:
-    """Two-sided probability that pairs differ so one-sidedly by chance (exact sign test; ties are left out). For pairs
-    of 0 and 1 it is McNemar's exact test."""
+    """Two-sided probability that chance alone makes the pairs' differences this one-sided (exact sign test; ties are
+    left out). For pairs of 0 and 1 it is McNemar's exact test."""
     signs = np.sign(np.asarray(above, float) - np.asarray(below, float))
     n, k = int(np.count_nonzero(signs)), int(np.count_nonzero(signs > 0))
     tail = sum(math.comb(n, i) for i in range(min(k, n - k) + 1)) / 2.0**n

@@ -1,4 +1,4 @@
-"""report.html: what happened in a run and why it ended, on one page that needs nothing else."""
+"""report.html: what happened in a run and why it ended, on one self-contained page."""
 
 import html
 from collections.abc import Mapping, Sequence
@@ -18,13 +18,13 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
 
 _MAX_EVENTS = 400  # rows; the file has all of them
-_FLOOR_M = 0.06  # points lower are floor and hide the map; ground_map.obstacle_min_height_m
-_FASTEST_MS = 0.1  # least of the axis; quicker is a frame that was refused
+_FLOOR_M = 0.06  # lower points are floor and hide the map; as ground_map.obstacle_min_height_m
+_FASTEST_MS = 0.1  # least of the axis; a quicker frame was refused
 
 
 @dataclass(frozen=True)
 class ReportData:
-    """What a run folder holds. world_is_level: z is up, so the map is seen along z; else the first camera's x and z.
+    """The data of a run folder. world_is_level: z is up, so the map is drawn along z; else the first camera's x and z.
     good_ratio, lost_ratio: shares of found points above and below which tracking is good and lost. events: (stamp_ns,
     source, state, reason). frames: (stamp_ns, value of the state, searched, found, keyframe_added, track_ms, U2 so
     far)."""
@@ -60,7 +60,7 @@ def render(data: ReportData) -> str:
 
 
 def section(title: str, content: str) -> str:
-    """A part of a page; nothing where there is no content."""
+    """A part of a page; empty if there is no content."""
     return f"<section><h2>{title}</h2>{content}</section>" if content else ""
 
 
@@ -71,7 +71,7 @@ def _ending(summary: Mapping[str, Any]) -> str:
 
 
 def _figures(summary: Mapping[str, Any]) -> str:
-    """The few numbers people look for first; those that are unknown are left out."""
+    """The most important numbers; unknown ones are left out."""
 
     def share(key: str) -> str | None:
         return f"{100 * summary[key]:.1f} %" if summary.get(key) is not None else None
@@ -130,7 +130,7 @@ def map_picture(data: ReportData) -> str:
 
 
 def _truth_in_map(data: ReportData) -> Points3:
-    """(N, 3) true positions moved to fit the estimate; empty where they cannot be compared."""
+    """(N, 3) true positions aligned to the estimate; empty if they cannot be compared."""
     try:
         pairs = associate(data.estimate, data.truth)
     except InputError:
@@ -172,7 +172,7 @@ def timeline(data: ReportData) -> str:
 
 
 def _top(values: FloatArray) -> float:
-    """A round upper end of the axis that shows 99.5 % of the values."""
+    """A round upper limit for an axis that shows 99.5 % of the values."""
     highest = float(np.nanpercentile(values, 99.5)) * 1.1
     return max(svg.ticks(0.0, highest * 1.25, 5)[-1], 1e-3)
 
@@ -186,7 +186,7 @@ def _events(data: ReportData) -> str:
 
 
 def _folded(name: str, values: Mapping[str, Any]) -> str:
-    """A table of names and values, to be opened."""
+    """A table of names and values, folded."""
     rows = "".join(f"<tr><td>{html.escape(key)}</td><td>{shown(value)}</td></tr>" for key, value in values.items())
     return f"<details><summary>{name}</summary><table>{rows}</table></details>"
 
@@ -199,12 +199,12 @@ def shown(value: Any) -> str:
 
 
 def command(data: ReportData) -> str:
-    """That which made the run, as HTML."""
+    """The command of the run, as HTML."""
     return f"<pre>{html.escape(str(data.facts.get('command', '')))}</pre>"
 
 
 def versions(data: ReportData) -> dict[str, str]:
-    """Of the packages that the run was made with."""
+    """Versions of the packages that the run used."""
     of = data.facts.get("versions")
     return {str(name): str(version) for name, version in of.items()} if isinstance(of, Mapping) else {}
 

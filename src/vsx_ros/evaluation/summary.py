@@ -1,4 +1,4 @@
-"""The numbers of a run: summary.json, exactly the keys that scripts rely on."""
+"""The numbers of a run: summary.json, with exactly the keys that scripts rely on."""
 
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ LIVE = "live poses (trajectory.txt)"
 
 
 class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """SI units; None (null in the file) where nothing is known. ate_of: the trajectory that ate_rmse_m,
-    ate_rmse_sim3_m, scale_error and path_length_m are of; the ate_final ones are of trajectory_final.txt, the same
-    frames by the finished map. path_length_m: of the estimated way; driven_m: of the true one; min_clearance_m: the
-    emulated hull's least distance to anything. map_note: in what lengths the ground map is, where these are not
-    metres."""
+    """SI units; None (null in the file) if unknown. ate_of: the trajectory of ate_rmse_m, ate_rmse_sim3_m, scale_error
+    and path_length_m; the ate_final ones are of trajectory_final.txt, the same frames by the finished map.
+    path_length_m: of the estimated trajectory. driven_m: of the true one. min_clearance_m: the emulated hull's least
+    distance to any obstacle. map_note: the ground map's unit of length if it is not metres."""
 
     frames: int | None = None
     frames_tracked: int | None = None
@@ -72,7 +71,7 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     version: str = __version__
 
     def as_dict(self) -> dict[str, Any]:
-        """Every key, in order; not-a-number becomes None, for JSON has no such number."""
+        """Every key, in order; numbers that are not finite become None, as JSON has no such numbers."""
         tree: dict[str, Any] = msgspec.to_builtins(self)
         return {key: None if isinstance(v, float) and not np.isfinite(v) else v for key, v in tree.items()}
 
@@ -82,7 +81,7 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 def checked_summary(tree: dict[str, Any], where: str) -> dict[str, Any]:
-    """The tree itself, of a summary of this version or another. Raises InputError where a value is not of its type."""
+    """The tree unchanged, from this or another version. Raises InputError if a value has the wrong type."""
     known = {key: value for key, value in tree.items() if key in Summary.__struct_fields__}
     try:
         msgspec.convert(known, Summary)
@@ -92,7 +91,7 @@ def checked_summary(tree: dict[str, Any], where: str) -> dict[str, Any]:
 
 
 def tracking_summary(statistics: SlamStatistics, track_ms: Sequence[float]) -> Summary:
-    """What the SLAM itself knows, and how long its frames took [ms]."""
+    """The SLAM's own statistics, and how long its frames took [ms]."""
     times = np.asarray(track_ms, float)
     return Summary(
         **statistics._asdict(),
@@ -108,10 +107,9 @@ def with_accuracy(
     truth: Sequence[StampedPose],
     kind: AlignmentKind | None,
 ) -> Summary:
-    """ATE and scale error against the truth, of the estimate as it was told live and of the final one, and the length
-    of the estimated way. kind: how ``ate_rmse_m`` is aligned (se3; yaw where gravity is known); None for a map without
-    metric scale, whose scale-free error alone means something. Where the two do not overlap in time the errors stay
-    None."""
+    """Add ATE and scale error against the truth, for the live estimate and the final one, and the length of the
+    estimated trajectory. kind: how ``ate_rmse_m`` is aligned (se3; yaw if gravity is known); None for a map without
+    metric scale, which has only a scale-free error. Without overlap in time the errors stay None."""
     if kind is not None:
         summary = summary.with_values(path_length_m=path_length(estimate))
     live, last = _errors(estimate, truth, kind), _errors(final, truth, kind)
@@ -132,7 +130,7 @@ class _Errors(NamedTuple):
 def _errors(
     estimate: Sequence[StampedPose], truth: Sequence[StampedPose], kind: AlignmentKind | None
 ) -> _Errors | None:
-    """None where the two do not overlap in time."""
+    """None if the two do not overlap in time."""
     try:
         pairs = associate(estimate, truth)
     except InputError:

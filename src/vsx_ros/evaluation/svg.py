@@ -1,4 +1,4 @@
-"""Curves, a band of states and maps from above as inline SVG, and pictures as data URLs."""
+"""Curves, a band of states and maps from above as inline SVG, and images as data URLs."""
 
 import base64
 import html
@@ -23,17 +23,17 @@ STATE_COLORS = {
     TrackingState.LOST.word: "#cf3d3d",
     TrackingState.NOT_INITIALISED.word: "#9aa3ad",
 }
-FIGURE_PX = 540.0  # width of a map; its height at most
+FIGURE_PX = 540.0  # largest width of a map
 _HIGHEST_PX = 620.0  # a map and its caption fit on a screen
 _VIEW_M = 0.35  # length of the arrow that shows a view
-_MAX_DOTS, _MAX_POINTS = 4000, 1500  # drawn, so that a report of an hour stays small
+_MAX_DOTS, _MAX_POINTS = 4000, 1500  # drawn at most, so that the report of an hour stays small
 _Point = TypeVar("_Point")
 Way = Sequence[Sequence[float] | None]
 Window = tuple[FloatArray, FloatArray]
 
 
 def state_color(word: str) -> str:
-    """Of the word of a tracking state, or one that another version told."""
+    """The colour of a tracking state's word, also for a word from another version."""
     return STATE_COLORS.get(word, "#7a6fd0")
 
 
@@ -49,7 +49,7 @@ def ticks(low: float, high: float, count: int = 6) -> list[float]:
 
 
 def decades(low: float, high: float) -> list[float]:
-    """The powers of ten from the last one below low to the first one above high, both positive; two at least."""
+    """The powers of ten from the last one below low to the first one above high (both positive); at least two."""
     first = math.floor(math.log10(low))
     last = max(math.ceil(math.log10(high)), first + 1)
     return [10.0**power for power in range(first, last + 1)]
@@ -59,8 +59,8 @@ def plot(
     lines: Sequence[tuple[str, FloatArray, FloatArray]], label: str, top: float = 1.0, *, unit: str = "s",
     bottom: float = 0.0, marks: Sequence[tuple[float, str]] = (), size: tuple[float, float] = (WIDTH, HEIGHT),
 ) -> str:  # fmt: skip
-    """Curves (CSS class, x from 0, y; NaN leaves a gap). unit: of x. bottom, top: ends of the y axis, which is one of
-    decades where bottom is positive. marks: (value, name) level lines."""
+    """Curves (CSS class, x from 0, y; NaN leaves a gap). unit: of x. bottom, top: ends of the y axis, which is
+    logarithmic if bottom is positive. marks: (value, name) of horizontal lines."""
     width, height = size
     end = max((float(x[-1]) for _, x, _ in lines if len(x)), default=0.0) or 1e-9
     right = width - _RIGHT
@@ -88,7 +88,7 @@ def plot(
 
 
 def state_band(seconds: FloatArray, states: Sequence[str], marks: Sequence[tuple[float, str, str]]) -> str:
-    """A coloured band of states, in words, over time, with (second, name, text) marks above it."""
+    """A coloured band of states (words) over time, with (second, name, text) marks above it."""
     height, end = 88.0, max(float(seconds[-1]), 1e-9)
     parts = [_open(WIDTH, height, "state of the tracking over time")]
     starts = [i for i in range(len(states)) if i == 0 or states[i] != states[i - 1]]
@@ -151,9 +151,9 @@ def map_view(
     marks: Sequence[tuple[str, Sequence[float]]] = (), views: Sequence[Sequence[float]] = (),
     dots: Points2 | None = None, unit: str = "m", width_px: float = FIGURE_PX,
 ) -> str:  # fmt: skip
-    """North up, with a scale bar. ways: (CSS class, points; None leaves a gap). marks: (CSS class, point). views: x, y,
-    heading of short strokes. dots: (N, 2), thinned where they are many. window: lower and upper corner. Lengths in
-    ``unit``."""
+    """A map, north up, with a scale bar. ways: (CSS class, points; None leaves a gap). marks: (CSS class, point).
+    views: x, y, heading of short strokes. dots: (N, 2), thinned if there are many. window: lower and upper corner.
+    Lengths in ``unit``."""
     low, high = window
     sheet = _Sheet(low, high, min(width_px / (high[0] - low[0]), _HIGHEST_PX / (high[1] - low[1])))
     width, height = (high - low) * sheet.scale
@@ -178,7 +178,7 @@ def map_view(
 
 
 class _Sheet(NamedTuple):
-    """The window between two corners, drawn with ``scale`` pixels per unit of length; x to the right, y up."""
+    """A window between two corners, drawn with ``scale`` pixels per unit of length; x to the right, y up."""
 
     low: FloatArray
     high: FloatArray
@@ -198,7 +198,7 @@ class _Sheet(NamedTuple):
 
     def scale_bar(self, unit: str) -> str:
         width, height = self.high - self.low
-        bar = ticks(0.0, float(width), 5)[:2][-1]  # one alone where far numbers leave no width
+        bar = ticks(0.0, float(width), 5)[:2][-1]  # there is one tick only if rounding leaves no width
         bottom = height * self.scale
         return (
             f'<path class="bar" d="M12 {bottom - 12:.1f}h{bar * self.scale:.1f}"/>'
@@ -207,13 +207,13 @@ class _Sheet(NamedTuple):
 
 
 def window_of(grid: OccupancyGrid) -> Window:
-    """All of a grid: its lower and upper corner."""
+    """The lower and upper corner of a grid."""
     low = np.array([grid.origin_x, grid.origin_y])
     return low, low + np.array(grid.shape)[::-1] * grid.resolution
 
 
 def window_around(ways: Sequence[Way], margin: float | None = None) -> Window:
-    """So much around ways, by default a twentieth of their extent and a little more; never empty."""
+    """The window around ways with a margin, by default a twentieth of their extent and a little more; never empty."""
     points = np.array([point[:2] for way in ways for point in way if point is not None]).reshape(-1, 2)
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
     margin = 0.05 * float((high - low).max()) + 0.05 if margin is None else margin

@@ -14,7 +14,7 @@ from vsx_ros.geometry.se3 import SE3, StampedPose
 AlignmentKind = Literal["se3", "sim3", "yaw"]
 Pairs = list[tuple[SE3, SE3]]
 
-MIN_PAIRS = 3  # poses that fix an alignment
+MIN_PAIRS = 3  # poses that determine an alignment
 
 
 class Alignment(NamedTuple):
@@ -30,9 +30,9 @@ class Alignment(NamedTuple):
 
 
 class TrajectoryError(NamedTuple):
-    """Errors of an estimate over associated poses. ate_rmse_m: rms distance after alignment. scale: truth's size over
-    the estimate's (1 = right). scale_error: |1 - size of the estimate / size of the truth|; None when the truth hardly
-    moves. rpe_rmse_m, rpe_rmse_deg: rms error of the motion between successive pairs."""
+    """Errors of an estimate over associated poses. ate_rmse_m: rms distance after alignment. scale: size of the truth
+    / size of the estimate (1 = right). scale_error: |1 - size of the estimate / size of the truth|; None when the truth
+    hardly moves. rpe_rmse_m, rpe_rmse_deg: rms error of the motion between successive pairs."""
 
     pairs: int
     ate_rmse_m: float
@@ -44,8 +44,8 @@ class TrajectoryError(NamedTuple):
 
 
 def associate(estimate: Sequence[StampedPose], truth: Sequence[StampedPose], max_gap_ns: int = 20_000_000) -> Pairs:
-    """(estimate, truth) pose pairs whose stamps are nearest to each other, each truth used at most once. Raises
-    InputError when fewer than three pairs are within ``max_gap_ns``."""
+    """(estimate, truth) pose pairs with the nearest stamps; each true pose is used at most once. Raises InputError when
+    fewer than three pairs are within ``max_gap_ns``."""
     known = sorted((pose.stamp_ns, number) for number, pose in enumerate(truth))
     best: dict[int, tuple[float, int]] = {}
     for index, pose in enumerate(estimate):
@@ -64,8 +64,8 @@ def associate(estimate: Sequence[StampedPose], truth: Sequence[StampedPose], max
 
 
 def align(estimate: Points3, truth: Points3, kind: AlignmentKind) -> Alignment:
-    """Least-squares alignment of (N, 3) positions: rigid, similar, or yaw and translation only (gravity known). Umeyama
-    (PAMI 1991), equations 40-42. Degenerate shapes (a point, a line) give one of the equally good answers."""
+    """Least-squares alignment of (N, 3) positions: rigid, similarity, or yaw and translation only (gravity known).
+    Umeyama (PAMI 1991), equations 40-42. Degenerate shapes (a point, a line) give one of the equally good answers."""
     mean_e, mean_t = estimate.mean(axis=0), truth.mean(axis=0)
     e, t = estimate - mean_e, truth - mean_t
     if kind == "yaw":
@@ -82,8 +82,8 @@ def align(estimate: Points3, truth: Points3, kind: AlignmentKind) -> Alignment:
 
 
 def trajectory_error(pairs: Pairs, kind: AlignmentKind = "se3") -> TrajectoryError:
-    """ATE and RPE of associated poses after the alignment; the scale is measured whatever the kind. For RPE the
-    estimate is scaled with the alignment's scale (1 unless sim3)."""
+    """ATE and RPE of associated poses after the alignment; the scale is measured for every kind. For RPE the estimate
+    is scaled with the alignment's scale (1 unless sim3)."""
     estimate, truth = (np.array([T.translation for T in poses]) for poses in zip(*pairs))
     alignment = align(estimate, truth, kind)
     errors = np.linalg.norm(alignment.apply(estimate) - truth, axis=1)

@@ -1,1 +1,1 @@
-"""The paper's experiments: drives, explorations, and what is made of many of them."""
+"""The paper's experiments: drives, explorations, and the tables and figures from many of them."""

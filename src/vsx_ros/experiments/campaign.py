@@ -1,5 +1,5 @@
-"""Many tasks, one after the other or on many machines; every result is written down as it comes, so that a campaign
-can be interrupted and continued."""
+"""Many tasks, one after the other or on many machines. Every result is stored at once, so that a campaign can be
+interrupted and continued."""
 
 import os
 import sys
@@ -21,13 +21,14 @@ _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 class Task(Protocol):
-    """What is to be done: a NamedTuple of numbers and words."""
+    """A task: a NamedTuple of numbers and words."""
 
     def _asdict(self) -> dict[str, Any]: ...
 
 
 class Done(NamedTuple):
-    """final: whether the result is the task's own; a full disk, a worker without memory or a module is not."""
+    """final: whether the result comes from the task itself, not from a full disk or a worker that lacks memory or a
+    module."""
 
     result: Result
     final: bool
@@ -37,8 +38,8 @@ Work = Callable[[Any], Result]
 
 
 class Engine(NamedTuple):
-    """Where tasks run. jobs: how many at once on this machine. apart: each in a process of its own, as several always
-    are; else one runs in the caller's. scheduler: address of a dask scheduler, used instead."""
+    """Where tasks run. jobs: how many at once on this machine. apart: each task in its own process, also if jobs is 1;
+    else a single one runs in the caller's process. scheduler: address of a dask scheduler, used instead."""
 
     jobs: int = 1
     scheduler: str | None = None
@@ -46,9 +47,9 @@ class Engine(NamedTuple):
 
 
 def run_campaign(tasks: Sequence[Task], work: Work, store: Store, engine: Engine) -> list[Result]:
-    """Results of the tasks, in their order; those that the store knows are not done again. A task that fails has the
-    result {"failed": reason}; a failure that is not the task's own is not stored, so that the next call tries it again.
-    Raises ConfigError when the engine cannot be had, or is lost."""
+    """Results of the tasks, in their order; those in the store are not run again. A task that fails has the result
+    {"failed": reason}. A failure not caused by the task itself is not stored, so the next call tries it again. Raises
+    ConfigError when the engine is unavailable or lost."""
     waiting = [task for task in tasks if task._asdict() not in store]
     began_s, known = time.monotonic(), len(tasks) - len(waiting)
     if known:
@@ -75,7 +76,7 @@ def run_campaign(tasks: Sequence[Task], work: Work, store: Store, engine: Engine
 
 
 def guarded(work: Work, task: Task) -> Done:
-    """The result of a task, or why there is none: one bad world must not end a campaign of hundreds."""
+    """The result of a task, or the reason of its failure: one bad world must not end a campaign of hundreds."""
     try:
         return Done(work(task), True)
     except VsxError as error:
@@ -96,12 +97,12 @@ def _apart(tasks: Sequence[Task], work: Work, jobs: int) -> Iterator[tuple[Task,
             yield futures[future], future.result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-        for process in active_children():  # an interrupted campaign does not wait for half runs
+        for process in active_children():  # an interrupted campaign does not wait for unfinished runs
             process.terminate()
 
 
 def _in_its_own(work: Work, task: Task) -> Done:
-    """A process that begins and ends with the task."""
+    """Runs the task in its own process, which ends with it."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_end_with_the_caller) as one:
         try:
             return one.submit(guarded, work, task).result()
@@ -110,7 +111,7 @@ def _in_its_own(work: Work, task: Task) -> Done:
 
 
 def _end_with_the_caller() -> None:
-    """However that one ends."""
+    """End this process when the caller ends, for whatever reason."""
     caller = parent_process()
     assert caller is not None
 
@@ -138,7 +139,7 @@ def _distributed(tasks: Sequence[Task], work: Work, scheduler: str) -> Iterator[
                     f"the dask scheduler at {scheduler} was lost; start it again, then the same command goes on with "
                     "what is missing"
                 )
-            cause = future.exception()  # of a worker that died, or had not what the task needs
+            cause = future.exception()  # of a worker that died, or lacks what the task needs
             told = "" if cause is None else f"{type(cause).__name__}: {' '.join(str(cause).split())}"
             yield futures[future], Done({"failed": f"its worker failed: {told}"}, False) if told else future.result()
     finally:

@@ -1,8 +1,8 @@
-"""One drive from a start to a goal that looks elsewhere, by each planner, tracked by two trackers (paper, Table 1).
+"""Drives from a start to a goal with another heading, one per planner, tracked by two trackers (paper, Table 1).
 
-The drives of one world begin alike, to the bit: same world, same noise, same straight start. Then each planner's path
-to the same goal is driven, closed on odometry, so that whoever loses track still gets there and the next
-one is not judged by another way. The frames of a drive go through both trackers."""
+All drives of one world begin identically, to the bit: same world, same noise, same straight start. Then the robot
+follows each planner's path to the same goal by odometry. So it arrives even if a tracker is lost, and all trackers are
+judged on the same drive. The frames of a drive go through both trackers."""
 
 import math
 from collections.abc import Sequence
@@ -31,27 +31,27 @@ from vsx_ros.sim.world import World
 ARMS: dict[str, tuple[str, float | None]] = {
     "constrained": ("fov", None),
     "unconstrained": ("unconstrained", 0.9),
-    "unconstrained, slow turns": ("unconstrained", 0.3),  # no image is smeared by more than 3 px
+    "unconstrained, slow turns": ("unconstrained", 0.3),  # motion blur is at most 3 px
     "the paper's planner": ("paper", None),
 }
-"""One of PLANNERS, and how fast it may turn [rad/s]; the robot's own limit where it is None."""
+"""One of PLANNERS, and its limit of the turn rate [rad/s]; None for the robot's own."""
 CONSTRAINED, UNCONSTRAINED, *_ = ARMS
-START_M = 0.6  # driven straight before, in which the map starts
+START_M = 0.6  # driven straight at first, where the map starts
 PHI_RAD_M = 1.0  # of every drive
-# Whoever strays a little is led back, so that all arms get to the goal.
+# Wide limits of the follower, so that small deviations are corrected and all arms reach the goal.
 CONFIG = overridden(
     Config(),
     {"planner.phi_rad_m": PHI_RAD_M, "follower.max_heading_error_rad": 0.8, "follower.max_lateral_error_m": 0.3},
 )
 _TURNS = {1: (math.radians(60.0), math.radians(110.0)), 2: (math.radians(150.0), math.pi)}
-_DISTANCE_M = (1.5, 3.5)  # m to a goal: far enough for full speed, near enough for most rooms
+_DISTANCE_M = (1.5, 3.5)  # to a goal: far enough for full speed, near enough for most rooms
 _AROUND_M = np.linspace(-0.4, 0.4, 9)
 _LONGEST_PATH_M, _TRIES, _LONGEST_DRIVE_S = 12.0, 200, 180.0  # m, three times the farthest goal; draws; s
 
 
 class DriveTask(NamedTuple):
-    """dataset: 1, a goal that looks to the side; 2, one that looks back. noise: which of the robot's and camera's
-    errors, counted from 0."""
+    """dataset: 1, the goal's heading is to the side; 2, it is backwards. noise: number of the sample of the robot's and
+    camera's errors, from 0."""
 
     world: str
     seed: int
@@ -60,7 +60,7 @@ class DriveTask(NamedTuple):
 
 
 class Question(NamedTuple):
-    """start, goal: poses in the world. grid: the true map, known to all planners alike."""
+    """start, goal: poses in the world. grid: the true map, known to all planners."""
 
     start: SE2
     goal: SE2
@@ -68,8 +68,8 @@ class Question(NamedTuple):
 
 
 def question(task: DriveTask, world: World, config: Config) -> Question:
-    """A goal of the dataset's kind that the constrained and the unconstrained planner reach, drawn by the world's seed.
-    Raises InputError when the world offers none."""
+    """A goal of the dataset's kind that the constrained and the unconstrained planner reach, drawn with the world's
+    seed. Raises InputError when none is found."""
     ground = config.ground_map
     grid = ground_truth_grid(world, ground.resolution_m, ground.obstacle_min_height_m, ground.obstacle_max_height_m)
     start = world.start_pose @ SE2(START_M, 0.0, 0.0)
@@ -89,19 +89,19 @@ def question(task: DriveTask, world: World, config: Config) -> Question:
 
 
 def plan_of(arm: str, asked: Question, config: Config) -> Plan | Refusal:
-    """The arm's plan, knowing the true map."""
+    """The arm's plan in the true map."""
     planner = PLANNERS[ARMS[arm][0]](config.planner, config.robot)
     return planner.plan(asked.start, asked.goal, asked.grid, np.random.default_rng(0))
 
 
 def limits_of(arm: str, config: Config) -> LimitsConfig:
-    """The robot's own, but for how fast the arm may turn."""
+    """The robot's own limits, with the arm's turn rate."""
     return msgspec.structs.replace(config.limits, omega_rad_s=ARMS[arm][1] or config.limits.omega_rad_s)
 
 
 def run_drives(task: DriveTask) -> dict[str, Any]:
-    """All arms: path, duration, planned and driven way, and what each tracker made of it; of an arm that found no path,
-    why."""
+    """Results of all arms: path, duration, planned and driven way, and each tracker's result. For an arm without a path
+    the reason."""
     world = open_world(task.world, task.seed)
     asked = question(task, world, CONFIG)
     arms = {arm: _drive(arm, asked, task, world, CONFIG) for arm in ARMS}
@@ -112,7 +112,7 @@ def _drive(arm: str, asked: Question, task: DriveTask, world: World, config: Con
     plan = plan_of(arm, asked, config)
     if isinstance(plan, Refusal):
         return {"refused": plan.reason}
-    limits, noise_seed = limits_of(arm, config), task.seed + 1000 * task.noise  # no other world's
+    limits, noise_seed = limits_of(arm, config), task.seed + 1000 * task.noise  # differs from other worlds' seeds
     robot = EmulatedRobot(world, noise_seed, robot=config.robot)
     trackers = both_trackers(robot, config, noise_seed)
     driver = _Driver(robot, trackers, world.start_pose)
@@ -129,12 +129,12 @@ def _drive(arm: str, asked: Question, task: DriveTask, world: World, config: Con
 
 
 def shape_of(path: Path) -> dict[str, float]:
-    """What a path is like."""
+    """Length, reverse length and turns on the spot of a path."""
     return {"path_m": path.length_m, "reverse_m": path.reverse_m, "turn_on_spot_rad": path.turn_on_spot_rad}
 
 
 def _straight(asked: Question, config: Config) -> Path:
-    """The start of every drive: two frames for the map, and a little more."""
+    """The straight start of every drive, long enough for the two frames that start the map."""
     begin = asked.start @ SE2(-START_M, 0.0, 0.0)
     plan = Planner(config.planner, config.robot).plan_blind(begin, asked.start)
     assert isinstance(plan, Plan)
@@ -142,7 +142,7 @@ def _straight(asked: Question, config: Config) -> Path:
 
 
 class _Driver:
-    """Drives trajectories of the world frame by odometry, and lets the trackers watch."""
+    """Drives trajectories of the world frame by odometry, and gives the frames to the trackers."""
 
     def __init__(self, robot: EmulatedRobot, trackers: Sequence[Tracked], start: SE2) -> None:
         self._robot, self._trackers, self._start = robot, trackers, start
@@ -152,7 +152,7 @@ class _Driver:
         self._bases: list[SE2] = []
 
     def follow(self, trajectory: Trajectory, limits: LimitsConfig, config: Config) -> FollowStatus:
-        """Until it arrives, diverges or takes too long; how it ended."""
+        """Drive until it arrives, diverges or takes too long (STALE); returns how it ended."""
         tracker = TrajectoryTracker(config.follower, limits)
         tracker.start(trajectory, self._robot.truth.stamp_ns)
         ends_ns = self._robot.truth.stamp_ns + int(_LONGEST_DRIVE_S * 1e9)
@@ -166,7 +166,7 @@ class _Driver:
         return FollowStatus.STALE
 
     def driven(self, since_ns: int) -> list[list[float]]:
-        """Where the base really was, four times a second."""
+        """The base's true poses, every fourth frame."""
         poses = [base for base, pose in zip(self._bases, self.truth, strict=True) if pose.stamp_ns >= since_ns]
         return [_row(pose) for pose in poses[::4]]
 

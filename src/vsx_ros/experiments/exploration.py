@@ -1,5 +1,5 @@
-"""Whole explorations: looked at while they go on, as a task of a sweep, and what is made of many: a table for each kind
-of world and planner, and every failure by name; and one at its stages (paper, Figure 7)."""
+"""Whole explorations as tasks of a sweep; from many of them a table by world and planner, and a list of all failures;
+and one exploration at its stages (paper, Figure 7)."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -20,12 +20,12 @@ from vsx_ros.runs.parameters import load
 from vsx_ros.runs.world import open_world
 
 Look = Callable[[int, OccupancyGrid], None]
-_LOOK_EVERY_NS = 2_000_000_000  # in emulated time: how finely the way to a share of coverage is known
+_LOOK_EVERY_NS = 2_000_000_000  # in emulated time: resolution of the distance to a share of coverage
 _SHARES = (0.5, 0.9, 0.95)  # of the reachable ground
 
 
 class ExplorationTask(NamedTuple):
-    """settings: NAME=VALUE by which the configuration is changed, as --set takes them."""
+    """settings: NAME=VALUE changes of the configuration, as for --set."""
 
     world: str
     seed: int
@@ -35,8 +35,8 @@ class ExplorationTask(NamedTuple):
 
 
 def run_whole(run: FastRun, limit_s: float, look: Look | None = None) -> str:
-    """Why the run ended, as ``FastRun.run`` says it. look: told stamp and map every two seconds, once there is a map.
-    Ctrl-C, which ends a run with what there is, interrupts an experiment: half a run is no result."""
+    """Run until the end; returns the reason from ``FastRun.run``. look: called with stamp and map every two seconds,
+    once there is a map. Raises KeyboardInterrupt after Ctrl-C: an unfinished run is no result."""
     due_ns = 0
 
     def watch(stamp_ns: int) -> None:
@@ -52,8 +52,8 @@ def run_whole(run: FastRun, limit_s: float, look: Look | None = None) -> str:
 
 
 def explore(task: ExplorationTask) -> dict[str, Any]:
-    """The summary of the run, and its way to shares of what can be seen (known and right)."""
-    load_plugins()  # in a process of its own nobody has
+    """The summary of the run, and the distances driven to shares of coverage (known and right)."""
+    load_plugins()  # not yet done in a new process
     run = FastRun(open_world(task.world, task.seed), task.seed, task.planner, load(None, task.settings))
     reached: dict[str, float] = {}
 
@@ -76,7 +76,7 @@ _HEADER = (
 
 
 def as_csv(runs: Runs) -> str:
-    """A line for each run, every number there is."""
+    """One line per run with all its numbers."""
     names = list(dict.fromkeys(name for _, result in runs for name in result))
     header = [*(f"task_{name}" for name in ExplorationTask._fields), *names]
     return csv_text(header, ([*t[:-1], " ".join(t.settings), *(r.get(name) for name in names)] for t, r in runs))
@@ -107,7 +107,7 @@ def _row(name: str, results: list[Result]) -> list[str]:
     def share(hits: int) -> str:
         return interval(share_interval(hits, len(done)))
 
-    right = [result.get("coverage_correct") or 0.0 for result in done]  # without a map nothing is known
+    right = [result.get("coverage_correct") or 0.0 for result in done]  # 0 without a map
     ate = of("ate_rmse_m")
     return [
         name,
@@ -138,11 +138,11 @@ def _faults(result: Result) -> Iterator[str]:
         yield f"{100 * (result.get('coverage_correct') or 0.0):.0f} % known and right; {result['stop_reason']}"
 
 
-STAGES = (0.25, 0.5, 0.75, 1.0)  # of the way, for figure 7
+STAGES = (0.25, 0.5, 0.75, 1.0)  # of the distance driven, for figure 7
 
 
 class Stage(NamedTuple):
-    """The run at one instant. way: where the base was so far, in the map; surface: spots known to be surface."""
+    """The run at one instant. way: the base's poses so far, in the map. surface: spots known to be surface."""
 
     second: float
     path_m: float
@@ -159,7 +159,7 @@ _NUMBERS = Stage._fields[:6]
 
 
 def explore_in_stages(world: str, seed: int, limit_s: float) -> tuple[list[Stage], Result]:
-    """One exploration with dense mapping, looked at every two seconds; its stages and its summary."""
+    """The stages, every two seconds, and the summary of one exploration with dense mapping."""
     run = FastRun(open_world(world, seed), seed, "fov", Config())
     stages: list[Stage] = []
     reason = run_whole(run, limit_s, lambda stamp_ns, grid: stages.append(_stage(run, grid, stamp_ns)))

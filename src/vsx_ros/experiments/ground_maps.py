@@ -1,4 +1,4 @@
-"""Figures 4 and 5 of the paper: what the dense planes make of the keyframes of a short exploration, and of its map."""
+"""Figures 4 and 5 of the paper: the dense planes in a keyframe of a short exploration, and in its map."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -23,9 +23,9 @@ from vsx_ros.runs.lockstep import FastRun
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.truth import ground_truth_grid
 
-_ALL_CELLS = 10**6  # a budget without bound
-_ENOUGH_POINTS = 8  # of a plane in a keyframe, for the picture to show it
-_NEAR_M, _FAR_M = 0.3, 5.0  # from the camera, where a cell is drawn
+_ALL_CELLS = 10**6  # an unlimited budget
+_ENOUGH_POINTS = 8  # of a plane in a keyframe, to count it when the keyframe is chosen
+_NEAR_M, _FAR_M = 0.3, 5.0  # from the camera; only cells between are drawn
 _SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # corners of a cell
 _ROWS = (
     ("f1", "F1 of obstacles at 10 cm", ".3f"),
@@ -39,8 +39,8 @@ _ROWS = (
 
 
 def figure4(world: str, seed: int, limit_s: float) -> tuple[Section, dict[str, Any]]:
-    """One exploration, the planes and the surface of its keyframes in the one that shows most planes, and their
-    numbers. Raises InputError when no plane was found."""
+    """Planes and surface of one exploration, drawn in the keyframe that shows most planes, and their numbers. Raises
+    InputError when no plane was found."""
     run, facts = _explored(world, seed, limit_s)
     snapshot, camera, config = run.system.slam.snapshot(), run.robot.camera_given, Config().dense
     dense = Densifier(camera, run.robot.T_base_cam_given, config, seed).update(snapshot, _ALL_CELLS)
@@ -73,7 +73,7 @@ def figure4(world: str, seed: int, limit_s: float) -> tuple[Section, dict[str, A
 def _cells_before(
     camera: PinholeCamera, T_world_cam: SE3, dense: DenseMap, size_m: float
 ) -> tuple[FloatArray, IntArray]:
-    """(M, 4, 2) pixels of the corners of cells before a camera, the farthest first, and their planes (M,)."""
+    """(M, 4, 2) pixels of the corners of the cells in front of a camera, farthest first, and their planes (M,)."""
     corners = np.zeros((len(dense.cells.plane), 4, 3))
     for plane in dense.planes:
         mine = dense.cells.plane == plane.id
@@ -90,8 +90,8 @@ def _cells_before(
 def _plane_pictures(
     image: GrayImage, points: Pixels, planes: IntArray, cells: FloatArray, cell_planes: IntArray
 ) -> list[tuple[str, str]]:
-    """points (N, 2): where map points were found in the image; planes (N,): of which plane each is, -1 for none. cells
-    (M, 4, 2): corners of what is surface, the farthest first; cell_planes (M,)."""
+    """points (N, 2): pixels of the map points found in the image. planes (N,): plane of each, -1 for none. cells (M, 4,
+    2): corners of the surface cells, farthest first. cell_planes (M,): their planes."""
     of_plane = {plane: points[planes == plane] for plane in np.unique(planes).tolist()}
     hulls = [
         _area(plane, cv2.convexHull(own.astype(np.float32))[:, 0], 0.35)
@@ -108,7 +108,7 @@ def _plane_pictures(
 
 
 def _over(image: GrayImage, parts: list[str]) -> str:
-    """Drawings over the picture, paled."""
+    """Drawings over the image, which is paler if there are any."""
     height, width = image.shape
     picture = f'<image width="{width}" height="{height}" opacity="{0.6 if parts else 1}" href="{png_url(image)}"/>'
     return f'<svg viewBox="0 0 {width} {height}" role="img">{picture}{"".join(parts)}</svg>'
@@ -125,12 +125,12 @@ def _dots(plane: int, pixels: Pixels) -> str:
 
 
 def _colour(plane: int) -> str:
-    """Of each plane another one, red for none."""
+    """A different colour for each plane, red for none."""
     return f"hsl({40 + 101 * plane % 280} 75% 45%)" if plane >= 0 else "#c83232"
 
 
 def figure5(world: str, seed: int, limit_s: float) -> tuple[Section, dict[str, Any]]:
-    """One exploration with dense mapping, its maps beside the truth, and their numbers."""
+    """The maps of one exploration with dense mapping beside the truth, and their numbers."""
     run, facts = _explored(world, seed, limit_s)
     ground, snapshot = run.system.ground, run.system.slam.snapshot()
     true_poses, config = {pose.stamp_ns: pose.T for pose in run.truth}, Config().ground_map
@@ -145,8 +145,8 @@ def figure5(world: str, seed: int, limit_s: float) -> tuple[Section, dict[str, A
 def maps_beside_truth(
     truth: OccupancyGrid, faces: BoolArray, grids: Mapping[str, OccupancyGrid], T_truth_map: SE2, facts: str
 ) -> tuple[Section, dict[str, Any]]:
-    """Figure 5 and its numbers. faces (H, W): of ``seen_faces``. T_truth_map: where the grids' origin truly lies.
-    facts: how it came about, in words."""
+    """Figure 5 and its numbers. faces (H, W): of ``seen_faces``. T_truth_map: true pose of the grids' origin. facts:
+    the origin of the data, in words."""
     qualities = {name: obstacle_quality(grid, truth, faces, T_truth_map) for name, grid in grids.items()}
     numbers = {name: quality._asdict() for name, quality in qualities.items()}
 
@@ -166,7 +166,7 @@ def maps_beside_truth(
 
 
 def _explored(world: str, seed: int, limit_s: float) -> tuple[FastRun, str]:
-    """The run, and what it was in words."""
+    """The run, and its description in words."""
     run = FastRun(open_world(world, seed), seed, "fov", Config())
     reason = run_whole(run, limit_s)
     keyframes = len(run.system.slam.snapshot().keyframe_ids)

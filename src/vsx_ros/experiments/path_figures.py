@@ -1,4 +1,4 @@
-"""Figures 2 and 6 of the paper: the paths of both planners to the same goals, and what a tracker made of them."""
+"""Figures 2, 3 and 6 of the paper: both planners' paths to the same goals, favourable states, and tracked paths."""
 
 import math
 from collections.abc import Sequence
@@ -28,12 +28,12 @@ from vsx_ros.planning.two_level_qp import connect_paper
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.truth import gap_to_walls
 
-_AROUND_M = 1.2  # the shown ways
+_AROUND_M = 1.2  # margin around the drawn paths
 _PHI_RAD_M = CONFIG.planner.phi_rad_m  # of every drive
 
 
 def figure2(world: str, seed: int) -> tuple[Section, dict[str, Any]]:
-    """The paths themselves, with where the camera looks along them, and what they are like; a dataset without a goal is
+    """The paths with the camera's viewing direction along them, and their properties. A dataset without a goal is
     listed."""
     pictures, failed, rows = [], [], []
     for task in [DriveTask(world, seed, 0, dataset) for dataset in (1, 2)]:
@@ -58,7 +58,8 @@ def figure2(world: str, seed: int) -> tuple[Section, dict[str, Any]]:
 
 
 def figure6(drives: Drives) -> tuple[Section, dict[str, Any]]:
-    """Planned way and what the paper's tracker says, until it breaks; and how far all trackers' ways lie from it."""
+    """The planned path and the paper's tracker's estimate, with gaps where it was lost; and the deviation of all
+    trackers' estimates from the planned path."""
     pictures, rows = [], []
     for task, result in [drive for drive in drives if "arms" in drive[1]]:
         asked = question(task, open_world(task.world, task.seed), CONFIG)
@@ -81,9 +82,9 @@ def figure6(drives: Drives) -> tuple[Section, dict[str, Any]]:
 
 
 def deviation(planned: Sequence[Sequence[float]], estimate: Sequence[Sequence[float] | None]) -> dict[str, Any]:
-    """How far the tracked way of the camera lies from its planned one: rms_m and max_m of the distances to the nearest
-    point, None where nothing was tracked, and tracked_share. planned: x, y, theta of the base; estimate: x, y of the
-    camera, None where it was lost."""
+    """The deviation of the camera's tracked path from its planned one: rms_m and max_m of the distances from tracked
+    points to the planned path, None if nothing was tracked, and tracked_share. planned: x, y, theta of the base.
+    estimate: x, y of the camera, None where it was lost."""
     tracked = np.array([point[:2] for point in estimate if point is not None]).reshape(-1, 2)
     share = len(tracked) / len(estimate) if estimate else 0.0
     if not len(tracked):
@@ -112,13 +113,13 @@ def _picture(asked: Question, ways: Any, marks: Any, views: Any) -> str:
     return map_view(asked.grid, ways, window, marks=[*ends, *marks], views=views)
 
 
-_PLACE = (2.0, 1.5)  # m, of the goal; its headings, of which every sixth is drawn
-_HEADINGS_DEG, _SHOWN_EVERY = range(0, 181, 5), 6
-_PLACES, _NEAR_M, _FAR_M = 100, 1.0, 3.0  # places ahead
+_PLACE = (2.0, 1.5)  # position of the goal [m]
+_HEADINGS_DEG, _SHOWN_EVERY = range(0, 181, 5), 6  # headings of the goal; every sixth is drawn
+_PLACES, _NEAR_M, _FAR_M = 100, 1.0, 3.0  # number and distances of random places ahead
 
 
 def figure3(seed: int) -> tuple[Section, dict[str, Any]]:
-    """The section, and its numbers. seed: of the places that are drawn for the shares."""
+    """The section, and its numbers. seed: of the random places for the shares."""
     rng = np.random.default_rng(seed)
     bearings, distances = rng.uniform(0.0, math.pi / 2, _PLACES), rng.uniform(_NEAR_M, _FAR_M, _PLACES)
     places = np.column_stack([distances * np.cos(bearings), distances * np.sin(bearings)]).tolist()

@@ -1,7 +1,7 @@
-"""Rows of results, and what each rests on: no figure without its tree.
+"""Rows of results, each with its provenance: the code, configuration and machine that produced it.
 
-A file of rows is JSON, a line for each question that was asked, with the keys of ``Row``. A row answers its question
-again only where code and configuration are the same."""
+A file of rows has one line of JSON per question, with the keys of ``Row``. A row is valid only for the same code and
+configuration."""
 
 import hashlib
 import json
@@ -29,13 +29,13 @@ from vsx_ros.limits import LOG_BYTES, file_bytes, json_tree
 
 PACKAGE = Path(vsx_ros.__file__).parent
 _PACKAGES = ("vsx_ros", "numpy", "cv2", "numba")
-_DIGITS = 12  # of hashes; enough to tell commits and configurations apart
+_DIGITS = 12  # of hashes; enough to distinguish commits and configurations
 
 
 class Provenance(msgspec.Struct, frozen=True):
-    """What all rows of one process rest on. commit: git's, None outside of a checkout. dirty: whether code of the
-    checkout was not committed; None where only the commit is known by which the row came into the repository. code:
-    hash of the sources that were run, config: of the configuration; empty where unknown."""
+    """The origin of all rows of one process. commit: git's, None outside of a checkout. dirty: whether code of the
+    checkout was not committed; None if the commit is only the one that added the row to the repository. code: hash of
+    the executed sources. config: hash of the configuration. Both are empty if unknown."""
 
     commit: str | None
     dirty: bool | None
@@ -45,7 +45,7 @@ class Provenance(msgspec.Struct, frozen=True):
 
 
 class Row(Provenance, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """machine: processor, its cores, and how many processes want one (load, 1 min mean). when: UTC, to the second."""
+    """machine: processor, its cores, and the load (1 min mean). when: UTC, to the second."""
 
     machine: dict[str, Any]
     when: str
@@ -61,7 +61,7 @@ def made_by() -> str:
 
 
 def code_hash(rooms: Iterable[Path]) -> str:
-    """Of all sources in them, by name and code; comments and docstrings move no figure."""
+    """Hash of all sources in the rooms, by name and code, without comments and docstrings."""
     digest = hashlib.sha256()
     for room in sorted(rooms):
         for path in sorted(room.rglob("*.py")) if room.is_dir() else [room]:
@@ -71,7 +71,7 @@ def code_hash(rooms: Iterable[Path]) -> str:
 
 @cache
 def _code(source: bytes) -> bytes:
-    """Without comments, strings that are a statement of their own, and lines that are empty then."""
+    """The source without comments, strings that are whole statements (docstrings), and empty lines."""
     lines = source.decode().splitlines()
     tokens = [t for t in tokenize(BytesIO(source).readline) if t.type not in (token.NL, token.ENCODING)]
     begins = {token.NEWLINE, token.INDENT, token.DEDENT}
@@ -85,17 +85,18 @@ def _code(source: bytes) -> bytes:
 
 
 def config_hash(config: Config) -> str:
-    """Of every parameter, those that were not set too."""
+    """Hash of every parameter, including defaults."""
     return hashlib.sha256(json.dumps(to_dict(config), sort_keys=True).encode()).hexdigest()[:_DIGITS]
 
 
 def tell(line: str) -> None:
-    """To the user, beside the results."""
+    """Print a line for the user on stderr, apart from the results."""
     print(line, file=sys.stderr, flush=True)
 
 
 def read_rows(path: Path, say: Callable[[str], None]) -> list[Row]:
-    """All whole rows; what is none is told, a sentence each, and left out. Raises InputError if it cannot be read."""
+    """All valid rows; each invalid line is reported with ``say`` and left out. Raises InputError if the file cannot be
+    read."""
     with explained(InputError, f"{path} cannot be used", "choose another --out"):
         content = file_bytes(path, LOG_BYTES) if path.exists() else b""
     rows = []
@@ -108,11 +109,11 @@ def read_rows(path: Path, say: Callable[[str], None]) -> list[Row]:
 
 
 class Store:
-    """The rows of a file that hold for the code and configuration of now; a new one is appended as it comes."""
+    """The rows of a file that are valid for the current code and configuration; new ones are appended at once."""
 
     def __init__(self, path: Path, config: Config | None = None, rooms: Sequence[Path] = (PACKAGE,)) -> None:
-        """config: that of the runs; rooms: files and folders with the code they judge. Rows that do not hold stay in
-        the file, and are told in a sentence. Raises InputError when the file cannot be used."""
+        """config: of the runs. rooms: files and folders with the code they depend on. Other rows stay in the file, and
+        their number is reported. Raises InputError when the file cannot be used."""
         with explained(InputError, f"{path} cannot be used", "choose another --out", OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
         self._path, self._rooms = path, rooms
@@ -130,8 +131,8 @@ class Store:
         return self._known[_key(asked)]
 
     def add(self, asked: Mapping[str, Any], result: Any) -> None:
-        """Append a row, on a line of its own whatever the last one is. Raises InputError when the disk takes no more,
-        or the code is not that of the beginning any more."""
+        """Append a row, on its own line even if the last line is incomplete. Raises InputError when the file cannot be
+        written, or the code has changed since the start."""
         if code_hash(self._rooms) != self._rests_on.code:
             raise InputError(
                 f"the code was changed while it was measured for {self._path}; begin again with it as it is"
@@ -148,7 +149,7 @@ class Store:
         self._known[_key(asked)] = json.loads(line)["result"]
 
     def _tell_others(self, rows: Sequence[Row]) -> None:
-        """Which rows do not hold now."""
+        """Report which rows are not valid now."""
         code, config = self._rests_on.code, self._rests_on.config
         older = Counter(row.commit or "no commit" for row in rows if row.code != code)
         if older:
@@ -164,7 +165,7 @@ def _key(asked: Mapping[str, Any]) -> str:
 
 
 def _git(*words: str) -> str:
-    """What git says of the checkout that this package is of; nothing where there is none."""
+    """Git's output for the checkout of this package; empty if there is none."""
     try:
         done = subprocess.run(["git", *words], cwd=PACKAGE, capture_output=True, text=True, check=False)
     except OSError:
@@ -173,7 +174,7 @@ def _git(*words: str) -> str:
 
 
 def _commit(rooms: Iterable[Path]) -> tuple[str | None, bool | None]:
-    """And whether sources in the rooms are not those of the commit."""
+    """The commit, and whether sources in the rooms differ from it; (None, None) outside of a checkout."""
     if not _git("ls-files", str(PACKAGE / "errors.py")):
         return None, None
     changed = _git("status", "--porcelain", "--", *map(str, rooms))
@@ -181,7 +182,7 @@ def _commit(rooms: Iterable[Path]) -> tuple[str | None, bool | None]:
 
 
 def _versions() -> dict[str, str]:
-    """Of Python and the packages that figures depend on."""
+    """Versions of Python and the packages that results depend on."""
     return {"python": platform.python_version()} | {name: import_module(name).__version__ for name in _PACKAGES}
 
 

@@ -22,8 +22,8 @@ _COLUMNS = (
 
 
 class _Measure(NamedTuple):
-    """missing: what it is of a drive that has none; None leaves the drive out. is_share: of drives, without a ratio: a
-    planner that never broke divides nothing."""
+    """missing: the value for a drive without one; None leaves the drive out. is_share: a share of drives, without a
+    ratio, because the divisor may be zero."""
 
     key: str
     name: str
@@ -43,7 +43,7 @@ _MEASURES = (
 
 
 def as_csv(drives: Drives) -> str:
-    """A line for each drive and tracker."""
+    """One line per drive and tracker."""
     rows = [
         [*task, arm, *(drive[name] for name in _PATH), tracker, *(judged[name] for name in _COLUMNS), __version__]
         for task, result in drives
@@ -59,8 +59,8 @@ def driven(result: Result) -> dict[str, dict[str, Any]]:
 
 
 def numbers(drives: Drives) -> dict[str, Any]:
-    """The table as a tree: tracker, dataset, measure, then means, and the constrained against each other planner; all
-    with a world counting once."""
+    """The table as a tree: tracker, dataset, measure, then means, and the constrained planner against each other one.
+    Each world counts once."""
     return {
         tracker: {
             name: _compared([drive for drive in drives if drive[0].dataset in datasets], tracker)
@@ -87,7 +87,7 @@ def _compared(drives: Drives, tracker: str) -> dict[str, Any]:
 
 
 def _value(drive: dict[str, Any] | None, tracker: str, measure: _Measure) -> float | None:
-    """None where there was no path either."""
+    """None also if there was no path."""
     if drive is None:
         return None
     value = drive["trackers"][tracker][measure.key]
@@ -95,7 +95,7 @@ def _value(drive: dict[str, Any] | None, tracker: str, measure: _Measure) -> flo
 
 
 def _by_world(worlds: Sequence[tuple[str, int]], *columns: Column) -> list[list[float]]:
-    """Each column's means, one a world, over the drives of which every column is known."""
+    """Each column's means, one per world, over the drives with values in every column."""
     rows = [(world, row) for world, *row in zip(worlds, *columns, strict=True) if None not in row]
     of_rows = [world for world, _ in rows]
     return [group_means(of_rows, [row[k] for _, row in rows]) for k in range(len(columns))]
@@ -106,8 +106,8 @@ def _mean(of_worlds: list[float], measure: _Measure) -> Interval | None:
 
 
 def faults(drives: Drives) -> list[list[str]]:
-    """What did not go as it should, a row each: questions without answers, planners without a path, and drives, which
-    count nevertheless, that did not arrive or touched something."""
+    """One row per problem: tasks that failed, planners without a path, and drives that did not arrive or collided.
+    Such drives still count."""
     rows = []
     for task, result in drives:
         named = [str(value) for value in task]
@@ -125,12 +125,12 @@ def faults(drives: Drives) -> list[list[str]]:
 
 
 def faults_table(rows: Sequence[Sequence[str]]) -> str:
-    """As a part of a page."""
+    """The problems as a table."""
     return table([*DriveTask._fields, "planner", "what"], rows)
 
 
 def table_section(drives: Drives) -> Section:
-    """Table 1, and what it rests on."""
+    """Table 1, its protocol and its problems."""
     tree = numbers(drives)
     counts = (f"{dataset}, {t['drives']} drives in {t['worlds']} worlds" for dataset, t in tree[PAPER].items())
     parts = [paragraph(_PROTOCOL), paragraph(f"Of each planner: {'; '.join(counts)}.")]
@@ -146,7 +146,7 @@ def table_section(drives: Drives) -> Section:
 
 
 def rows_of(tree: dict[str, Any]) -> list[list[str]]:
-    """Of one tracker and dataset of ``numbers``: a row for each measure, its name first, under HEADER."""
+    """One row per measure, its name first, under HEADER. tree: one tracker and dataset of ``numbers``."""
     rows = []
     for measure in _MEASURES:
         of = tree[measure.key]

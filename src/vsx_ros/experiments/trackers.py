@@ -26,12 +26,12 @@ U2_READINGS = {
     "u2_until_loss": "found until the first loss, every point made by then",
     "u2_drive_until_loss": "found in the drive until the first loss, every point made by then",
 }
-"""What "frames in which every point is tracked" can mean: key of the numbers, and words."""
+"""The possible meanings of "frames in which every point is tracked": key of the numbers, and words."""
 Record = Mapping[str, NDArray[Any]]
-WRONG_M = 0.15  # RMS error of a drive of a few metres from which on tracking counts as broken
+WRONG_M = 0.15  # above this RMS error of a drive of a few metres, tracking counts as broken
 _ENOUGH_POSES = 10  # to align an estimate with the truth
 
-# PTAM's rule: 20 frames of 30 Hz apart, a distance in proportion to the depth, and never for a turn.
+# PTAM's rule: at least 20 frames of 30 Hz apart, at a distance in proportion to the depth, never for a turn alone.
 _PAPER = {
     "slam.keyframes.min_gap_frames": 10,
     "slam.keyframes.distance_ratio": 0.08,
@@ -41,7 +41,7 @@ _PAPER = {
 
 
 class Tracked:
-    """One tracker and what it said. metric: whether it has odometry, hence metres; without, it predicts by its own
+    """One tracker and its results. metric: whether it has odometry and so metres; if not, it predicts from its own
     motion and the image's."""
 
     def __init__(self, name: str, slam: SequentialSlam, *, metric: bool) -> None:
@@ -50,21 +50,21 @@ class Tracked:
         self.begin()
 
     def begin(self) -> None:
-        """From here on the frames are those of the drive; before it is the straight start."""
+        """The next frames belong to the drive; the earlier ones are the straight start."""
         self._begun, self._before = len(self._results), self._slam.record()
         self._at_loss: Record | None = None
 
     def track(self, frame: Frame, odometry: Odometry) -> None:
-        """One frame, the same for all."""
+        """Track one frame, the same for all trackers."""
         result = self._slam.track(frame, odometry if self._metric else None)
         self._results.append(result)
         if result.state is TrackingState.LOST and self._at_loss is None:
             self._at_loss = self._slam.record()
 
     def judged(self, truth: list[StampedPose], odometry: list[SE3]) -> dict[str, Any]:
-        """U1, U2, losses, breaks and errors of the drive. u1: found of searched, a lost frame counts 0. broken: lost at
-        the end, or somewhere else than it says by more than 15 cm rms, or (where it knows metres) jumped against
-        odometry. held_share: of the drive until the first loss."""
+        """U1, U2, losses, breaks and errors of the drive. u1: found / searched points, 0 for a lost frame. broken: lost
+        at the end, or an error of more than 15 cm rms, or (if metric) a jump against odometry. held_share: share of the
+        drive until the first loss."""
         drive = list(zip(self._results, truth, odometry, strict=True))[self._begun :]
         results = [result for result, _, _ in drive]
         tracked = [result.state.tracked and result.T_world_cam is not None for result in results]
@@ -91,8 +91,8 @@ class Tracked:
         }
 
     def _estimate(self, truth: list[StampedPose]) -> list[list[float] | None]:
-        """The estimated way in the world's frame, four times a second, None where it was lost: the estimate is laid on
-        the truth at the start of the drive, with its scale where it has none of its own."""
+        """The estimated path in the world frame, every fourth frame, None where it was lost. The estimate's first pose
+        is put on the true one; a tracker without metric scale gets it from the straight start."""
         known = [(r.T_world_cam, t.T) for r, t in zip(self._results, truth, strict=True) if r.T_world_cam is not None]
         before = _tracked_pairs(zip(self._results[: self._begun], truth))
         if len(before) < 3 or not known:
@@ -117,7 +117,7 @@ def _tracked_pairs(frames: Iterable[tuple[TrackingResult, StampedPose]]) -> Pair
 
 
 def both_trackers(robot: EmulatedRobot, config: Config, seed: int) -> tuple[Tracked, Tracked]:
-    """The paper's and the full one, with nothing seen yet."""
+    """The paper's and the full tracker, both new."""
     camera, paper = robot.camera_given, overridden(config, _PAPER).slam
     return (
         Tracked(PAPER, SequentialSlam(camera, None, paper, seed), metric=False),
@@ -126,8 +126,8 @@ def both_trackers(robot: EmulatedRobot, config: Config, seed: int) -> tuple[Trac
 
 
 def _u2_readings(before: Record, until_loss: Record, record: Record) -> dict[str, float | None]:
-    """The mean of frames over points by each reading of U2_READINGS, None where there is no such point. before: what
-    was counted when the drive began, and until it was lost for the first time."""
+    """The mean of frames over points for each entry of U2_READINGS, None without such points. before, until_loss: the
+    counts when the drive began, and at the first loss."""
     found, searched = record["found"], record["searched"]
     lived, earlier = found >= LONG_LIVED, before["found"]
     counts = {

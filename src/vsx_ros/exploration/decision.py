@@ -1,5 +1,5 @@
-"""The words between the mission and whoever drives: what is known, what to do, how it ended; a mission's log, and what
-it keeps of an interrupted run, so that it goes on instead of beginning again."""
+"""Types exchanged by the mission and the driving part: what is known, what to do, how it ended. Also a mission's log,
+and what it saves to continue an interrupted run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SECOND_NS = 1_000_000_000
 
 
 class NavigationState(Enum):
-    """What became of the last goal."""
+    """The state of the last goal."""
 
     IDLE = "idle"
     ACTIVE = "active"
@@ -31,7 +31,7 @@ class Situation(NamedTuple):
     """What the mission knows when it decides.
 
     T_map_base is None while no map exists. hazard names a pressed bumper or the like. landmarks_world: (M, 3).
-    odom_epoch: that of T_odom_base, which has nothing to do with one of another epoch.
+    odom_epoch: that of T_odom_base; poses of different epochs cannot be compared.
     lifted: whether the robot is held in the air."""
 
     slam_state: TrackingState
@@ -48,7 +48,7 @@ class Situation(NamedTuple):
 
 
 class Action(Enum):
-    """WAIT: go on as before. GO: a new goal. CANCEL: give up the goal and stand still. FINISH: the end."""
+    """WAIT: continue as before. GO: a new goal. CANCEL: give up the goal and stand still. FINISH: the end."""
 
     WAIT = "wait"
     GO = "go"
@@ -98,8 +98,8 @@ class MissionEvent(NamedTuple):
 
 
 class MissionLog:
-    """Gives a mission's decisions and notes the choices among them. state: the box of the diagram the mission is in.
-    outcome: how it ended, if it has. reason: of the last entry. wait_until_ns: when there is something to decide again.
+    """Creates a mission's decisions and logs the choices among them. state: the present box of the mission's diagram.
+    outcome: how it ended, if it has. reason: of the last entry. wait_until_ns: until then there is nothing to decide.
     """
 
     def __init__(self) -> None:
@@ -111,17 +111,17 @@ class MissionLog:
         self._events: list[MissionEvent] = []
 
     def enter(self, now_ns: int, state: MissionState, reason: str) -> None:
-        """From now on in this state."""
+        """Enter a state and log it."""
         self.state = state
         self.note(now_ns, reason)
 
     def note(self, now_ns: int, reason: str) -> None:
-        """A choice."""
+        """Log a choice."""
         self.reason = reason
         self._events.append(MissionEvent(now_ns, self.state.value, reason))
 
     def answer(self, action: Action, reason: str) -> Decision:
-        """Anything but a new goal."""
+        """Any decision but a new goal."""
         return Decision(action, goal=None, frame="map", state=self.state.value, reason=reason)
 
     def go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
@@ -131,11 +131,11 @@ class MissionLog:
         return Decision(Action.GO, goal=goal, frame=frame, state=self.state.value, reason=reason)
 
     def on_the_way(self) -> Decision:
-        """Leave whoever drives to the last goal alone."""
+        """Let the drive to the last goal continue."""
         return self.answer(Action.WAIT, f"on the way: {self._purpose}")
 
     def finish(self, now_ns: int, outcome: Outcome, reason: str) -> Decision:
-        """The end; what ends later changes nothing."""
+        """End the mission; later calls do not change the outcome."""
         if self.state is not MissionState.DONE:
             self.outcome = outcome
             self.enter(now_ns, MissionState.DONE, reason)
@@ -148,10 +148,10 @@ class MissionLog:
 
 
 class SavedMission(NamedTuple):
-    """looked_from: poses in the map the camera has looked from. blacklist: goals in the map that failed, for how long
-    yet they are left alone [s], and how often they failed. trail: the way the base came, seen from where it stood last,
-    oldest first. going_home: whether it was sent home. home: where the exploration began, in the map; None if that was
-    not known yet. paused: whether the operator had it wait."""
+    """looked_from: poses in the map from which the camera has looked. blacklist: failed goals in the map, the remaining
+    time in which they are not tried [s], and how often they failed. trail: the driven path, relative to the last pose
+    of the base, oldest first. going_home: whether it was sent home. home: where the exploration began, in the map; None
+    if not yet known. paused: whether the operator had paused it."""
 
     looked_from: list[SE2]
     blacklist: list[tuple[SE2, float, int]]
@@ -161,16 +161,16 @@ class SavedMission(NamedTuple):
     paused: bool = False
 
     def carried(self, since: Sequence[SE2]) -> SavedMission:
-        """With a longer trail: the base has since stood at these poses, one at least, seen from where it stood last."""
+        """With a longer trail: the base has since been at these poses (at least one), relative to its last pose."""
         here = since[-1].inverse()
         return self._replace(trail=[here @ pose for pose in (*self.trail, *since)])
 
     def moved(self) -> SavedMission:
-        """The same for a base that stands elsewhere by now: the way it came is not behind it."""
+        """The same for a base that was moved: the trail is not behind it any more."""
         return self._replace(trail=[])
 
     def tree(self) -> dict[str, Any]:
-        """For a file; ``of`` reads it back."""
+        """As a tree for a file; ``of`` reads it back."""
         return {
             "looked_from": [pose.as_array().tolist() for pose in self.looked_from],
             "blacklist": [[*pose.as_array().tolist(), seconds, times] for pose, seconds, times in self.blacklist],
@@ -182,7 +182,7 @@ class SavedMission(NamedTuple):
 
     @staticmethod
     def of(tree: Mapping[str, Any], path: Path) -> SavedMission:
-        """Raises InputError when the tree, of this file, is not one of ``tree``, of this version or one before."""
+        """Read a tree from this file. Raises InputError when this version or an earlier one did not write it."""
         try:
             blacklist = [_failure(row) for row in tree["blacklist" if "blacklist" in tree else "given_up"]]
             looked_from, trail = ([_pose(row) for row in tree[name]] for name in ("looked_from", "trail"))
@@ -194,7 +194,7 @@ class SavedMission(NamedTuple):
 
 
 def _failure(row: Any) -> tuple[SE2, float, int]:
-    *pose, seconds, times = row if len(row) == 5 else [*row, 1]  # older versions kept four, and not how often
+    *pose, seconds, times = row if len(row) == 5 else [*row, 1]  # older versions kept four, without the count
     return _pose(pose), float(seconds), int(times)
 
 

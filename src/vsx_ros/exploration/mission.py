@@ -1,4 +1,4 @@
-"""What to do next. One state machine for the robot, the emulator and the lock-step run.
+"""Decides what to do next. One state machine for the robot, the emulator and the lock-step run.
 
             +--------> STARTING ----(map initialised)----> MAPPING --(no view worth its way)--> DONE
             |            | attempts used up                 |  ^
@@ -8,8 +8,8 @@
             +--- STARTING: in a map made before --> RECOVERING
             +--- MAPPING: home, out of reach, a hazard that stays; any state: stop --> DONE
 
-From any state the operator may pause it, PAUSED, until it goes on in the state before. ``decide`` is called a few times
-a second with what is known and answers with one action. Every change of state and every choice is an event with its
+From any state the operator may pause it (PAUSED); it then resumes in the earlier state. ``decide`` is called a few
+times per second with what is known and returns one action. Every change of state and every choice is an event with its
 reason."""
 
 from vsx_ros.config import Config
@@ -32,12 +32,12 @@ from vsx_ros.exploration.view_tour import Home, ViewTour
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.slam.state import TrackingState
 
-_RELOCALISE_WAIT_NS = SECOND_NS  # from one look around to the next
+_RELOCALISE_WAIT_NS = SECOND_NS  # for the camera to be relocalised after each drive
 _RECOGNISE_WAIT_NS = 5 * SECOND_NS  # for the camera to be recognised before the robot moves
 
 
 class Mission:
-    """Explore until nothing is worth its way; recover when lost; never without a reason."""
+    """Explores until no view is worth its drive, and recovers when lost; gives a reason for everything."""
 
     def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:
         exploration, planner = config.exploration, config.planner
@@ -51,7 +51,7 @@ class Mission:
 
     @property
     def state(self) -> MissionState:
-        """The box of the diagram the mission is in."""
+        """The present box of the diagram."""
         return self._log.state
 
     @property
@@ -72,7 +72,7 @@ class Mission:
             self._log.enter(now_ns, MissionState.PAUSED, "paused by the operator")
 
     def resume(self, now_ns: int) -> None:
-        """Go on after a pause."""
+        """Continue after a pause."""
         if self.state is MissionState.PAUSED:
             self._tour.forget_goal()
             self._log.enter(now_ns, self._after_pause, "resumed by the operator")
@@ -82,7 +82,7 @@ class Mission:
         self._log.finish(now_ns, Outcome.STOPPED, "stopped by the operator")
 
     def home(self, now_ns: int) -> None:
-        """Drive back to where the exploration began, then end; nothing once it has ended."""
+        """Drive back to where the exploration began, then end. No effect once the mission has ended."""
         if self.state is not MissionState.DONE:
             self._home.asked = True
             self._tour.forget_goal()
@@ -91,7 +91,7 @@ class Mission:
     # An interruption ----------------------------------------------------------------------------------------
 
     def to_save(self, now_ns: int, T_odom_base: SE2) -> SavedMission:
-        """What another session needs to go on from here."""
+        """What another session needs to continue from here."""
         trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
         looked_from, blacklist = list(self.view_selector.looked_from), self.view_selector.blacklist.left(now_ns)
         paused, over = self.state is MissionState.PAUSED, self.state is MissionState.DONE
@@ -99,9 +99,9 @@ class Mission:
         return SavedMission(looked_from, blacklist, trail, going_home=going_home, home=home, paused=paused)
 
     def restore(self, now_ns: int, saved: SavedMission, T_odom_base: SE2) -> None:
-        """Go on with the map of a session before, standing where its trail ended: first the camera must recognise
-        it. One that was paused, before or meanwhile, stands until it is told to go on; one that was stopped meanwhile
-        has ended, and remembers all the same."""
+        """Continue in the map of an earlier session, at the end of its trail; first the camera must recognise the map.
+        If the mission was paused, before or meanwhile, it waits for ``resume``. If it was stopped meanwhile, it stays
+        ended, but takes over the saved data."""
         paused = saved.paused or self.state is MissionState.PAUSED
         self.view_selector.looked_from = list(saved.looked_from)
         self._home.pose, self._home.asked = saved.home, saved.going_home or self._home.asked
@@ -145,7 +145,7 @@ class Mission:
         return self._tour.decide(now_ns, situation)
 
     def _start(self, now_ns: int, situation: Situation, T_odom_base: SE2) -> Decision:
-        """Drive straight, ahead, then back and ahead in turn, until the SLAM has found its two frames (paper 3.1)."""
+        """Drive straight, alternately ahead and back, until SLAM has found its two frames (paper 3.1)."""
         if situation.slam_state.tracked:
             self._log.enter(now_ns, MissionState.MAPPING, "the map is initialised")
             return self._tour.decide(now_ns, situation)
@@ -165,7 +165,7 @@ class Mission:
         return self._log.go(now_ns, T_odom_base @ ahead, "odom", reason)
 
     def _look_for_a_place(self, now_ns: int, reason: str) -> Decision:
-        """A map that was made before: first the camera must recognise it, then the robot looks for it."""
+        """With an earlier map: wait for the camera to recognise it, then drive to look for it."""
         self._recovery.begin(now_ns)
         self._tour.has_gone = True
         self._log.wait_until_ns = now_ns + _RECOGNISE_WAIT_NS
@@ -173,7 +173,7 @@ class Mission:
         return self._log.answer(Action.WAIT, reason)
 
     def _lose(self, now_ns: int, situation: Situation) -> Decision:
-        """Stand still: the camera may find itself again."""
+        """Stand still: the camera may be relocalised."""
         self._tour.goal_failed(now_ns, "tracking was lost on the way")
         self._recovery.begin(now_ns)
         self._log.wait_until_ns = now_ns + _RELOCALISE_WAIT_NS

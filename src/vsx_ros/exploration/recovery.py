@@ -1,6 +1,6 @@
-"""The way the robot came, and what to try, step by step, when the camera is lost (the paper's robot stops there): back
-along that way, on to the place on it that shows most known landmarks, then to the sides, then once around on the spot.
-Never over ground that was not driven or known."""
+"""The robot's trail, and what to try, step by step, when the camera is lost (the paper's robot stops there): back along
+the trail, on to its place with most known landmarks in view, then to the sides, then once around on the spot. It never
+drives over ground that was neither driven nor known."""
 
 import math
 from collections.abc import Sequence
@@ -14,18 +14,18 @@ from vsx_ros.exploration.utility import count_landmarks, traversable_cells
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
-_TURN_RAD = 0.2  # between poses of the trail on a bend; with the spacing, what a radian is worth in metres
-SPOT_TURN = SE2(0.0, 0.0, math.pi / 4.0)  # Where all arcs are blocked: a round body touches nothing new
-_SAMPLES = 8  # places of the arc that are checked, every 5 cm
+_TURN_RAD = 0.2  # between poses of the trail on a bend; spacing / _TURN_RAD converts radians to metres
+SPOT_TURN = SE2(0.0, 0.0, math.pi / 4.0)  # If all arcs are blocked: a turning round body touches nothing new
+_SAMPLES = 8  # number of checked places on the arc, every 5 cm
 _ARCS, _TURNS = 4, round(2.0 * math.pi / SPOT_TURN.theta)  # turns: once around
-_MOST_STEPS = 40  # back: of a robot that does not move, or whose steps are all cut short
-_NEAR_M = 0.05  # less of the way back is not worth a drive
-_HOLD_NS, _AGAIN_NS = 1_000_000_000, 10_000_000_000  # tracked so long it is over; lost so soon again, it was not
+_MOST_STEPS = 40  # back: for a robot that does not move, or whose steps are all cut short
+_NEAR_M = 0.05  # a shorter rest of the way back is not worth a drive
+_HOLD_NS, _AGAIN_NS = 1_000_000_000, 10_000_000_000  # tracked for the first, it is over; lost within the second, not
 
 
 class Trail:
-    """The one piece of ground that is surely free, by odometry: poses at least spacing_m [m] or a turn on the spot
-    apart, oldest first; driving back along it shortens it."""
+    """The driven ground, which is surely free, by odometry: poses at least spacing_m [m] or a turn on the spot apart,
+    oldest first. Driving back along it shortens it."""
 
     def __init__(self, spacing_m: float, length_m: float = 5.0) -> None:
         self._spacing_m = spacing_m
@@ -34,7 +34,7 @@ class Trail:
         self._epoch: int | None = None
 
     def enter_epoch(self, odom_epoch: int) -> bool:
-        """Whether it is another one than last time; then nobody knows where the poses lie, and they are forgotten."""
+        """Whether the epoch has changed; then the poses are not known any more, and are dropped."""
         other = self._epoch not in (None, odom_epoch)
         self._epoch = odom_epoch
         if other:
@@ -42,7 +42,7 @@ class Trail:
         return other
 
     def clear(self) -> None:
-        """The base was carried: the way it came is not behind it."""
+        """The base was carried: the trail is not behind it any more."""
         self.poses.clear()
 
     def add(self, T_odom_base: SE2) -> None:
@@ -55,11 +55,11 @@ class Trail:
 
     @property
     def length_m(self) -> float:
-        """The way along the trail [m]."""
+        """Length of the trail [m]."""
         return sum(a.distance_to(b) for a, b in pairwise(self.poses))
 
     def driven_back_to(self, T_odom_base: SE2) -> None:
-        """Let the trail of a robot that backs along it end where the robot is by now."""
+        """Shorten the trail of a robot that backs along it to the robot's present pose."""
         poses, per_rad_m = self.poses, self._spacing_m / _TURN_RAD
 
         def off_m(pose: SE2) -> float:
@@ -69,9 +69,9 @@ class Trail:
             poses.pop()
 
     def back(self, distance_m: float) -> SE2 | None:
-        """The pose about distance_m [m] before the end, or nearer, where the robot changed between ahead and reverse or
-        had turned on the spot: a drive that cut this corner would leave the trail. The pose before the turn, where the
-        trail ends with one. None on a short trail."""
+        """The pose about distance_m [m] before the end. It is nearer where the robot changed between ahead and reverse
+        or turned on the spot: a drive that cuts this corner would leave the trail. If the trail ends with a turn, the
+        pose before the turn. None on a short trail."""
         if len(self.poses) < 2:
             return None
         at, back_m, before = len(self.poses) - 1, 0.0, 0
@@ -88,9 +88,8 @@ class Trail:
 def escape_arc(
     grid: OccupancyGrid, T_map_base: SE2, radius_m: float, bend_rad_m: float, length_m: float, ahead: bool
 ) -> SE2 | None:
-    """Where the base would be, seen from where it is, after an arc over which a body of radius_m [m] touches only known
-    free ground; ahead rather than back, or the other way round, and to the left rather than to the right. None where
-    all four arcs are blocked."""
+    """The pose, relative to the base, after an arc on which a body of radius_m [m] touches only known free ground.
+    ahead: whether ahead is tried before back; left is tried before right. None when all four arcs are blocked."""
     room = traversable_cells(grid, radius_m)
     way = 1.0 if ahead else -1.0
     for sign, turn in ((way, 1.0), (-way, 1.0), (way, -1.0), (-way, -1.0)):
@@ -104,18 +103,18 @@ def escape_arc(
 
 
 class Recovery:
-    """``next`` gives one small drive after the other; between two of them the camera gets time to recognise a place."""
+    """``next`` returns one small drive at a time; between two drives the camera has time to recognise a place."""
 
     def __init__(self, config: ExplorationConfig, radius_m: float, bend_rad_m: float) -> None:
         """radius_m: of the robot [m]. bend_rad_m: of the arcs to the sides [rad/m]."""
         self._config, self._radius_m, self._bend_rad_m = config, radius_m, bend_rad_m
         self._over_ns = -_AGAIN_NS
         self.owes_a_step = False
-        """Whether to go on although the camera is tracked."""
+        """Whether to continue although the camera is tracked."""
         self.begin(0)
 
     def begin(self, now_ns: int) -> None:
-        """The camera is lost. Soon after it was found: go on from there, by a step at least; else begin again."""
+        """The camera is lost. If it was found shortly before, continue with at least one step; else start afresh."""
         self._tracked_since_ns: int | None = None
         self.owes_a_step = now_ns < self._over_ns + _AGAIN_NS
         if not self.owes_a_step:
@@ -124,8 +123,8 @@ class Recovery:
             self._best_at_m: float | None = None
 
     def is_over(self, now_ns: int, tracked: bool) -> bool:
-        """Whether the camera of a robot that stands is tracked, and was for a second: where little is in view tracking
-        comes and goes."""
+        """Whether the camera of a standing robot has been tracked for a second: with little in view, tracking comes and
+        goes."""
         if self.owes_a_step or not tracked:
             self._tracked_since_ns = None
             return False
@@ -159,7 +158,8 @@ class Recovery:
         return self._look_elsewhere(situation)
 
     def _way_to_best(self, trail: Sequence[SE2], situation: Situation) -> float:
-        """How far back [m] on the trail most known landmarks are in view; 0 at its end or without a map."""
+        """Distance back [m] to the place on the trail with most known landmarks in view; 0 at its end or without a
+        map."""
         if situation.grid is None or situation.T_map_base is None or situation.T_odom_base is None or not trail:
             return 0.0
         T_map_odom = situation.T_map_base @ situation.T_odom_base.inverse()
@@ -169,8 +169,8 @@ class Recovery:
         return sum(a.distance_to(b) for a, b in zip(trail[::-1][:back], trail[::-1][1:]))
 
     def _look_elsewhere(self, situation: Situation) -> tuple[SE2, str] | None:
-        """Over free ground to the sides; then around on the spot: a round body touches nothing new, and there is no
-        tracking left to break."""
+        """Over free ground to the sides, then around on the spot: a round body touches nothing new, and there is no
+        tracking that could be lost."""
         assert situation.T_odom_base is not None
         if self._arcs < _ARCS and situation.grid is not None and situation.T_map_base is not None:
             self._arcs += 1

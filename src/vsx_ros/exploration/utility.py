@@ -1,9 +1,9 @@
 """Which view to drive to next: utility U = v / d (paper eq. 12) over candidate views.
 
-v is the unknown area a view would show, found by ray casting within the camera's field of view, with the probability
-that nothing unknown hides it, and the information in it (``unknown_ground.py``).
-d is the length of the motion-bounded path plus what a stop costs. A view that would show too few known landmarks is
-worth less, for the tracker has to live there."""
+v is the unknown area that a view would show. It is found by ray casting within the camera's field of view, weighted by
+the probability that nothing unknown hides it and by the information in it (``unknown_ground.py``).
+d is the length of the motion-bounded path plus the cost of a stop. A view with too few known landmarks counts less,
+because the tracker needs them there."""
 
 import math
 from collections.abc import Callable
@@ -25,8 +25,8 @@ from vsx_ros.registry import Registry
 
 BEARINGS = 72  # every 5 deg; at 3 m rays are 26 cm apart
 HEADINGS = 24  # of candidates, every 15 deg; a divisor of BEARINGS
-_LANDMARK_RANGE, _MOST_LANDMARKS = (0.5, 6.0), 2000  # m that points are matched from; an even part of more does
-_FEWER, _MOST_ROUNDS = 3, 5  # times fewer landmarks do where no view has enough; rounds of max_ranked_views, for time
+_LANDMARK_RANGE, _MOST_LANDMARKS = (0.5, 6.0), 2000  # m at which points are matched; of more, an even sample
+_FEWER, _MOST_ROUNDS = 3, 5  # divides min_landmarks when no view has enough; most rounds of max_ranked_views
 
 
 class View(NamedTuple):
@@ -48,7 +48,7 @@ class View(NamedTuple):
 
 
 class Rejection(Enum):
-    """Why a candidate is no view to drive to."""
+    """Why a candidate was rejected."""
 
     NO_ROOM = "no standing room"
     NO_GAIN = "gain too small"
@@ -63,33 +63,33 @@ _ELSEWHERE = Rejection.UNREACHABLE, Rejection.NO_ROOM, Rejection.FEW_LANDMARKS
 
 
 class Ranking(NamedTuple):
-    """Views by falling utility, and how many candidates fell out for which reason."""
+    """Views by falling utility, and the number of rejected candidates for each reason."""
 
     views: list[View]
     rejected: dict[Rejection, int]
 
     def why(self) -> str:
-        """What became of the candidates that are no views, for people."""
+        """Why candidates were rejected, for people."""
         return ", ".join(f"{count} {name.value}" for name, count in self.rejected.items() if count) or "no candidates"
 
     def boxed_in(self) -> bool:
-        """Whether there are views that cannot be driven to from here; from elsewhere it may look otherwise."""
+        """Whether there are views that cannot be driven to from here, but perhaps from elsewhere."""
         return any(self.rejected[reason] for reason in _ELSEWHERE)
 
 
 TravelCosts = Callable[[FloatArray], FloatArray]  # (N, 3) poses to (N,) path lengths [m], infinite where no path exists
 
 TravelCostsFrom = Callable[[SE2, OccupancyGrid], TravelCosts]
-"""Start pose and grid to the function that costs many poses in one call."""
+"""From start pose and grid to the function that computes the costs of many poses in one call."""
 
 BlacklistedPoses = Callable[[FloatArray], BoolArray]  # (N, 3) poses to (N,) True where a goal failed a while ago
 
 
 class RankingInput(NamedTuple):
-    """What a ranking is made from.
+    """Input of a ranking.
 
     radius_m: of the robot with its clearance. landmarks_world: (M, 2) or (M, 3) map points [m]. looked_from: (L, 3)
-    poses that the camera has looked from. travel_costs: path lengths from here. blacklist: poses near failed goals."""
+    poses from which the camera has looked. travel_costs: path lengths from here. blacklist: poses near failed goals."""
 
     grid: OccupancyGrid
     radius_m: float
@@ -104,7 +104,7 @@ class Ranker(Protocol):
     """A strategy: which view to drive to next."""
 
     def __call__(self, asked: RankingInput, /) -> Ranking:
-        """Views by falling utility, and what fell out for which reason."""
+        """Views by falling utility, and the number of rejected candidates for each reason."""
 
 
 def traversable_cells(grid: OccupancyGrid, radius_m: float) -> BoolArray:
@@ -138,7 +138,7 @@ def view_gain(grid: OccupancyGrid, positions: Points2, weights: FloatArray, conf
 
 
 def window_sums(per_bearing: FloatArray, window: int) -> FloatArray:
-    """(N, B) sums over ``window`` neighbouring bearings (cyclic) centred on each: what a field of view covers."""
+    """(N, B) sums over ``window`` neighbouring bearings (cyclic) centred on each: the field of view."""
     b = per_bearing.shape[1]
     extended = np.concatenate([per_bearing, per_bearing[:, :window]], axis=1)
     cumulative = np.concatenate([np.zeros((len(per_bearing), 1)), np.cumsum(extended, axis=1)], axis=1)
@@ -157,7 +157,7 @@ def gain_at(
 
 
 def rank_views(asked: RankingInput) -> Ranking:
-    """Rank views on a raster over the standing room (eq. 12)."""
+    """Rank views on a raster over the cells where the robot can stand (eq. 12)."""
     config = asked.config
     opaque = opaque_walls(asked.grid, 2.0 * asked.radius_m, config.wall_gap_m)
     rejected = dict.fromkeys(Rejection, 0)
@@ -177,7 +177,7 @@ def rank_views(asked: RankingInput) -> Ranking:
     views = _with_landmarks(asked, opaque, candidates, gains, distances)
     enough = [view for view in views if view.landmarks >= config.min_landmarks]
     rejected[Rejection.FEW_LANDMARKS] = len(views) - len(enough)
-    # Where nothing better is left, little to hold on to is better than to stop.
+    # If nothing better is left, few landmarks are better than to stop.
     enough = enough or [view for view in views if _FEWER * view.landmarks >= config.min_landmarks]
     return Ranking(sorted(enough, key=lambda view: -view.utility), rejected)
 
@@ -185,7 +185,7 @@ def rank_views(asked: RankingInput) -> Ranking:
 def _with_landmarks(
     asked: RankingInput, opaque: OccupancyGrid, candidates: FloatArray, gains: FloatArray, distances: FloatArray
 ) -> list[View]:
-    """Views out of the candidates (N, 3), most promising first, until none that is left can be better than the best."""
+    """Views from the candidates (N, 3), most promising first, until no remaining one can be better than the best."""
     config = asked.config
     hopes = gains / (distances + config.stop_cost_m)
     order = np.argsort(-hopes, kind="stable")
@@ -203,8 +203,8 @@ def _with_landmarks(
 
 
 def _rounds(order: IntArray, most: int) -> list[IntArray]:
-    """The first few ``most`` of the order, then as many spread over the rest: in a bare hall none of the first may have
-    landmarks in view, elsewhere another may."""
+    """Rounds of ``most`` from the beginning of the order, then one spread over the rest: in a bare hall none of the
+    first may have landmarks in view, but one elsewhere may."""
     rest = order[_MOST_ROUNDS * most :]
     rounds = [order[first : first + most] for first in range(0, len(order) - len(rest), most)]
     return [*rounds, rest[:: -(-len(rest) // most)]] if len(rest) else rounds
@@ -213,7 +213,7 @@ def _rounds(order: IntArray, most: int) -> list[IntArray]:
 def count_landmarks(
     grid: OccupancyGrid, poses: FloatArray, landmarks_world: FloatArray, config: ExplorationConfig
 ) -> IntArray:
-    """(N,) known landmarks that each pose (N, 3) would have in view, estimated on some of them."""
+    """(N,) known landmarks that each pose (N, 3) would have in view, estimated from a sample of them."""
     half_fov_rad = 0.5 * config.sensor_fov_rad
     return landmarks_in_view(grid, poses, landmarks_world, half_fov_rad, _LANDMARK_RANGE, _MOST_LANDMARKS)
 
@@ -221,7 +221,8 @@ def count_landmarks(
 def _candidates(
     asked: RankingInput, opaque: OccupancyGrid, rejected: dict[Rejection, int]
 ) -> tuple[FloatArray, FloatArray]:
-    """(N, 3) poses and (N,) gains [m2] worth costing: the best headings of raster cells with standing room."""
+    """(N, 3) poses and (N,) gains [m2] with enough gain: headings at raster cells where the robot can stand, best
+    first."""
     grid, config = asked.grid, asked.config
     room = traversable_cells(grid, asked.radius_m + config.view_margin_m)
     stride = max(1, round(config.view_spacing_m / grid.resolution))
@@ -242,4 +243,4 @@ def _candidates(
 
 
 RANKERS: Registry[Ranker] = Registry("view ranker", {"views": rank_views})
-"""By the names that ``exploration.ranker`` may have."""
+"""Rankers by the names that ``exploration.ranker`` may have."""

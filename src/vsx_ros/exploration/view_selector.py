@@ -1,5 +1,5 @@
-"""The views worth their way, what each is to show, where the camera has looked from, and the goals that failed: these
-are left alone for a while, longer each time, never for good while nothing else is left to do."""
+"""The views worth their drive, what each should show, from where the camera has looked, and the failed goals. A failed
+goal is not tried for a while, longer each time; if nothing else is left, it is tried again."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -15,15 +15,15 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import Frontier, find_frontiers
 
-_NEAR_RAD = 0.8  # a goal this like one that failed, within the base's radius, is the same one
+_NEAR_RAD = 0.8  # a goal this close in heading to a failed one, within the radius, counts as the same
 _MOST_FAILURES = 3  # after so many a goal stays blacklisted
 _MOST_DOUBLINGS = 7  # of blacklist_s: two hours, longer than a run
-_MAPS_AGREE = 3  # So many maps in a row say that it has been seen: what is a wall to one may be a gap to the next
+_MAPS_AGREE = 3  # So many maps in a row must show it as seen: a wall in one map may be a gap in the next
 
 
 class ExpectedGain:
-    """The unknown ground a view would show, judged by the looks until it was chosen; looks on the way there only tell
-    from too far, and do not make it worth less."""
+    """The unknown ground that a view would show, given the looks before it was chosen. Looks on the way there are from
+    too far and do not count."""
 
     def __init__(
         self, pose: SE2, grid: OccupancyGrid, radius_m: float, looked_from: FloatArray, config: ExplorationConfig
@@ -33,7 +33,7 @@ class ExpectedGain:
         self._seen_ratio = config.goal_seen_ratio
 
     def why_obsolete(self, grid: OccupancyGrid) -> str:
-        """Why the goal is not worth going on to by this map; empty where it is, and for the map judged last."""
+        """Why the goal is not worth the drive any more in this map; empty if it is, and for the map judged last."""
         if grid is self._grid:
             return ""
         self._grid = grid
@@ -53,8 +53,8 @@ def pose_rows(poses: Sequence[SE2]) -> FloatArray:
 
 
 class ViewSelector:
-    """``rank`` the views. looked_from: where the camera has looked from. blacklist: goals that failed. ranking: as
-    found last."""
+    """Ranks the views. looked_from: poses from which the camera has looked. blacklist: failed goals. ranking: the last
+    one."""
 
     def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:
         self._config, self._travel_costs = config.exploration, travel_costs
@@ -73,7 +73,7 @@ class ViewSelector:
             self.looked_from.append(T_map_base)
 
     def rank(self, now_ns: int, T_map_base: SE2, grid: OccupancyGrid, landmarks_world: FloatArray) -> Ranking:
-        """What is worth its way from here, the best first, and what fell out for which reason."""
+        """The views worth the drive from here, best first, and the rejected candidates for each reason."""
         self._grid = grid
         asked = RankingInput(
             grid=grid, radius_m=self._radius_m, landmarks_world=landmarks_world,
@@ -84,16 +84,16 @@ class ViewSelector:
         return self.ranking
 
     def frontiers(self) -> list[Frontier]:
-        """Where the known free ground of the map ranked last ends, for people to see."""
+        """Where the known free ground ends in the last ranked map, for display."""
         return find_frontiers(self._grid, self._config.min_frontier_m) if self._grid is not None else []
 
     def expected_gain(self, view: View, grid: OccupancyGrid) -> ExpectedGain:
-        """What the view is to show."""
+        """What the view should show."""
         return ExpectedGain(view.pose, grid, self._radius_m, pose_rows(self.looked_from), self._config)
 
 
 class _Failure(NamedTuple):
-    """A goal, until when it is left alone and how often it has failed."""
+    """A goal, until when it is not tried, and how often it has failed."""
 
     pose: SE2
     until_ns: int
@@ -101,15 +101,15 @@ class _Failure(NamedTuple):
 
 
 class GoalBlacklist:
-    """Failed goals stand for all poses within radius_m [m]; the first failure counts for first_s [s]."""
+    """A failed goal counts for all poses within radius_m [m]; the first failure lasts first_s [s]."""
 
     def __init__(self, radius_m: float, first_s: float) -> None:
         self._radius_m, self._first_s = radius_m, first_s
         self._failures: list[_Failure] = []
 
     def add(self, now_ns: int, pose: SE2) -> float:
-        """Leave the goal alone from now on; for how long [s]: twice as long as the last time it failed, up to
-        128 times as long as the first."""
+        """Blacklist the goal from now on. Returns for how long [s]: twice as long as for its last failure, up to 128
+        times the first."""
         same = [f for f in self._failures if self._near(pose.as_array()[None], [f.pose])[0]]
         times = 1 + max((failure.times for failure in same), default=0)
         seconds = self._first_s * 2.0 ** min(times - 1, _MOST_DOUBLINGS)
@@ -117,22 +117,22 @@ class GoalBlacklist:
         return seconds
 
     def near(self, now_ns: int, poses: FloatArray) -> BoolArray:
-        """(N,) which of the poses (N, 3) are left alone now."""
+        """(N,) which of the poses (N, 3) are blacklisted now."""
         return self._near(poses, [failure.pose for failure in self._failures if failure.until_ns > now_ns])
 
     def _near(self, poses: FloatArray, failed: list[SE2]) -> BoolArray:
         return near_poses(poses, pose_rows(failed), self._radius_m, _NEAR_RAD)
 
     def release(self, now_ns: int) -> int:
-        """Let what has not failed too often be tried again at once; how many goals that are."""
+        """Allow goals that have not failed too often to be tried again at once; returns their number."""
         kept = [f for f in self._failures if f.until_ns > now_ns and f.times < _MOST_FAILURES]
         self._failures = [f._replace(until_ns=now_ns) if f in kept else f for f in self._failures]
         return len(kept)
 
     def left(self, now_ns: int) -> list[tuple[SE2, float, int]]:
-        """The goals that failed, for how long yet each is left alone [s] (0: no longer), and how often it failed."""
+        """The failed goals, the remaining blacklist time of each [s] (0: none), and how often it failed."""
         return [(f.pose, max(f.until_ns - now_ns, 0) / SECOND_NS, f.times) for f in self._failures]
 
     def restore(self, now_ns: int, left: Sequence[tuple[SE2, float, int]]) -> None:
-        """Take over what ``left`` said before an interruption."""
+        """Take over what ``left`` returned before an interruption."""
         self._failures = [_Failure(pose, now_ns + int(seconds * SECOND_NS), times) for pose, seconds, times in left]

@@ -1,5 +1,5 @@
-"""The mission's state MAPPING: from view to view while one is worth its way (paper 5.2), away from what is touched, and
-home when asked."""
+"""The mission's state MAPPING: from view to view while one is worth its drive (paper 5.2), away from touched obstacles,
+and home on request."""
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import SECOND_NS, Action, Decision, MissionLog, NavigationState, Outcome, Situation
@@ -10,14 +10,14 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
 _EMPTY_WAIT_NS = 2 * SECOND_NS  # no view: the mapper may still be making the map
-_SETTLE_NS, _BRAKE_NS = SECOND_NS, SECOND_NS // 2  # for the map after a goal; for the base to stand
+_SETTLE_NS, _BRAKE_NS = SECOND_NS, SECOND_NS // 2  # wait for the map after a failed goal; for the base to stand
 _HOME_AGAIN_NS = 5 * SECOND_NS  # between tries to get home
-_MOST_BLOCKED = 30  # steps away from a hazard in vain
-_MOST_TRIES = 5  # to get home, before the run ends where it is
+_MOST_BLOCKED = 30  # failed steps away from a hazard
+_MOST_TRIES = 5  # to get home; then the run ends where the robot is
 
 
 class Home:
-    """Where the exploration began, and the way back to it, which may fail a few times; ``observe`` every situation.
+    """Where the exploration began, and the tries to get back, which may fail; call ``observe`` with every situation.
     pose: T_map_base; None until the camera knows the map. asked: whether to go there."""
 
     def __init__(self) -> None:
@@ -28,8 +28,8 @@ class Home:
         self._why = ""
 
     def observe(self, situation: Situation) -> None:
-        """Odometry knows the way from where the exploration, or the odometry's epoch, began to where the camera first
-        knows the map."""
+        """Odometry gives the motion from the start of the exploration, or of the odometry's epoch, to the place where
+        the camera first knows the map."""
         if self.pose is not None or situation.T_odom_base is None:
             return
         if self._begun is None or self._begun[0] != situation.odom_epoch:
@@ -38,19 +38,19 @@ class Home:
             self.pose = situation.T_map_base @ situation.T_odom_base.inverse() @ self._begun[1]
 
     def failed(self, reason: str) -> str:
-        """A drive home ended elsewhere, for this reason; in words, with the number of tries."""
+        """Count a failed drive home; returns words with the number of tries and this reason."""
         self._tries, self._why = self._tries + 1, reason
         return f"home was not reached, try {self._tries} of {_MOST_TRIES}: {reason}"
 
     @property
     def out_of_reach(self) -> str:
-        """Why not to try again; empty while there are tries left."""
+        """Why not to try again; empty while tries are left."""
         return f"home was not reached in {_MOST_TRIES} tries: {self._why}" if self._tries >= _MOST_TRIES else ""
 
 
 class ViewTour:
-    """``decide`` while the map is known. backing_off: whether it drives away from something, back along the trail.
-    has_gone: whether a view was ever driven to, here or in the session before."""
+    """Call ``decide`` while the map is known. backing_off: whether it drives away from something, back along the trail.
+    has_gone: whether it ever drove to a view, in this session or an earlier one."""
 
     def __init__(self, config: Config, log: MissionLog, home: Home, trail: Trail, view_selector: ViewSelector) -> None:
         self._config = config.exploration
@@ -87,7 +87,7 @@ class ViewTour:
         return self._choose(now_ns, situation, situation.grid, situation.T_map_base)
 
     def rest(self, now_ns: int, active: bool, reason: str) -> Decision:
-        """Leave the goal, without blame, and come to rest."""
+        """Leave the goal without a failure, and come to rest."""
         self.forget_goal()
         self.backing_off = False
         self._log.wait_until_ns = now_ns + _BRAKE_NS
@@ -95,11 +95,11 @@ class ViewTour:
         return self._log.answer(Action.CANCEL if active else Action.WAIT, reason)
 
     def forget_goal(self) -> None:
-        """Choose again when it is time to."""
+        """Forget the goal; the next decision chooses again."""
         self._goal = self._gain = None
 
     def goal_failed(self, now_ns: int, reason: str) -> None:
-        """The goal, if there is one, has failed."""
+        """The present goal, if there is one, has failed."""
         if self._goal is not None and self._home.asked:
             self._log.note(now_ns, self._home.failed(reason))
         elif self._goal is not None:
@@ -134,8 +134,8 @@ class ViewTour:
         return self._go(now_ns, goal.pose, "map", goal.words(self._config.stop_cost_m))
 
     def _nothing_left(self, now_ns: int, situation: Situation, grid: OccupancyGrid) -> Decision:
-        """No view is worth its way: try again what failed, look from elsewhere; only where all of the ground is within
-        reach, or nothing helps, is it explored."""
+        """No view is worth its drive: try failed goals again, then look from elsewhere. It is explored only when all
+        ground is within reach, or when nothing helps."""
         ranking, blacklist = self._view_selector.ranking, self._view_selector.blacklist
         why, boxed_in = ranking.why(), ranking.boxed_in()
         self._empty_rankings += 1
@@ -153,7 +153,8 @@ class ViewTour:
         return self._back_off(now_ns, f"no view found ({why}): looking again from further back")
 
     def _leave(self, now_ns: int, situation: Situation, hazard: str) -> Decision:
-        """Away from what was touched: along the trail, or, where there is none or it did not help, over free ground."""
+        """Drive away from what was touched: along the trail, or over free ground if there is no trail or it did not
+        help."""
         self._blocked += 1
         if self._blocked > _MOST_BLOCKED:
             return self._log.finish(now_ns, Outcome.BLOCKED, f"a hazard that stays: {hazard}")
@@ -165,8 +166,8 @@ class ViewTour:
         return escape
 
     def _escape(self, now_ns: int, situation: Situation, grid: OccupancyGrid, reason: str, ahead: bool) -> Decision:
-        """A short arc ahead or back, so that the camera turns; where all is blocked, back along the trail; without one,
-        and without a hazard, on the spot."""
+        """A short arc ahead or back, so that the camera turns. If all arcs are blocked, back along the trail; without a
+        trail and without a hazard, a turn on the spot."""
         assert situation.T_map_base is not None
         assert situation.T_odom_base is not None
         step_m = self._config.backtrack_step_m
@@ -176,7 +177,7 @@ class ViewTour:
         return self._go(now_ns, situation.T_odom_base @ (arc or SPOT_TURN), "odom", reason)
 
     def _back_off(self, now_ns: int, reason: str) -> Decision:
-        """A step back along the ground just driven: the only way that is surely free."""
+        """A step back along the ground just driven, which is surely free."""
         goal = self._trail.back(self._config.backtrack_step_m)
         if goal is None:
             self._log.wait_until_ns = now_ns + _EMPTY_WAIT_NS

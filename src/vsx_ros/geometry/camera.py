@@ -1,4 +1,4 @@
-"""A camera: intrinsics and lens, as ROS camera_info and OpenCV state them, and its shutter."""
+"""A camera: intrinsics and lens, as in ROS camera_info and OpenCV, and its shutter."""
 
 import math
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from vsx_ros.geometry import lens
 from vsx_ros.geometry.se3 import SE3
 
 MAX_PIXELS = 2**25  # no image is larger: twice that of a 16 megapixel camera
-VIEW_MIN_DEG, VIEW_MAX_DEG = 10.0, 150.0  # horizontal: what a plane image plane holds
-FISHEYE_VIEW_MAX_DEG = 250.0  # what is sold
-BORDER = 1.1  # times the radius of the farthest corner: how far beyond the image its pixels are still predicted
-MOUNT_REACH_M = 5.0  # farther from its base no camera is: another unit, most likely
+VIEW_MIN_DEG, VIEW_MAX_DEG = 10.0, 150.0  # horizontal: what a planar image can hold
+FISHEYE_VIEW_MAX_DEG = 250.0  # the widest on the market
+BORDER = 1.1  # times the radius of the farthest corner: limit of predictions beyond the image
+MOUNT_REACH_M = 5.0  # no camera is farther from its base; more is probably a wrong unit
 ROTATION_ERROR = 1e-6  # rounding of six digits in a file
 
 
 class Shutter(NamedTuple):
-    """How a camera exposes: its rows one after the other within readout_s (0: all at once), each for exposure_s."""
+    """Exposure of a camera: its rows one after the other within readout_s (0: all at once), each for exposure_s."""
 
     readout_s: float
     exposure_s: float
@@ -31,10 +31,10 @@ class Shutter(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PinholeCamera:
-    """Intrinsics [px], coefficients of one of the ``lens`` models, and the shutter, None where nobody measured it.
-    Integer pixel coordinates are pixel centres.
+    """Intrinsics [px], coefficients of one of the ``lens`` models, and the shutter (None if not measured). Integer
+    pixel coordinates are pixel centres.
 
-    Raises CalibrationError when a value cannot be a camera's."""
+    Raises CalibrationError for impossible values."""
 
     width: int
     height: int
@@ -81,7 +81,7 @@ class PinholeCamera:
     def project(self, points_cam: Points3) -> Pixels:
         """(N, 2) pixels of (N, 3) points; NaN where the lens does not see the point: behind, or beyond its usable
         angle."""
-        from vsx_ros.kernels.geometry import project_points  # who only holds a camera loads no compiler
+        from vsx_ros.kernels.geometry import project_points  # avoids loading the compiler with the module
 
         points_cam = np.asarray(points_cam, float).reshape(-1, 3)
         z = np.where(points_cam[:, 2] > 1e-6, points_cam[:, 2], np.nan)
@@ -90,7 +90,7 @@ class PinholeCamera:
         return project_points(kernel_camera(self), plane)
 
     def unproject(self, pixels: Pixels) -> Points3:
-        """(N, 3) points on the plane z = 1 that project to the (N, 2) pixels; without meaning where these are not
+        """(N, 3) points on the plane z = 1 that project to the (N, 2) pixels; meaningless where these are not
         ``usable``."""
         from vsx_ros.kernels.geometry import unproject_pixels
 
@@ -108,13 +108,13 @@ class PinholeCamera:
 
 
 def kernel_camera(camera: PinholeCamera) -> FloatArray:
-    """(CAMERA,) the kernels' array of a camera that stands."""
+    """(CAMERA,) the kernels' array of a camera at rest."""
     return _standing(camera).copy()
 
 
 @lru_cache(maxsize=32)
 def _standing(camera: PinholeCamera) -> FloatArray:
-    """Its usable part ends where the lens' does, or a little beyond the farthest corner of the image."""
+    """The usable part ends where that of the lens ends, or a little beyond the farthest corner of the image."""
     from vsx_ros.kernels import lens as array
 
     known = camera.model, camera.distortion
@@ -137,7 +137,7 @@ def _standing(camera: PinholeCamera) -> FloatArray:
 
 
 def usable(camera: FloatArray, pixels: Pixels) -> BoolArray:
-    """(N,) whether the lens holds at the (N, 2) pixels, of a camera array: what is beyond is masked."""
+    """(N,) whether the lens model of a camera array is valid at (N, 2) pixels; other pixels are masked."""
     from vsx_ros.kernels import lens as array
 
     plane = (pixels - camera[array.CX : array.CY + 1]) / camera[array.FX : array.FY + 1]
@@ -154,7 +154,7 @@ def nominal_camera(width: int, height: int) -> PinholeCamera:
 
 
 def check_calibration(camera: PinholeCamera, T_base_cam: SE3 | None) -> None:
-    """Raises CalibrationError for a field of view, principal point, distortion or mount that cannot be."""
+    """Raises CalibrationError for an impossible field of view, principal point, distortion or mount."""
     again = "check the calibration file or calibrate the camera again"
     half = 0.5 * camera.width / camera.fx
     fisheye = camera.model == lens.EQUIDISTANT
@@ -172,7 +172,7 @@ def check_calibration(camera: PinholeCamera, T_base_cam: SE3 | None) -> None:
         )
     u, v = np.linspace(0.0, camera.width - 1.0, 9), np.linspace(0.0, camera.height - 1.0, 9)
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    # The outermost pixels of a real lens may lie beyond where its polynomial holds; most of the image may not.
+    # The outermost pixels of a real lens may lie outside the valid range of its model; most of the image may not.
     if not usable(kernel_camera(camera), pixels).mean() > 0.5:
         fold_deg = math.degrees(lens.fold_angle(camera.model, camera.distortion))
         raise CalibrationError(

@@ -10,13 +10,12 @@ _CHI2_LINE, _CHI2_POINT = 3.84, 5.99  # 95 % of chi-squared, one and two degrees
 
 
 def two_view_motions(rays_a: Points2, rays_b: Points2, tolerance: float) -> list[SE3]:
-    """Motions T_b_a with unit translation that explain matched rays (N, 2) on the planes z = 1, N >= 8, the essential
-    matrix's first; tolerance: standard deviation on that plane.
+    """Motions T_b_a with unit translation that explain matched rays (N, 2) on the planes z = 1, N >= 8, that of the
+    essential matrix first; tolerance: standard deviation on that plane.
 
-    Five-point essential matrix (Nister 2004) with local optimisation (Barath and Matas 2018), which finds the true one
-    where plain RANSAC stops at a wrong one, and homography, both with OpenCV's fixed seed, weighed against each other
-    by truncated chi-square scores (Mur-Artal et al. 2015). A planar scene yields the homography's decompositions
-    too."""
+    Five-point essential matrix (Nister 2004) with local optimisation (Barath and Matas 2018), because plain RANSAC may
+    stop at a wrong one, and homography. Both use OpenCV's fixed seed and are compared by truncated chi-square scores
+    (Mur-Artal et al. 2015). A planar scene also yields the decompositions of the homography."""
     E, mask = cv2.findEssentialMat(rays_a, rays_b, np.eye(3), cv2.USAC_ACCURATE, 0.999, tolerance)
     H, _ = cv2.findHomography(rays_a, rays_b, cv2.RANSAC, 2.5 * tolerance, maxIters=1000, confidence=0.999)
     motions: list[SE3] = []
@@ -51,7 +50,7 @@ def _of_homography(H: FloatArray, rays_a: Points2) -> list[SE3]:
 
 
 def _support(squared: FloatArray, limit: float) -> float:
-    """Sum over both images of how far each error stays below the limit (errors (N, 2) in squared sigmas)."""
+    """Sum over both images of 5.99 minus each error below the limit (errors (N, 2) in squared sigmas)."""
     return float(np.where(squared < limit, _CHI2_POINT - squared, 0.0).sum())
 
 
@@ -93,7 +92,7 @@ def triangulate(T_b_a: SE3, rays_a: Points2, rays_b: Points2) -> tuple[Points3, 
     R, t = T_b_a.rotation, T_b_a.translation
     a, b = homogeneous(rays_a), homogeneous(rays_b)
     turned = a @ R.T
-    # z_b b = z_a R a + t: eliminate z_b by the cross product with b, least squares in 1 / z_a's reciprocal.
+    # z_b b = z_a R a + t: the cross product with b eliminates z_b; least squares for z_a.
     left, right = np.cross(b, turned), -np.cross(b, t)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = (left * right).sum(axis=1) / (left * left).sum(axis=1)

@@ -95,6 +95,6 @@ def integrate(pose: SE2, distance: float, turn: float) -> SE2:
 
 
 def limit_twist(v: float, omega: float, v_max: float, omega_max: float) -> tuple[float, float]:
-    """Scale both components alike so that the limits hold and the curvature stays what it was."""
+    """Scale both components equally so that the limits hold and the curvature does not change."""
     scale = max(1.0, abs(v) / v_max, abs(omega) / omega_max)
     return v / scale, omega / scale

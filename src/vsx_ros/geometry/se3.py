@@ -85,7 +85,7 @@ class SE3:
 
     @staticmethod
     def _of(rotation: FloatArray, translation: FloatArray) -> SE3:
-        """Of fresh contiguous arrays that nobody else holds: a third of the time, which poses in every frame feel."""
+        """From new contiguous arrays that nothing else uses; takes a third of the constructor's time."""
         T = object.__new__(SE3)
         rotation.setflags(write=False)
         translation.setflags(write=False)
@@ -114,7 +114,7 @@ class SE3:
         return SE3._of(turned.copy(), -turned @ self.translation)
 
     def scaled(self, factor: float) -> SE3:
-        """The same turn, the way ``factor`` times as long."""
+        """The same rotation, with a translation ``factor`` times as long."""
         return SE3(self.rotation, factor * self.translation)
 
     def matrix(self) -> FloatArray:
@@ -188,7 +188,7 @@ def stacked(poses: Sequence[SE3]) -> tuple[FloatArray, FloatArray]:
 
 
 class StampedPose(NamedTuple):
-    """stamp_ns: time [ns]. T: the pose at that time; the owner says of what in what."""
+    """stamp_ns: time [ns]. T: the pose at that time; its owner defines the two frames."""
 
     stamp_ns: int
     T: SE3

@@ -1,5 +1,5 @@
-"""How well two views determine their motion and the depths: what a pure rotation leaves of the flow, and the standard
-deviations from the Hessian of the adjustment (Triggs et al. 2000, section 9)."""
+"""How well two views determine their motion and the depths: the flow that a pure rotation leaves unexplained, and the
+standard deviations from the Hessian of the adjustment (Triggs et al. 2000, section 9)."""
 
 import itertools
 from typing import NamedTuple
@@ -10,22 +10,22 @@ from vsx_ros.arrays import FloatArray, Points2, Points3
 from vsx_ros.geometry.epipolar import essential_matrix, homogeneous
 from vsx_ros.geometry.se3 import SE3
 
-ROUNDS = 8  # reweighted fits; the rotation is settled to a hundredth of a pixel after five
-NEAR = 0.3  # of the median error: what is smaller weighs alike, so that no weight is infinite
-TUKEY = 4.6851  # sigmas, beyond which a residual is an outlier's: 95 % efficient for Gaussian noise
-# The axes and the diagonals of half a sphere: from one of them each minimum is reached.
+ROUNDS = 8  # reweighted fits; after five the rotation converges to a hundredth of a pixel
+NEAR = 0.3  # of the median error: smaller errors have equal weight, so that none is infinite
+TUKEY = 4.6851  # sigmas; larger residuals are outliers: 95 % efficient for Gaussian noise
+# The axes and the diagonals of half a sphere: every minimum is reached from one of them.
 DIRECTIONS = np.array(
     [v for v in itertools.product((-1.0, 0.0, 1.0), repeat=3) if v > (0.0,) * 3 and sum(map(abs, v)) != 2]
 )
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
-STEPS, MAX_STEP, DAMPING = 12, 0.5, 1e-3  # of the descent: enough to settle; rad, where it is no longer linear; ratio
+STEPS, MAX_STEP, DAMPING = 12, 0.5, 1e-3  # of the descent: enough to converge; rad, limit of linearity; ratio
 MAD = 1.4826  # standard deviation of Gaussian noise over its median absolute value
 
 
 class Certainty(NamedTuple):
     """Standard deviations of a two-view motion of unit baseline: of its direction along the worst axis [rad], and (N,)
-    of the logarithm of each point's depth over the baseline, with what the motion leaves open. noise: of the rays, on
-    the plane z = 1."""
+    of the logarithm of each depth over the baseline, with the uncertainty of the motion. noise: of the rays, on the
+    plane z = 1."""
 
     direction_rad: float
     log_depth: FloatArray
@@ -33,8 +33,8 @@ class Certainty(NamedTuple):
 
 
 def pure_rotation(rays_a: Points2, rays_b: Points2) -> tuple[FloatArray, FloatArray]:
-    """The rotation R_b_a (3, 3) that explains most of matched rays (N, 2) on the planes z = 1, in the sense of least
-    absolute errors (reweighted Kabsch 1976), and what it leaves (N,) of each on b's plane."""
+    """Rotation R_b_a (3, 3) that fits matched rays (N, 2) on the planes z = 1 with least absolute errors (reweighted
+    Kabsch 1976), and the residual (N,) of each on b's plane."""
     a, b = homogeneous(rays_a), homogeneous(rays_b)
     unit_a, unit_b = (rays / np.linalg.norm(rays, axis=1, keepdims=True) for rays in (a, b))
     weight = np.ones(len(a))
@@ -48,8 +48,8 @@ def pure_rotation(rays_a: Points2, rays_b: Points2) -> tuple[FloatArray, FloatAr
 
 
 class _Linearised(NamedTuple):
-    """Sampson errors (N,) of matched rays, their derivatives J (N, 5) by the direction across itself (3, 2) and by the
-    rotation from the left; a turned and b (N, 3)."""
+    """Sampson errors (N,) of matched rays; derivatives J (N, 5) by the direction, along ``across`` (3, 2), and by the
+    rotation from the left; rays a rotated and b (N, 3)."""
 
     error: FloatArray
     J: FloatArray
@@ -58,16 +58,16 @@ class _Linearised(NamedTuple):
     b: Points3
 
     def weights(self, sigma: float) -> FloatArray:
-        """Tukey's (N,)."""
+        """Tukey weights (N,)."""
         return np.maximum(0.0, 1.0 - (self.error / (TUKEY * sigma)) ** 2) ** 2
 
     def sigma(self, least: float) -> float:
-        """The noise that the errors show, if it is more than ``least``."""
+        """Robust noise of the errors, at least ``least``."""
         return max(MAD * float(np.median(np.abs(self.error))), least)
 
 
 def _linearised(T_b_a: SE3, rays_a: Points2, rays_b: Points2) -> _Linearised:
-    """What is left of the two-view adjustment when the depths are eliminated, to first order."""
+    """The two-view adjustment with the depths eliminated, linearised."""
     a, b, t = homogeneous(rays_a) @ T_b_a.rotation.T, homogeneous(rays_b), T_b_a.translation
     E = essential_matrix(T_b_a)
     lines_b, lines_a = homogeneous(rays_a) @ E.T, b @ E
@@ -78,8 +78,8 @@ def _linearised(T_b_a: SE3, rays_a: Points2, rays_b: Points2) -> _Linearised:
 
 
 def certainty(T_b_a: SE3, rays_a: Points2, rays_b: Points2, sigma_min: float) -> Certainty:
-    """Of a motion with unit translation that explains matched rays (N, 2) on the planes z = 1, N >= 5 with parallax.
-    The noise is what the errors show, but no less than sigma_min."""
+    """Certainty of a motion with unit translation that explains matched rays (N, 2) on the planes z = 1, N >= 5 with
+    parallax. The noise is estimated from the errors, at least sigma_min."""
     linear = _linearised(T_b_a, rays_a, rays_b)
     _, J, across, a, b = linear
     sigma = linear.sigma(sigma_min)
@@ -97,13 +97,13 @@ def certainty(T_b_a: SE3, rays_a: Points2, rays_b: Points2, sigma_min: float) ->
 
 
 def every_motion(R_b_a: FloatArray, rays_a: Points2, rays_b: Points2, sigma_min: float) -> list[SE3]:
-    """The minima of the robust Sampson error near a rotation, one of unit translation from each of the DIRECTIONS: of a
-    short baseline the matches often allow several, of which a random search finds any."""
+    """Minima of the robust Sampson error near a rotation, one of unit translation from each of the DIRECTIONS. A short
+    baseline often allows several, and a random search finds any of them."""
     return [_descended(SE3(R_b_a, t), rays_a, rays_b, sigma_min) for t in DIRECTIONS]
 
 
 def _descended(T: SE3, rays_a: Points2, rays_b: Points2, sigma_min: float) -> SE3:
-    """Reweighted Gauss-Newton; of the two signs of the translation the one that has more points in front."""
+    """Reweighted Gauss-Newton, then the sign of the translation with more points in front."""
     for _ in range(STEPS):
         linear = _linearised(T, rays_a, rays_b)
         JW = linear.J * linear.weights(linear.sigma(sigma_min))[:, None]

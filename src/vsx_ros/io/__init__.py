@@ -1,1 +1,1 @@
-"""Fourth floor: files."""
+"""Reading and writing files."""

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written beside their place, then renamed."""
+"""Files that are either complete or absent: written under another name, then renamed."""
 
 import errno
 import os
@@ -7,8 +7,8 @@ from pathlib import Path
 
 
 def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
-    """Replace the file in one step; a durable one outlives a power cut from then on. Raises OSError that names the
-    path; what was there stays, and nothing is left beside it."""
+    """Replace the file in one step. durable: it survives a power cut after the return. Raises OSError with the path;
+    then the old file stays, and no temporary file."""
     beside = path.with_name(f".{path.name}.part")
     try:
         with beside.open("wb") as file:
@@ -31,12 +31,12 @@ def write_text(path: Path, content: str, *, durable: bool = False) -> None:
 
 
 def sync(path: Path) -> None:
-    """Let a file as it is now, or the names in a folder, outlive a power cut from then on. Raises OSError."""
+    """Write a file, or the names in a folder, to the disk, so that they survive a power cut. Raises OSError."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
     except OSError as error:
-        if error.errno != errno.EINVAL:  # a file system without this for folders
+        if error.errno != errno.EINVAL:  # the file system does not support it for folders
             raise
     finally:
         os.close(descriptor)

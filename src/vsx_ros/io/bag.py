@@ -1,4 +1,4 @@
-"""A recording by its path; bags as such: which topics are the camera, the odometry, the calibration and the truth."""
+"""Opens recordings. In bags it finds the topics of the camera, the odometry, the calibration and the ground truth."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -26,8 +26,8 @@ GROUND_TRUTH_TOPIC = "ground_truth/camera"
 
 
 def open_recording(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
-    """A ROS 1 or ROS 2 bag, or a folder in the TUM RGB-D layout (rgb.txt, rgb/, groundtruth.txt, camera.json). Raises
-    InputError saying what is wrong with the input and what to do."""
+    """Open a ROS 1 or ROS 2 bag, or a folder in the TUM RGB-D layout (rgb.txt, rgb/, groundtruth.txt, camera.json).
+    Raises InputError with the reason and the remedy."""
     if path.is_dir() and not (path / METADATA).exists():
         recording = open_folder(path)
     elif not path.exists():
@@ -39,10 +39,10 @@ def open_recording(path: Path, image_topic: str | None = None, odometry_topic: s
 
 
 def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
-    """The recording in a bag; topics are found by type when not given. Ground truth is a PoseStamped topic ending in
-    ground_truth/camera (T_world_cam). Stamped poses of the base serve as odometry when they are asked for; their speeds
-    are differences. The calibration is the camera_info beside the images, else the only one of the bag; rectified
-    images take its P. Raises InputError for a file that is not a readable bag or lacks the topic."""
+    """The recording in a bag. Topics that are not given are found by type. Ground truth is a PoseStamped topic ending
+    in ground_truth/camera (T_world_cam). A topic of stamped poses of the base is used as odometry if it is given; its
+    speeds are differences. The calibration is the camera_info beside the images, else the only one of the bag; P for
+    rectified images. Raises InputError for a file that is not a readable bag or lacks the topic."""
     with messages(path) as bag:
         counts = bag.counts()
         images = _image_topic(path, counts, image_topic)
@@ -72,7 +72,7 @@ def _listing(counts: dict[str, tuple[str, int]]) -> str:
 
 
 def _words(names: Iterable[str]) -> str:
-    """On one line, whatever a damaged bag calls its topics."""
+    """The names on one line, even if a damaged bag has unprintable ones."""
     return "".join(c if c.isprintable() else "?" for c in ", ".join(names))[:_LONGEST_LISTING]
 
 
@@ -119,7 +119,7 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
         return None
     size, source = (info.width, info.height), f"topic {topic}"
     K, D, P = (getattr(info, letter, None) for letter in "KDP")
-    if K is None or D is None or P is None:  # ROS 2 writes them small
+    if K is None or D is None or P is None:  # ROS 2 has lower-case names
         K, D, P = info.k, info.d, info.p
     if "rect" in name and any(P):
         camera = camera_from_info(*size, P.reshape(3, 4)[:, :3].ravel(), (), "", source)

@@ -1,4 +1,4 @@
-"""Messages of a bag, ROS 1 (format 2.0; none, bz2, lz4) or ROS 2 (sqlite3, mcap), through rosbags, without ROS."""
+"""Reads messages of a bag, ROS 1 (format 2.0; none, bz2, lz4) or ROS 2 (sqlite3, mcap), with rosbags, without ROS."""
 
 import re
 import sqlite3
@@ -19,17 +19,17 @@ from vsx_ros.io.bag_without_index import UnindexedBag
 from vsx_ros.io.bounded_rosbags import BoundedRos1, BoundedRos2, ZstdError
 from vsx_ros.limits import DAMAGE
 
-METADATA = "metadata.yaml"  # What makes a folder a ROS 2 bag
+METADATA = "metadata.yaml"  # a folder with this file is a ROS 2 bag
 
 _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _ROS2_MAGIC = {b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3"}
 _ROS2_SUFFIXES = tuple(_ROS2_MAGIC.values())
-# what rosbags, the decompressors, YAML and sqlite raise on damaged files
+# errors of rosbags, the decompressors, YAML and sqlite for damaged files
 _DAMAGE = (Ros1ReaderError, Ros2ReaderError, SerdeError, sqlite3.Error, apsw.Error, YAMLError, ZstdError, *DAMAGE)
 
 
 class Messages:
-    """Messages of one topic at a time, deserialised. ``damage`` says what is wrong with a bag that is read anyway."""
+    """Deserialised messages, one topic at a time. ``damage``: what is wrong with a bag that can still be read."""
 
     def __init__(self, reader: Any, *, ros2: bool, damage: str = "") -> None:
         self._reader, self._ros2 = reader, ros2
@@ -47,13 +47,13 @@ class Messages:
         return found
 
     def of(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """(stamp_ns, message): the header's stamp, or the time of recording where there is none."""
+        """(stamp_ns, message): the header's stamp, or the time of recording if there is none."""
         connections = [c for c in self._reader.connections if c.topic == topic]
         read = self._types.deserialize_cdr if self._ros2 else self._types.deserialize_ros1
         for connection, recorded_ns, raw in self._reader.messages(connections):
             message: Any = read(raw, connection.msgtype)
             header = getattr(message, "header", None)
-            if not isinstance(recorded_ns, int):  # a column of sqlite holds anything
+            if not isinstance(recorded_ns, int):  # a column of sqlite can hold any type
                 raise ValueError(f"a time of recording is {str(recorded_ns)[:40]!r}")
             stamp_ns = 0 if header is None else int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
             yield stamp_ns or recorded_ns, message
@@ -61,8 +61,8 @@ class Messages:
 
 @contextmanager
 def messages(path: Path) -> Iterator[Messages]:
-    """Open a bag; whatever goes wrong in its bytes becomes an InputError with the remedy. A ROS 1 bag without a usable
-    index is read without one."""
+    """Open a bag. Any error in its bytes becomes an InputError with the remedy. A ROS 1 bag with an unusable index is
+    read without it."""
     ros2 = _is_ros2(path)
     try:
         with ExitStack() as stack:
@@ -94,7 +94,7 @@ def _opened_ros1(path: Path, stack: ExitStack) -> Messages:
 
 
 def _remedy(path: Path, error: Exception, *, ros2: bool) -> str:
-    """What may save a damaged bag, by its kind: a ROS 2 bag's index comes last, and here it is not read without one."""
+    """How to repair a damaged bag of this kind. A ROS 2 bag has its index at the end and is not read without it."""
     if not ros2:
         return "or repair it with 'rosbag reindex FILE' (Debian: python3-rosbag)"
     file = next((f for f in ([path] if path.is_file() else sorted(path.iterdir())) if f.suffix in _ROS2_SUFFIXES), None)
@@ -107,12 +107,12 @@ def _remedy(path: Path, error: Exception, *, ros2: bool) -> str:
 
 
 def _detail(error: Exception) -> str:
-    """The library's words without their wrapping."""
+    """The library's message without its wrapping."""
     return re.sub(r"\('|',\)|\.$", "", str(error)).partition("\n")[0][:300] or "its index contradicts itself"
 
 
 def _is_ros2(path: Path) -> bool:
-    """By content. Raises InputError for what is no bag."""
+    """Decides by content. Raises InputError for anything but a bag."""
     if path.is_dir():
         return True
     try:

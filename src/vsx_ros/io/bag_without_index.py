@@ -1,4 +1,4 @@
-"""ROS 1 bags whose index is missing or wrong, read record by record: what was written before the cut is there.
+"""Reads ROS 1 bags whose index is missing or wrong, record by record, up to where the file is cut off.
 
 Records are those of the bag format 2.0 (wiki.ros.org/Bags/Format/2.0)."""
 
@@ -12,7 +12,7 @@ from vsx_ros.limits import DAMAGE
 
 _MESSAGE, _CHUNK, _CONNECTION = _READ = b"\x02", b"\x05", b"\x07"
 _MAGIC_BYTES = len(b"#ROSBAG V2.0\n")
-_MAX_HEADER_BYTES = 2**20  # rosbag's own headers have some hundred
+_MAX_HEADER_BYTES = 2**20  # rosbag's own headers have some hundred bytes
 
 
 class UnindexedConnection(NamedTuple):
@@ -25,8 +25,8 @@ class UnindexedConnection(NamedTuple):
 
 
 class UnindexedBag:
-    """``connections`` and ``messages`` as rosbags' reader has them, in the order of the file. A record that is cut off
-    ends it; a chunk that cannot be decompressed is left out."""
+    """``connections`` and ``messages`` like rosbags' reader, in the order of the file. Reading ends at a record that is
+    cut off; a chunk that cannot be decompressed is left out."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -48,7 +48,7 @@ class UnindexedBag:
                 yield wanted[number], recorded_ns, raw
 
     def _walk(self) -> Iterator[tuple[int, int, bytes]]:
-        """Every whole message of a known connection; makes connections known on the way."""
+        """Yields every whole message of a known connection; stores new connections on the way."""
         size = self._path.stat().st_size
         allowance = unpacking_of(size)
         with self._path.open("rb") as file:
@@ -76,7 +76,7 @@ class UnindexedBag:
 
 
 def _records(stream: BinaryIO, end: int) -> Iterator[tuple[dict[bytes, bytes], bytes, bool]]:
-    """(header, data, whether all of the data is there) until the stream ends or makes no sense."""
+    """(header, data, whether the data is complete) until the stream ends or is invalid."""
     while True:
         header_bytes = int.from_bytes(stream.read(4), "little")
         if not 0 < header_bytes <= min(_MAX_HEADER_BYTES, end - stream.tell() - 4):
@@ -104,7 +104,7 @@ def _fields(header: bytes) -> dict[bytes, bytes]:
 
 
 def _decompressed(fields: dict[bytes, bytes], data: bytes) -> bytes:
-    """What can be had of a chunk, which may be cut short."""
+    """The readable part of a chunk, which may be cut short."""
     declared = int.from_bytes(fields.get(b"size", b"")[:4], "little")
     try:
         kind = fields.get(b"compression", b"").decode("ascii")

@@ -1,9 +1,9 @@
-"""rosbags' readers, kept to limits: what a bag declares is checked before it is unpacked, and no more is unpacked.
+"""rosbags' readers with limits: the size that a bag declares is checked first, and no more is unpacked.
 
-A packed chunk holds at least one message, hence an image: its limit is that of a large raw image. What is unpacked of
-a bag may be a multiple of its size, so that a bag of many gigabytes streams as it always did. The reader of MCAP, and
-that of files and messages packed one by one, take their decompressors from their modules, where these are put;
-quality-of-service profiles, YAML inside of YAML that nobody here needs, are not parsed."""
+A packed chunk may hold an image, so its limit is a large raw image. A whole bag may unpack to a multiple of its size,
+so that bags of many gigabytes can still be read. The readers of MCAP and of single packed files and messages take their
+decompressors from their modules, so they are replaced there. Quality-of-service profiles, YAML inside YAML, are not
+needed and not parsed."""
 
 import bz2
 import io
@@ -29,13 +29,13 @@ else:
     from backports import zstd
 
 ZstdError = zstd.ZstdError
-MAX_UNPACKED = 64 * MIB  # A packed chunk or message: a colour image of 20 megapixels
-_FLOOR, _RATIO = 128 * MIB, 32  # bytes that any bag may unpack to, and times its own size
-_PASSES = 4  # Odometry, truth and images are read one after the other
+MAX_UNPACKED = 64 * MIB  # of a packed chunk or message: a colour image of 20 megapixels
+_FLOOR, _RATIO = 128 * MIB, 32  # bytes that any bag may unpack to; multiple of its own size
+_PASSES = 4  # odometry, truth and images are read one after the other
 
 
 def unpacked(kind: str, data: bytes, most: int) -> bytes:
-    """The first bytes, at most so many, of bz2, lz4 or zstd. Raises ValueError, or the library's error."""
+    """The first bytes, at most ``most``, of bz2, lz4 or zstd. Raises ValueError, or the library's error."""
     if kind not in ("bz2", "lz4", "zstd"):
         raise ValueError(f"its compression {kind!r} is unknown")
     makers = {"bz2": bz2.BZ2Decompressor, "lz4": lz4.frame.LZ4FrameDecompressor, "zstd": zstd.ZstdDecompressor}
@@ -43,7 +43,7 @@ def unpacked(kind: str, data: bytes, most: int) -> bytes:
 
 
 def unpacking_of(size: int) -> Allowance:
-    """What a bag of a size may be unpacked to, each time it is read from end to end."""
+    """The number of bytes that a bag of this size may unpack to, each time it is read."""
     return Allowance(_FLOOR, size, _RATIO)
 
 
@@ -65,7 +65,7 @@ def _message(data: bytes) -> bytes:
 
 
 class _File(io.RawIOBase):
-    """A packed file, to be read from its beginning to its end."""
+    """A packed file, read from beginning to end."""
 
     def __init__(self, file: BinaryIO, _mode: str) -> None:
         self._content = zstd.open(file, "rb")
@@ -79,17 +79,17 @@ class _File(io.RawIOBase):
 
 
 class BoundedRos1(Ros1Reader):  # type: ignore[misc]  # to mypy, rosbags is without types
-    """Each chunk is unpacked to what it declares; the index is not longer than the file."""
+    """A chunk unpacks exactly to its declared size; the index is not longer than the file."""
 
     def open(self) -> None:
-        """Raises what rosbags does, ValueError for more than a bag of this size can hold."""
+        """Raises rosbags' errors, and ValueError for more than a bag of this size can hold."""
         size = self.path.stat().st_size
         self._declared, self._index_left = unpacking_of(size), size
         self._unpacked = Allowance(_PASSES * _FLOOR, size, _PASSES * _RATIO)
         super().open()
 
     def read_chunk(self) -> Chunk:
-        """As rosbags does, with the size that its header declares."""
+        """Like rosbags, but limited to the size that the chunk's header declares."""
         assert self.bio
         at = self.bio.tell()
         header = Header.read(self.bio, RecordType.CHUNK)
@@ -107,7 +107,7 @@ class BoundedRos1(Ros1Reader):  # type: ignore[misc]  # to mypy, rosbags is with
         return chunk._replace(decompressor=decompressed)
 
     def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
-        """As rosbags does; an index that several chunks share is none."""
+        """Like rosbags; raises ValueError when several chunks share an index."""
         assert self.bio
         at = self.bio.tell()
         super().read_index_data(pos, indexes)
@@ -118,7 +118,7 @@ class BoundedRos1(Ros1Reader):  # type: ignore[misc]  # to mypy, rosbags is with
 
 class _Mcap(storage_mcap.McapReader):  # type: ignore[misc]  # as above
     def open(self) -> None:
-        """The chunks of one moment are in memory together."""
+        """Limits the chunks of the same time together: they are in memory at once."""
         super().open()
         size = Path(self.path).stat().st_size
         total, together = unpacking_of(size), Allowance(2 * MAX_UNPACKED, size, 1)
@@ -133,7 +133,7 @@ class _Mcap(storage_mcap.McapReader):  # type: ignore[misc]  # as above
 
 class _Sqlite3(storage_sqlite3.Sqlite3Reader):  # type: ignore[misc]  # as above
     def open(self) -> None:
-        """Tables that hold what they hold, and compute nothing."""
+        """Allows only tables with stored data, not views, virtual tables or computed columns."""
         with closing(sqlite3.connect(f"{Path(self.path).absolute().as_uri()}?immutable=1", uri=True)) as base:
             computed = base.execute(
                 "SELECT name FROM sqlite_master WHERE type = 'view' OR sql LIKE 'create virtual%' UNION "
@@ -148,7 +148,7 @@ class _Directory(ros2_reader.DirectoryReader):  # type: ignore[misc]  # as above
     STORAGE_PLUGINS = {"mcap": _Mcap, "sqlite3": _Sqlite3}
 
     def open(self) -> None:
-        """metadata.yaml is not larger than it may be."""
+        """Checks that metadata.yaml is valid and within its limits."""
         try:
             yaml_tree(file_text(Path(self.path) / "metadata.yaml"))
         except ValueError as error:
@@ -157,7 +157,7 @@ class _Directory(ros2_reader.DirectoryReader):  # type: ignore[misc]  # as above
 
 
 class BoundedRos2(Ros2Reader):  # type: ignore[misc]  # as above
-    """A folder or a file of its own."""
+    """A folder or a single file."""
 
     STORAGE_PLUGINS = {"dir": _Directory, ".mcap": _Mcap, ".db3": _Sqlite3}
 

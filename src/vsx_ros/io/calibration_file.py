@@ -1,4 +1,4 @@
-"""Camera calibration on disk: ROS camera_info YAML (as camera_calibration writes it) and the plain camera.json."""
+"""Camera calibration files: ROS camera_info YAML (as camera_calibration writes it) and the plain camera.json."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,9 +23,9 @@ _FORMATS = "a ROS camera_info YAML or a camera.json"
 def camera_from_info(
     width: int, height: int, K: Sequence[float], D: Sequence[float], model: str, name: str
 ) -> PinholeCamera | None:
-    """The camera of a sensor_msgs/CameraInfo's fields; None when K is all zero, ROS's word for uncalibrated. K: 9
-    numbers, row by row. D: the model's coefficients (``geometry.lens``), zeros at the end may be missing. name: what an
-    error message shall call it. Raises CalibrationError for a lens model this stack cannot use."""
+    """The camera of a sensor_msgs/CameraInfo's fields; None if K is all zero, which means uncalibrated in ROS. K: 9
+    numbers, row by row. D: the model's coefficients (``geometry.lens``); zeros at the end may be missing. name: its
+    name in error messages. Raises CalibrationError for an unsupported lens model."""
     k, d = [float(value) for value in K], [float(value) for value in D]
     if len(k) != 9:
         raise CalibrationError(f"{name}: the camera matrix needs 9 numbers, got {len(k)}; calibrate the camera again")
@@ -46,7 +46,7 @@ def camera_from_info(
 
 
 def read_calibration(path: Path) -> PinholeCamera:
-    """The camera of a camera_info YAML or a camera.json, told apart by their content. Raises CalibrationError when the
+    """The camera of a camera_info YAML or a camera.json; the content decides which. Raises CalibrationError when the
     file is missing, malformed, uncalibrated or of an unsupported lens model."""
     with explained(CalibrationError, f"calibration {path} cannot be read", f"give {_FORMATS}"):
         if not path.exists():
@@ -86,7 +86,8 @@ def _camera_of(tree: dict[str, Any], name: str) -> PinholeCamera | None:
 
 
 def shutter_from_topic(times: Sequence[float], topic: str) -> Shutter | None:
-    """Readout and exposure [s] as the camera node tells them, None for no times. Raises CalibrationError for others."""
+    """Readout and exposure [s] as the camera node publishes them, None for no times. Raises CalibrationError if they
+    are invalid."""
     numbers = [float(time) for time in times]
     if not numbers:
         return None
@@ -96,7 +97,7 @@ def shutter_from_topic(times: Sequence[float], topic: str) -> Shutter | None:
 
 
 def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "camera", remark: str = "") -> None:
-    """A camera_info YAML that ROS's own tools read; the shutter is ours, and nobody else's. remark: comment on top."""
+    """Write a camera_info YAML that ROS's tools read; only this stack reads its shutter. remark: comment on top."""
     tree = {
         "image_width": camera.width,
         "image_height": camera.height,

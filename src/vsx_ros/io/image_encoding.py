@@ -1,6 +1,6 @@
-"""Pixels of a sensor_msgs/Image or of an image file to grey, without cv_bridge (which pip's numpy breaks).
+"""Converts a sensor_msgs/Image or an image file to grey, without cv_bridge (which pip's numpy breaks).
 
-How large an image file says it is, is read from its first bytes: what is too large is refused before it is decoded.
+The size of an image file is read from its header, so that too large ones are refused before they are decoded.
 Sources: PNG (W3C), section 11.2.2; JPEG (ITU-T T.81), annex B; Netpbm's ppm(5); BMP (BITMAPINFOHEADER); TIFF 6.0,
 section 2."""
 
@@ -16,7 +16,7 @@ from vsx_ros.arrays import GrayImage
 from vsx_ros.errors import InputError, explained
 from vsx_ros.geometry.camera import MAX_PIXELS
 
-# OpenCV's aliases that spell the mosaic's own first rows, as ROS does
+# OpenCV's aliases that name the first rows of the mosaic, as ROS does
 _TO_GRAY = {
     "rgb8": (3, cv2.COLOR_RGB2GRAY),
     "bgr8": (3, cv2.COLOR_BGR2GRAY),
@@ -33,7 +33,7 @@ _SMALLEST_MOSAIC = 3
 _GRAY_8 = ("mono8", "8UC1")
 _GRAY_16 = ("mono16", "16UC1")
 _BAYER_16 = tuple(name.replace("8", "16") for name in _TO_GRAY if name.startswith("bayer"))
-# of each pixel's two bytes, which one is its luminance; ROS 1 has the first two names, ROS 2 the others
+# which of a pixel's two bytes is its luminance; ROS 1 uses the first two names, ROS 2 the others
 _LUMINANCE = {"yuv422": 1, "yuv422_yuy2": 0, "uyvy": 1, "yuyv": 0}
 SUPPORTED = (*_GRAY_8, *_GRAY_16, *_TO_GRAY, *_BAYER_16, *_LUMINANCE)
 _Bytes: TypeAlias = bytes | NDArray[np.uint8]
@@ -61,7 +61,7 @@ def gray_image(
 
 
 def _rows(encoding: str, height: int, width: int, step: int, data: _Bytes) -> GrayImage:
-    """(height, bytes) of the pixels, without what pads the rows; raises as ``gray_image`` does."""
+    """(height, bytes) of the pixels, without the rows' padding; raises as ``gray_image`` does."""
     if encoding not in SUPPORTED:
         raise InputError(f"image encoding {encoding!r} is not supported; use one of {', '.join(SUPPORTED)}")
     if width * height > MAX_PIXELS:
@@ -86,9 +86,9 @@ def shift_for(data: _Bytes, *, big_endian: bool = False) -> int:
 
 
 def decoded(compressed: bytes, name: str, said: str = "") -> GrayImage:
-    """(H, W) uint8 of a JPEG, PNG, PGM, PPM, BMP or TIFF. said: the format of a sensor_msgs/CompressedImage; where it
-    begins with a Bayer encoding, an image of one channel is a mosaic. Raises InputError with the name of the image when
-    its bytes are not an image."""
+    """(H, W) uint8 of a JPEG, PNG, PGM, PPM, BMP or TIFF. said: the format of a sensor_msgs/CompressedImage; if it
+    begins with a Bayer encoding, an image of one channel is a mosaic. Raises InputError with the image's name when its
+    bytes are not an image."""
     mosaic = said.partition(";")[0].strip()
     how = cv2.IMREAD_UNCHANGED if mosaic.startswith("bayer") else cv2.IMREAD_GRAYSCALE
     with explained(InputError, f"{name} ({len(compressed)} bytes) cannot be used", "give a whole JPEG or PNG"):
@@ -104,12 +104,12 @@ def decoded(compressed: bytes, name: str, said: str = "") -> GrayImage:
 
 
 FORMATS = "JPEG, PNG, PGM, PPM, BMP or TIFF"
-MAX_JPEG_SCANS = 200  # Progressive files have ten; each is a walk over all pixels
+MAX_JPEG_SCANS = 200  # progressive files have ten; each scan goes over all pixels
 
 # As OpenCV reads them: one character ends a number.
 _PNM_NUMBER = rb"(?:\s|#[^\r\n]*[\r\n])*(\d{1,9})[^\d]"
 _PNM = re.compile(rb"P[1-6]" + 2 * _PNM_NUMBER)
-_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG's SOF0 to SOF15, but for three that are none
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG's SOF0 to SOF15 without three other markers
 _ALONE = frozenset(range(0xD0, 0xD9)) | {0x01}  # JPEG's markers without a length: RST0 to RST7, SOI; TEM
 _IMAGE_TAGS, _TILE_TAGS = (256, 257), (322, 323)  # TIFF: width and length, of the image and of its tiles
 
@@ -128,7 +128,7 @@ def check_image_size(content: bytes, most_pixels: int = MAX_PIXELS) -> tuple[int
 
 
 def picture(content: bytes, how: int, most_pixels: int = MAX_PIXELS) -> NDArray[Any] | None:
-    """What ``cv2.imdecode`` makes of it, None where it is damaged. Raises ValueError as ``check_image_size`` does."""
+    """The result of ``cv2.imdecode``, None if damaged. Raises ValueError as ``check_image_size`` does."""
     check_image_size(content, most_pixels)
     try:
         image: NDArray[Any] | None = cv2.imdecode(np.frombuffer(content, np.uint8), how)
@@ -155,7 +155,7 @@ def _size(content: bytes) -> tuple[int, int]:
 
 
 def _jpeg_size(content: bytes) -> tuple[int, int]:
-    """Of the first frame header; as libjpeg does, whatever stands between two segments is passed over."""
+    """Width and height of the first frame header. Like libjpeg, it skips any bytes between two segments."""
     at = 2
     while True:
         at = content.find(b"\xff", at)
@@ -172,7 +172,7 @@ def _jpeg_size(content: bytes) -> tuple[int, int]:
 
 
 def _tiff_size(content: bytes) -> tuple[int, int]:
-    """Of the first image, or of a tile that is larger."""
+    """Width and height of the first image, or of its tiles if they are larger."""
     order = "<" if content.startswith(b"II") else ">"
     (directory,) = struct.unpack_from(f"{order}I", content, 4)
     (count,) = struct.unpack_from(f"{order}H", content, directory)

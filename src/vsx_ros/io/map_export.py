@@ -1,5 +1,5 @@
-"""A map for other programs: points as binary PLY, which MeshLab, CloudCompare and Blender read; all of it as COLMAP's
-text model (cameras.txt, images.txt, points3D.txt) with its pictures, for photogrammetry tools.
+"""Exports a map: points as binary PLY, which MeshLab, CloudCompare and Blender read; the whole map as COLMAP's text
+model (cameras.txt, images.txt, points3D.txt) with its images, for photogrammetry tools.
 
 Source: COLMAP documentation, "Output Format". There, poses are T_cam_world with quaternions (w, x, y, z), and the
 centre of the top-left pixel is (0.5, 0.5)."""
@@ -28,7 +28,7 @@ _VERTEX = np.dtype([("at", "<f4", 3), ("colour", "u1", 3)])
 
 
 def write_ply(path: Path, points: Points3, grey: NDArray[np.uint8] | None = None) -> None:
-    """(N, 3) points, stored as 32-bit floats, coloured by their grey values (N,) where these are given."""
+    """Write (N, 3) points as 32-bit floats, coloured by their grey values (N,) if given."""
     places = np.asarray(points, np.float64).reshape(-1, 3).astype("<f4")
     header = _HEADER.format(count=len(places), properties=_PLACE if grey is None else _COLOURED)
     vertices = np.zeros(len(places), _VERTEX)
@@ -39,7 +39,7 @@ def write_ply(path: Path, points: Points3, grey: NDArray[np.uint8] | None = None
 
 
 def read_ply(path: Path) -> Points3:
-    """The (N, 3) points, without colours, of a file that ``write_ply`` wrote. Raises InputError for anything else."""
+    """The (N, 3) points, without colours, of a file from ``write_ply``. Raises InputError for anything else."""
     with explained(InputError, f"point cloud {path} cannot be read", "check the path"):
         header, _, body = file_bytes(path, DATA_BYTES).partition(b"end_header\n")
     wrong = f"point cloud {path} is not a PLY that this program wrote"
@@ -58,17 +58,17 @@ def read_ply(path: Path) -> Points3:
 
 
 def write_planes(path: Path, facts: Mapping[str, Any]) -> None:
-    """Planes as JSON: what ``FinishedMap.facts`` says of them."""
+    """Write planes as JSON. facts: from ``FinishedMap.facts``."""
     write_text(path, json.dumps(facts, indent=1, allow_nan=False) + "\n")
 
 
-_CORNER_PX = 0.5  # COLMAP's pixels have their corner at the origin, ours their centre
-_CAMERA = 1  # COLMAP's number of the only one
+_CORNER_PX = 0.5  # the first pixel's corner is COLMAP's origin, its centre is ours
+_CAMERA = 1  # COLMAP's number of the only camera
 _GREY = "128 128 128"
 
 
 def write_colmap(folder: Path, camera: PinholeCamera, snapshot: MapSnapshot) -> None:
-    """Make the folder and fill it; points are numbered by their ids, images by keyframe id + 1. Raises InputError when
+    """Create and fill the folder. Points are numbered by their ids, images by keyframe id + 1. Raises InputError when
     it cannot be written."""
     with explained(InputError, f"folder {folder} cannot be written", "choose another one", OSError):
         (folder / "images").mkdir(parents=True, exist_ok=True)
@@ -91,7 +91,7 @@ def _camera_text(camera: PinholeCamera) -> str:
 
 
 def _image_lines(snapshot: MapSnapshot) -> Iterator[str]:
-    """Two lines an image: its pose, and what it sees of which point."""
+    """Two lines per image: its pose, and its observations of points."""
     yield "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then X Y POINT3D_ID of each observation\n"
     for k, (number, T_world_cam) in enumerate(zip(snapshot.keyframe_ids.tolist(), snapshot.T_world_cams, strict=True)):
         T_cam_world = T_world_cam.inverse()
@@ -104,7 +104,7 @@ def _image_lines(snapshot: MapSnapshot) -> Iterator[str]:
 
 
 def _point_lines(camera: PinholeCamera, snapshot: MapSnapshot) -> Iterator[str]:
-    """One line a point: place, colour, mean reprojection error [px], and the observations it is made of."""
+    """One line per point: position, colour, mean reprojection error [px], and its observations."""
     yield "# POINT3D_ID X Y Z R G B ERROR, then IMAGE_ID POINT2D_IDX of each observation\n"
     count = np.bincount(snapshot.obs_keyframe, minlength=len(snapshot.keyframe_ids))
     place = np.arange(len(snapshot.obs_keyframe)) - np.repeat(np.cumsum(count) - count, count)

@@ -1,4 +1,4 @@
-"""Maps as map_server keeps them: an image and a YAML beside it, so that every ROS navigation stack can load them."""
+"""Maps in map_server's format: an image and a YAML beside it, which every ROS navigation stack can load."""
 
 from pathlib import Path
 from typing import Any
@@ -16,13 +16,13 @@ from vsx_ros.occupancy.grid import FREE, MAX_CELLS, MAX_EXTENT_M, OCCUPIED, UNKN
 
 _GRAY_OF_FREE, _GRAY_OF_OCCUPIED, _GRAY_OF_UNKNOWN = 254, 0, 205  # as map_server's map_saver writes them
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196  # map_saver's, too
-_FINEST_M = 1e-3  # per cell; finer is a unit mistaken
-_ROWS_AT_ONCE = 64  # for memory
-_LONGEST_NAME = 1000  # of a file: longer is no name
+_FINEST_M = 1e-3  # per cell; finer is a wrong unit
+_ROWS_AT_ONCE = 64  # to save memory
+_LONGEST_NAME = 1000  # of a file; longer is invalid
 
 
 def save_map(grid: OccupancyGrid, path: Path) -> None:
-    """``path`` with the endings .pgm and .yaml, as map_server's map_saver writes them. Raises MapFileError when they
+    """Write ``path`` with the endings .pgm and .yaml, as map_server's map_saver does. Raises MapFileError when they
     cannot be written."""
     known = [_GRAY_OF_FREE, _GRAY_OF_OCCUPIED]
     gray = np.select([grid.data == FREE, grid.data == OCCUPIED], known, _GRAY_OF_UNKNOWN).astype(np.uint8)
@@ -37,9 +37,9 @@ def save_map(grid: OccupancyGrid, path: Path) -> None:
 
 
 def load_map(path: Path) -> OccupancyGrid:
-    """The grid of a map YAML (or of an image with its YAML beside it): free, occupied, and unknown in between. PGM and
-    PNG of any depth, grey or colour; fully transparent pixels are unknown. Raises MapFileError naming what is missing
-    or wrong."""
+    """The grid of a map YAML (or of an image with its YAML beside it). Values between free and occupied are unknown.
+    PGM and PNG of 8 or 16 bits, grey or colour; fully transparent pixels are unknown. Raises MapFileError with the
+    missing or wrong entry."""
     text = path if path.suffix in (".yaml", ".yml") else path.with_suffix(".yaml")
     with explained(MapFileError, f"map {text} cannot be read", "give a map_server YAML"):
         tree = yaml_tree(file_text(text))
@@ -71,20 +71,20 @@ def load_map(path: Path) -> OccupancyGrid:
 
 
 def is_map_file(path: Path) -> bool:
-    """Whether a YAML is that of a map. Raises MapFileError when it cannot be read."""
+    """Whether a YAML belongs to a map. Raises MapFileError when it cannot be read."""
     with explained(MapFileError, f"map {path} cannot be read", "give a map_server YAML"):
         return any(line.startswith(b"image:") for line in file_bytes(path, TEXT_BYTES).splitlines())
 
 
 def load_plan(path: Path) -> OccupancyGrid:
-    """The grid of a picture without a YAML, 5 cm a pixel: bright is free, dark is occupied, grey unknown, as map_saver
-    draws them. Raises MapFileError when it is no picture."""
+    """The grid of an image without a YAML, 5 cm per pixel: bright is free, dark occupied, grey unknown, as map_saver
+    draws them. Raises MapFileError when it is not an image."""
     thresholds = _FREE_THRESHOLD, _OCCUPIED_THRESHOLD
     return OccupancyGrid(_cells(path, thresholds, negate=False, raw=False)[::-1], 0.05, 0.0, 0.0)
 
 
 def _cells(path: Path, thresholds: tuple[float, float], *, negate: bool, raw: bool) -> NDArray[np.int8]:
-    """(H, W) cells, the top row first; a band of rows at a time, for its probabilities need many times its bytes."""
+    """(H, W) cells, top row first. Works on bands of rows: the probabilities need many times the image's memory."""
     with explained(MapFileError, f"map image {path} is missing or no map", "give a PGM or PNG"):
         image = picture(file_bytes(path, LOG_BYTES), cv2.IMREAD_UNCHANGED, MAX_CELLS)
     if image is None or image.dtype not in (np.uint8, np.uint16):
@@ -99,7 +99,7 @@ def _cells(path: Path, thresholds: tuple[float, float], *, negate: bool, raw: bo
 
 
 def _occupancy(image: NDArray[Any], *, negate: bool, raw: bool) -> NDArray[np.float64]:
-    """(H, W) probability of an obstacle, NaN where nothing is known."""
+    """(H, W) probability of an obstacle, NaN where unknown."""
     depth = float(np.iinfo(image.dtype).max)
     channels = image.reshape(*image.shape[:2], -1).astype(np.float64)
     colours = channels[..., : 1 if channels.shape[2] < 3 else 3].mean(axis=2)

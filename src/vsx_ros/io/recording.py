@@ -1,5 +1,5 @@
-"""A recording, wherever it comes from: frames, odometry, calibration and truth behind one small type; and one of images
-in the layout of the TUM RGB-D benchmark (rgb.txt, rgb/, groundtruth.txt, camera.json)."""
+"""A recording from any source: frames, odometry, calibration and ground truth in one type. Also opens folders in the
+layout of the TUM RGB-D benchmark (rgb.txt, rgb/, groundtruth.txt, camera.json)."""
 
 import heapq
 import io
@@ -18,20 +18,20 @@ from vsx_ros.io.trajectory_file import parse_stamp, read_trajectory
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.robot import Frame, Odometry
 
-GRACE_NS = 500_000_000  # odometry has gaps, images come before it begins
-AHEAD_NS = 1_000_000_000  # a stamp so far ahead of the next one is wrong
-_MOST_IMAGES = 2**20  # nine hours at 30 a second
-_LONGEST_NAME = 1000  # of a file: longer is no name
+GRACE_NS = 500_000_000  # odometry has gaps, and images may begin before it
+AHEAD_NS = 1_000_000_000  # a stamp this far ahead of the next one is wrong
+_MOST_IMAGES = 2**20  # nine hours at 30 per second
+_LONGEST_NAME = 1000  # of a file; longer is invalid
 _STAMP = attrgetter("stamp_ns")
 CALIBRATION_NAMES = ("camera.json", "camera.yaml", "calibration.yaml", "camera_info.yaml")
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What was recorded, and where it was found. source: file or folder. image_topic, odometry_topic: None in a folder
-    or where there is no odometry. frame_count: images there are. camera: its calibration, if found. odometry: all of
-    it, by stamp. ground_truth: T_world_cam by stamp, empty where unknown. open_frames: starts reading the images, in
-    order. damage: what is wrong with a recording that can be used in part, in words; nothing for a good one."""
+    """The recorded data and its source. source: file or folder. image_topic, odometry_topic: None for a folder or
+    without odometry. frame_count: number of images. camera: its calibration, if found. odometry: all readings, by
+    stamp. ground_truth: T_world_cam by stamp, empty if unknown. open_frames: starts reading the images, in order.
+    damage: what is wrong with a recording that can be used in part, in words; empty for a good one."""
 
     source: Path
     image_topic: str | None
@@ -44,9 +44,9 @@ class Recording:
     damage: str = ""
 
     def frames(self) -> Iterator[Frame]:
-        """The images, each later than the one before: one out of order or doubled is left out, and so is one more than
-        a second ahead of the image after it, beside which all others would be out of date. Raises InputError where the
-        recording is damaged, CalibrationError where an image has not the camera's size."""
+        """The images, each later than the one before. Leaves out an image that is out of order or doubled, and one more
+        than a second ahead of the next image: after it all others would be out of order. Raises InputError where the
+        recording is damaged, CalibrationError if an image does not have the camera's size."""
         last_ns, waiting, damage = -1, None, None
         images = self.open_frames()
         while True:
@@ -67,12 +67,12 @@ class Recording:
             raise damage
 
     def messages(self) -> Iterator[Frame | Odometry]:
-        """Images and odometry in one stream, by stamp; odometry first where stamps are equal."""
+        """Images and odometry in one stream, by stamp; odometry first if stamps are equal."""
         streams: list[Iterable[Frame | Odometry]] = [self.odometry, self.frames()]
         yield from heapq.merge(*streams, key=_STAMP)
 
     def odometry_at(self, stamp_ns: int) -> Odometry | None:
-        """Odometry interpolated to the instant; None more than ``GRACE_NS`` away from what was recorded."""
+        """Odometry interpolated to the instant; None if all readings are more than ``GRACE_NS`` away."""
         after = bisect_right(self.odometry, stamp_ns, key=_STAMP)
         near = self.odometry[max(after - 1, 0) : after + 1]
         if not near or min(abs(reading.stamp_ns - stamp_ns) for reading in near) > GRACE_NS:
@@ -93,7 +93,7 @@ class Recording:
 
 
 def with_speeds(reading: Odometry, before: Odometry) -> Odometry:
-    """A reading of a pose alone, its speeds by the difference to the one before."""
+    """A reading that has only a pose, with speeds from the difference to the one before."""
     moved, seconds = before.T_odom_base.inverse() @ reading.T_odom_base, (reading.stamp_ns - before.stamp_ns) * 1e-9
     if seconds <= 0.0:
         return reading._replace(v=before.v, omega=before.omega)
@@ -101,8 +101,8 @@ def with_speeds(reading: Odometry, before: Odometry) -> Odometry:
 
 
 def open_folder(folder: Path) -> Recording:
-    """Images listed in rgb.txt; groundtruth.txt (T_world_cam), odometry.txt (T_odom_base) and calibration if there.
-    Raises InputError when rgb.txt is missing, empty or malformed."""
+    """A folder with images listed in rgb.txt; optionally groundtruth.txt (T_world_cam), odometry.txt (T_odom_base) and
+    calibration. Raises InputError when rgb.txt is missing, empty or malformed."""
     listed = _listed_images(folder)
 
     def frames() -> Iterator[Frame]:

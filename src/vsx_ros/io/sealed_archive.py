@@ -1,5 +1,5 @@
-"""Files of which no changed byte goes unnoticed: several contents in one zip file that ends with its own SHA-256, which
-any tool opens; and large arrays of which most rows never change, in pieces that are written once."""
+"""Files in which every changed byte is detected: a zip file that ends with its own SHA-256 and that any zip tool opens;
+and large arrays whose rows mostly never change, stored in pieces that are written once."""
 
 import hashlib
 import io
@@ -20,13 +20,13 @@ from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes
 _SEAL = 64  # hexadecimal digits of SHA-256
 _ZIP = b"PK\x03\x04"
 _FLOOR, _RATIO = 32 * MIB, 4
-"""What an archive may unpack to: most of it are pictures and numbers that hardly get smaller. Pieces of arrays may be
-used more than once: those of culled keyframes are empty, hence the same."""
+"""Limits of what an archive may unpack to: most of it is images and numbers that hardly compress. Pieces of arrays may
+be used more than once: those of culled keyframes are empty and so identical."""
 
 
 def seal(entries: Mapping[str, bytes], *, quick: bool = False) -> bytes:
-    """The archive's bytes, the same for the same entries; pictures (.png) are packed as they are, and all else too
-    where it shall be quick rather than small."""
+    """The archive's bytes, the same for the same entries. Images (.png) are stored uncompressed. quick: so is the rest,
+    for speed."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, content in entries.items():
@@ -38,7 +38,7 @@ def seal(entries: Mapping[str, bytes], *, quick: bool = False) -> bytes:
 
 
 def unseal(content: bytes) -> dict[str, bytes]:
-    """The entries of ``seal``. Raises ValueError, saying what is wrong with the bytes."""
+    """The entries of ``seal``. Raises ValueError with the reason if the bytes are wrong."""
     if not content.startswith(_ZIP):
         raise ValueError("it is no sealed archive")
     if hashlib.sha256(memoryview(content)[:-_SEAL]).hexdigest().encode("ascii") != content[-_SEAL:]:
@@ -46,7 +46,7 @@ def unseal(content: bytes) -> dict[str, bytes]:
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             return _unpacked(archive, Allowance(_FLOOR, len(content), _RATIO))
-    except (zipfile.BadZipFile, *DAMAGE) as error:  # not ours: zipfile's and zlib's refusals
+    except (zipfile.BadZipFile, *DAMAGE) as error:  # from zipfile and zlib
         raise ValueError(f"it cannot be unpacked ({error})") from error
 
 
@@ -57,21 +57,21 @@ def _unpacked(archive: zipfile.ZipFile, allowance: Allowance) -> dict[str, bytes
             raise ValueError(f"{info.filename} is packed in the unknown way {info.compress_type}")
         allowance.take(info.file_size, info.filename)
         with archive.open(info) as file:
-            entries[info.filename] = file.read(info.file_size)  # not more than it declares, whatever it holds
+            entries[info.filename] = file.read(info.file_size)  # not more than it declares
         if len(entries[info.filename]) != info.file_size:
             raise ValueError(f"{info.filename} holds fewer bytes than it declares")
     return entries
 
 
 class ArrayChunks:
-    """A folder of .npy files, each named by the SHA-256 of its content: the same rows are the same file."""
+    """A folder of .npy files, each named by the SHA-256 of its content, so equal pieces are one file."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def write(self, array: NDArray[Any], cuts: Sequence[int] | NDArray[np.int64]) -> list[str]:
-        """Put what is new of an array on the disk; cuts: the rows that begin another piece, ascending. Returns the
-        names of its pieces, in order. Raises OSError."""
+        """Write the new pieces of an array to the disk. cuts: the rows that begin another piece, ascending. Returns the
+        names of all its pieces, in order. Raises OSError."""
         self.path.mkdir(parents=True, exist_ok=True)
         names = []
         for content in map(array_bytes, np.split(array, cuts)):
@@ -82,8 +82,8 @@ class ArrayChunks:
         return names
 
     def read(self, names: Sequence[str], allowance: Allowance) -> NDArray[Any]:
-        """The array of these pieces. Raises OSError without one of them, ValueError when one was changed, or where
-        one is used again and again and the allowance does not suffice."""
+        """The array of these pieces. Raises OSError if one is missing, ValueError if one was changed, or if pieces are
+        used so often that the allowance is exceeded."""
         pieces = []
         for name in names:
             content = file_bytes(self.path / f"{Path(name).name}.npy", DATA_BYTES)
@@ -94,12 +94,12 @@ class ArrayChunks:
         return np.concatenate(pieces)
 
     def allowance(self) -> Allowance:
-        """For reading a map: few of its pieces are equal. Raises OSError."""
+        """The allowance for reading a map, of which few pieces are equal. Raises OSError."""
         there = list(self.path.iterdir()) if self.path.exists() else []
         return Allowance(_FLOOR, sum(path.stat().st_size for path in there), 1)
 
     def keep(self, names: Collection[str]) -> None:
-        """Remove all other pieces. Raises OSError."""
+        """Delete all other pieces. Raises OSError."""
         kept = {f"{name}.npy" for name in names}
         for path in self.path.iterdir():
             if path.name not in kept:
@@ -114,7 +114,7 @@ def array_bytes(array: NDArray[Any]) -> bytes:
 
 
 def array_of(content: bytes) -> NDArray[Any]:
-    """The array of a .npy file. Raises ValueError for anything else, and where its header promises another size."""
+    """The array of a .npy file. Raises ValueError for anything else, and if its header declares another size."""
     file = io.BytesIO(content)
     try:
         version = np.lib.format.read_magic(file)

@@ -1,6 +1,6 @@
-"""A map of the SLAM as arrays: their names, types and shapes, and what must hold between them.
+"""A map of the SLAM as arrays: their names, types and shapes, and the conditions between them.
 
-K keyframes, O observations and C corners (of one keyframe after the other), P points, T templates."""
+K keyframes, O observations and C corners (one keyframe after the other), P points, T templates."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
@@ -25,7 +25,7 @@ def _pose(T: SE2 | None) -> tuple[float, float, float]:
 
 
 def _anchors(view: MapView) -> list[Anchor]:
-    """What carries each keyframe; a map that is read begins with keyframes of scale 1."""
+    """The anchor of each keyframe, for keyframes of scale 1, as in a map that is read."""
     carried = [keyframe.anchor or _LIVING for keyframe in view.keyframes]
     sizes = [view.keyframes[anchor.keyframe].scale / anchor.scale for anchor in carried]
     return [a._replace(T_keyframe_this=a.T_keyframe_this.scaled(size)) for a, size in zip(carried, sizes)]
@@ -60,10 +60,10 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] =
     "template_offset": ("<f8", ("T", 2), lambda v: v.templates.offset),
     "template_patch": ("|u1", ("T", PATCH, PATCH), lambda v: v.templates.patches),
 }
-"""Type and shape of every array, and what of a view it is; anchor is -1 for a living keyframe, odometry is x, y, theta
-where there is any, readout_motion as ``moving`` takes it, chain the keyframe's odom_segment."""
+"""Type and shape of every array, and how it is taken from a view. anchor: -1 for a keyframe that was not culled.
+odometry: x, y, theta where there is any. readout_motion: as ``moving`` takes it. chain: the keyframe's odom_segment."""
 
-MAX_KEYFRAMES = 2**16  # Many times those of the largest buildings
+MAX_KEYFRAMES = 2**16  # many times more than the largest buildings need
 _ORTHONORMAL = 1e-6  # rounding of rotations
 _MOST = np.iinfo(np.int64).max
 _RANGES: dict[str, tuple[float, float | str]] = {
@@ -71,16 +71,16 @@ _RANGES: dict[str, tuple[float, float | str]] = {
     "point_templates": (-1, "T"), "template_source": (0, "K"), "median_depth": (0, np.inf), "chain": (0, _MOST),
     "map_id": (0, _MOST),
 }  # fmt: skip
-"""Lowest value of an array, and the first one above all that are allowed."""
+"""Lowest allowed value of an array, and the exclusive upper limit."""
 
 
 def arrays_of(view: MapView) -> Arrays:
-    """All of a view but the pixels of its keyframes."""
+    """All of a view except the pixels of its keyframes."""
     return {name: np.asarray(of(view), kind) for name, (kind, _, of) in LAYOUT.items()}
 
 
 def check(arrays: Mapping[str, NDArray[Any]], width: int, height: int) -> None:
-    """Raise ValueError, naming the array, where it is missing or cannot be that of a map with images of this size."""
+    """Raise ValueError with the name of an array that is missing or impossible in a map with images of this size."""
     sizes = _check_shapes(arrays)
     for name, array in arrays.items():
         if array.dtype.kind == "f" and not np.isfinite(array).all():
@@ -135,7 +135,7 @@ def _check_counts(arrays: Mapping[str, NDArray[Any]], sizes: Mapping[str, int]) 
 
 
 def _check_corners(arrays: Mapping[str, NDArray[Any]], width: int, height: int) -> None:
-    """Corners lie in their level's image, row by row: the search trusts it."""
+    """Corners must lie in their level's image, row by row: the search relies on it."""
     counts, corners = arrays["corner_count"].ravel(), arrays["corner"]
     level = np.repeat(np.tile(np.arange(LEVELS), len(counts) // LEVELS), counts)
     inside = (corners >= 0).all(axis=1) & (corners[:, 0] < width >> level) & (corners[:, 1] < height >> level)

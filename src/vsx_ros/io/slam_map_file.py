@@ -1,7 +1,7 @@
-"""A map of the SLAM on disk, with all that is needed to continue it (``.vsxmap``).
+"""A map of the SLAM on disk, with all data needed to continue it (``.vsxmap``).
 
 A zip file: manifest.json (format, camera, mount), keyframes/<index>.png (grey images), arrays/<name>.npy
-(``slam_map_arrays.LAYOUT``); its last 64 bytes are the SHA-256 of all bytes before."""
+(``slam_map_arrays.LAYOUT``). Its last 64 bytes are the SHA-256 of all bytes before them."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -33,26 +33,26 @@ from vsx_ros.vision.corners import indexed
 from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import build_pyramid, small_image
 
-FORMAT, VERSION = "vsx_ros slam map", 1  # raised when an older vsx_ros could not read the file
-_PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16  # A camera's noise leaves two to three pixels in a byte of a packed picture
+FORMAT, VERSION = "vsx_ros slam map", 1  # increased when an older vsx_ros cannot read the file
+_PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16  # with a camera's noise, a byte of a packed image holds two to three pixels
 
 
 def save_slam_map(slam_map: SlamMap, path: Path) -> None:
-    """Write the file in one step; the SLAM may go on meanwhile. Raises MapFileError when it cannot be written."""
+    """Write the file in one step; the SLAM may continue meanwhile. Raises MapFileError when it cannot be written."""
     pictures = {image_name(k.id): encoded(k.data.pyramid.level(0)) for k in slam_map.view.keyframes if k.alive}
     with explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError):
         write_bytes(path, seal(entries_of(slam_map, arrays_of(slam_map.view)) | pictures))
 
 
 def load_slam_map(path: Path) -> SlamMap:
-    """The map of a file that ``save_slam_map`` wrote, bit for bit. Raises MapFileError when it is missing, damaged,
-    something else or from a newer program."""
+    """The map of a file from ``save_slam_map``, bit for bit. Raises MapFileError when it is missing, damaged, of
+    another kind or from a newer program."""
     with damage_explained(path):
         return slam_map_of(unseal(file_bytes(path, DATA_BYTES)))
 
 
 def entries_of(slam_map: SlamMap, arrays: Arrays) -> dict[str, bytes]:
-    """Manifest and arrays, some of ``arrays_of``, of a map."""
+    """The manifest of a map, and these arrays. arrays: all or some of ``arrays_of``."""
     mount = slam_map.T_base_cam
     camera = {name: getattr(slam_map.camera, name) for name in PinholeCamera.__slots__}
     manifest = {"format": FORMAT, "version": VERSION, "written_by": f"vsx_ros {__version__}", "camera": camera}
@@ -63,8 +63,8 @@ def entries_of(slam_map: SlamMap, arrays: Arrays) -> dict[str, bytes]:
 
 
 def slam_map_of(entries: Mapping[str, bytes]) -> SlamMap:
-    """The map of ``entries_of`` all arrays with a picture, ``image_name(index)``, of each living keyframe. Raises one
-    of ``limits.DAMAGE`` for anything else."""
+    """The map of entries: ``entries_of`` all arrays, and an image, ``image_name(index)``, of each keyframe that was not
+    culled. Raises one of ``limits.DAMAGE`` for anything else."""
     manifest = _manifest(entries)
     camera, mount = _camera(manifest), _mount(manifest)
     arrays = {name: array_of(entries[array_name(name)]) for name in LAYOUT}
@@ -75,7 +75,7 @@ def slam_map_of(entries: Mapping[str, bytes]) -> SlamMap:
 
 @contextmanager
 def damage_explained(path: Path) -> Iterator[None]:
-    """What goes wrong inside, while the map of a path is read, becomes a MapFileError."""
+    """Errors inside, while the map of a path is read, become a MapFileError."""
     try:
         yield
     except OSError as error:
@@ -86,7 +86,7 @@ def damage_explained(path: Path) -> Iterator[None]:
 
 
 def _check_pictures(entries: Mapping[str, bytes], count: int, camera: PinholeCamera) -> None:
-    """Raises ValueError where the files can hardly hold so many pictures with anything in them."""
+    """Raises ValueError if the files are too small for this many images with any content."""
     packed = sum(len(content) for name, content in entries.items() if name.endswith(".png"))
     Allowance(_PIXELS, packed, _PIXELS_PER_BYTE).take(count * camera.width * camera.height, f"{count} pictures")
 
@@ -168,7 +168,8 @@ def _keyframe(k: int, part: slice, arrays: Arrays, entries: Mapping[str, bytes],
 
 
 def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera) -> FrameData:
-    """All that follows from the image is made anew; corners follow from earlier images, too, hence are stored."""
+    """All data that depends on the image alone is computed again. Corners also depend on earlier images, so they are
+    stored."""
     stamp_ns = int(arrays["stamp_ns"][k])
     T_odom_base = SE2(*arrays["odometry"][k].tolist()) if arrays["has_odometry"][k] else None
     if arrays["anchor"][k] >= 0:
@@ -195,12 +196,12 @@ def array_name(name: str) -> str:
 
 
 def image_name(index: int) -> str:
-    """The entry of a keyframe's picture."""
+    """The entry of a keyframe's image."""
     return f"keyframes/{index:06d}.png"
 
 
 def encoded(image: GrayImage) -> bytes:
-    """The picture as a .png, quickly rather than small."""
+    """The image as a .png, with fast compression."""
     return bytes(cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1])
 
 

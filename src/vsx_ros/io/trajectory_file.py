@@ -1,4 +1,4 @@
-"""Trajectories as the TUM RGB-D benchmark writes them: ``stamp tx ty tz qx qy qz qw``, seconds and metres."""
+"""Trajectories in the format of the TUM RGB-D benchmark: ``stamp tx ty tz qx qy qz qw``, seconds and metres."""
 
 import io
 import math
@@ -14,7 +14,7 @@ from vsx_ros.limits import LOG_BYTES, file_text
 
 HEADER = "# stamp tx ty tz qx qy qz qw\n"
 FARTHEST_M = 1e7
-"""No trajectory on Earth leaves it, and squares of such numbers are far from where linear algebra fails or hangs."""
+"""Larger than any trajectory on Earth; squares of such numbers are still safe in linear algebra."""
 
 
 def format_stamp(stamp_ns: int) -> str:
@@ -26,7 +26,7 @@ def format_stamp(stamp_ns: int) -> str:
 
 def parse_stamp(text: str) -> int:
     """Nanoseconds of a decimal number of seconds, without rounding through a float. Raises ValueError when the text is
-    no number, or one that no 64 bits hold."""
+    no number, or does not fit 64 bits."""
     whole, _, fraction = text.strip().partition(".")
     if fraction.isdigit() and whole.lstrip("-").isdigit():
         stamp_ns = int(whole.lstrip("-")) * 1_000_000_000 + int(fraction[:9].ljust(9, "0"))
@@ -39,18 +39,18 @@ def parse_stamp(text: str) -> int:
 
 
 def write_trajectory(path: Path, poses: Iterable[StampedPose]) -> None:
-    """Nine decimals each, so that equal runs give equal bytes."""
+    """Write poses with nine decimals, so that equal runs give equal bytes."""
     lines = [HEADER]
     for pose in poses:
         numbers = (*pose.T.translation, *pose.T.quaternion())
-        # adding 0.0 turns -0.0 into 0.0, whose sign would otherwise be a meaningless difference
+        # adding 0.0 turns -0.0 into 0.0; its sign would be a meaningless difference
         lines.append(" ".join([format_stamp(pose.stamp_ns), *(f"{float(n) + 0.0:.9f}" for n in numbers)]) + "\n")
     write_text(path, "".join(lines))
 
 
 def read_trajectory(path: Path) -> list[StampedPose]:
-    """All poses of a file, in its order. Raises InputError naming file and line when a line is no stamp, position
-    within FARTHEST_M, unit quaternion."""
+    """All poses of a file, in its order. Raises InputError with file and line when a line is not a stamp, a position
+    within FARTHEST_M and a unit quaternion."""
     with explained(InputError, f"trajectory {path} cannot be read", "give a text file in TUM format"):
         text = file_text(path, LOG_BYTES)
     poses = []

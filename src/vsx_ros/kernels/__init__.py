@@ -23,6 +23,6 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def part(function: Callable[P, R]) -> Callable[P, R]:
-    """A small kernel whose code becomes a part of those that call it."""
+    """A small kernel that is inlined into its callers."""
     compiled: Callable[P, R] = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function)
     return compiled

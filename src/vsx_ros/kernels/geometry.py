@@ -1,11 +1,11 @@
-"""Rigid motions (tangent vectors are xi = (rho, omega)), and points into pixels and back, one point or many.
+"""Rigid motions (tangent vectors are xi = (rho, omega)), and points to pixels and back, one point or many.
 
-Camera arrays are (CAMERA,), laid out in ``lens``. Their motion is the rotation vector [rad] by which the camera turns
-and the way [m] it goes, in its own frame, while the rows of the image are read out from top to bottom.
+Camera arrays are (CAMERA,), laid out as in ``lens``. Their motion is the camera's rotation vector [rad] and translation
+[m], in its own frame, while the rows of the image are read out from top to bottom.
 
-A row is seen from where the camera was at that row's own time; all else refers to the middle row. At 15 deg/s and 26 ms
-that is 1.8 px at the edges, much more than what patches are located to. The way matters less (0.3 px at 0.3 m/s and
-3 m) and only where the depth is known: for poses and observations, not for where to look."""
+Each row is seen from the camera's pose at that row's time; all else refers to the middle row. At 15 deg/s and 26 ms the
+difference is 1.8 px at the edges, much more than the precision of patches. Translation matters less (0.3 px at 0.3 m/s
+and 3 m) and only with known depth: for poses and observations, not for predictions."""
 
 import math
 
@@ -72,9 +72,9 @@ def compose(Ra: FloatArray, ta: FloatArray, Rb: FloatArray, tb: FloatArray) -> t
 
 @kernel
 def orthonormalize(R: FloatArray) -> None:
-    """Make the rows of a nearly orthonormal (3, 3) matrix exactly so, in place.
+    """Make the rows of a nearly orthonormal (3, 3) matrix exactly orthonormal, in place.
 
-    Poses are composed thousands of times from one another; without this the rounding errors multiply."""
+    Poses are composed thousands of times; without this, rounding errors grow."""
     for i in range(3):
         for k in range(i):
             dot = R[i, 0] * R[k, 0] + R[i, 1] * R[k, 1] + R[i, 2] * R[k, 2]
@@ -109,14 +109,14 @@ def log_se3(R: FloatArray, t: FloatArray) -> FloatArray:
 
 @kernel
 def row_share(camera: FloatArray, v: float) -> float:
-    """What part of the readout after the middle row, in [-0.5, 0.5], the row v [px] is exposed."""
+    """When row v [px] is exposed, as a share of the readout after the middle row, in [-0.5, 0.5]."""
     return float((v + 0.5) / camera[HEIGHT] - 0.5)
 
 
 @kernel
 def project_normalized(camera: FloatArray, x: float, y: float) -> tuple[float, float]:
-    """(u, v) [px] of the point (x, y, 1), as its row sees it, which is guessed from where the standing camera would:
-    good to half a pixel at 0.6 rad/s, for looking there."""
+    """(u, v) [px] of the point (x, y, 1) as its row sees it. The row is that of a camera at rest: precise to half a
+    pixel at 0.6 rad/s, enough for predictions."""
     xd, yd = distort(camera, x, y)
     wx, wy, wz = camera[MOTION], camera[MOTION + 1], camera[MOTION + 2]
     if wx != 0.0 or wy != 0.0 or wz != 0.0:
@@ -128,7 +128,7 @@ def project_normalized(camera: FloatArray, x: float, y: float) -> tuple[float, f
 
 @kernel
 def unproject_pixel(camera: FloatArray, u: float, v: float) -> tuple[float, float]:
-    """(x, y) on the plane z = 1 that projects to the pixel: the lens undone, then the row's turn."""
+    """(x, y) on the plane z = 1 that projects to the pixel: undo the lens, then the rotation of the row."""
     x, y = undistort(camera, (u - camera[CX]) / camera[FX], (v - camera[CY]) / camera[FY])
     wx, wy, wz = camera[MOTION], camera[MOTION + 1], camera[MOTION + 2]
     if wx != 0.0 or wy != 0.0 or wz != 0.0:
@@ -158,8 +158,8 @@ def unproject_pixels(camera: FloatArray, pixels: FloatArray) -> FloatArray:
 
 @kernel
 def ideal_pixels(camera: FloatArray, pixels: FloatArray, depth: FloatArray) -> FloatArray:
-    """(N, 2) undistorted pixels at which points would be seen, had the whole image been exposed with its middle row;
-    pixels (N, 2): where they were seen, depth (N,) [m]."""
+    """(N, 2) undistorted pixels of points as if the whole image were exposed with its middle row. pixels (N, 2): where
+    they were seen, depth (N,) [m]."""
     out = np.empty((pixels.shape[0], 2))
     for i in range(pixels.shape[0]):
         x, y = unproject_pixel(camera, pixels[i, 0], pixels[i, 1])

@@ -1,7 +1,7 @@
-"""From the plane z = 1 to the picture and back: what a lens does, in focal lengths from its centre.
+"""Lens models: from the plane z = 1 to the picture and back, in focal lengths from the centre.
 
-Camera arrays are (CAMERA,): focal lengths and centre [px], the lens's coefficients, how far it can be used, the size of
-the image, and how the camera moves while the image is read out (``geometry``). Models, as OpenCV and ROS write them:
+Camera arrays are (CAMERA,): focal lengths and centre [px], coefficients of the lens, its usable radius, the size of the
+image, and the motion of the camera during readout (``geometry``). Models, as in OpenCV and ROS:
 
 plumb_bob, rational_polynomial: radius r on the plane becomes r (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 +
     k6 r^6), then p1, p2 shift (Brown 1971; OpenCV, "Camera calibration and 3D reconstruction"). Of plumb_bob k4 to
@@ -15,22 +15,22 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.kernels import kernel, part
 
 FX, FY, CX, CY = 0, 1, 2, 3
-LENS = 4  # five coefficients k1, k2, p1, p2, k3, of an equidistant lens k1, k2, k3, k4, 0
+LENS = 4  # five coefficients: k1, k2, p1, p2, k3; for an equidistant lens k1, k2, k3, k4, 0
 PLANE_R2 = 9  # largest squared radius on the plane z = 1 that is used
 WIDTH, HEIGHT = 10, 11
-MOTION = 12  # rotation vector [rad], then way [m] from the first row to the last, in the camera's frame
+MOTION = 12  # rotation vector [rad], then translation [m] from the first row to the last, in the camera's frame
 RATIONAL = 18  # k4, k5, k6
 MODEL = 21
-PICTURE_R2 = 22  # the same as PLANE_R2 in the picture, squared focal lengths from the centre; pixels beyond are masked
-CAMERA = 23  # so many numbers
+PICTURE_R2 = 22  # PLANE_R2 in the picture, squared focal lengths from the centre; pixels beyond are masked
+CAMERA = 23  # length of the array
 
-POLYNOMIAL, EQUIDISTANT = 0.0, 1.0  # what MODEL can be
-MAX_ANGLE_RAD = 1.56  # nothing at 90 degrees has a place on the plane z = 1
+POLYNOMIAL, EQUIDISTANT = 0.0, 1.0  # values of MODEL
+MAX_ANGLE_RAD = 1.56  # a ray at 90 degrees does not meet the plane z = 1
 
 
 @part
 def distort(camera: FloatArray, x: float, y: float) -> tuple[float, float]:
-    """Where the lens puts (x, y, 1)."""
+    """Where the lens maps (x, y, 1)."""
     k1, k2, p1, p2, k3 = camera[4], camera[5], camera[6], camera[7], camera[8]
     r2 = x * x + y * y
     if camera[MODEL] == EQUIDISTANT:
@@ -50,7 +50,7 @@ def distort(camera: FloatArray, x: float, y: float) -> tuple[float, float]:
 
 @part
 def undistort(camera: FloatArray, xd: float, yd: float) -> tuple[float, float]:
-    """(x, y) on the plane z = 1 that the lens puts there; beyond where it is one to one, something near that edge."""
+    """(x, y) on the plane z = 1 that the lens maps there; outside its one-to-one range, a point near the edge."""
     if camera[MODEL] == EQUIDISTANT:
         return _undistort_equidistant(camera, xd, yd)
     return _undistort_polynomial(camera, xd, yd)
@@ -78,7 +78,7 @@ def _undistort_equidistant(camera: FloatArray, xd: float, yd: float) -> tuple[fl
 
 @kernel
 def _undistort_polynomial(camera: FloatArray, xd: float, yd: float) -> tuple[float, float]:
-    """Newton steps on the point; where they end outside of what is used, again from the right distance off the axis."""
+    """Newton steps on the point; if they end outside the usable range, again from a start at the right radius."""
     x, y = _newton(camera, xd, yd, xd, yd)
     if x * x + y * y <= camera[PLANE_R2]:
         u, v = distort(camera, x, y)
@@ -91,7 +91,7 @@ def _undistort_polynomial(camera: FloatArray, xd: float, yd: float) -> tuple[flo
 
 @kernel
 def _radius_on_plane(camera: FloatArray, radius: float) -> float:
-    """By halving, what the lens makes ``radius`` in the picture, p1 and p2 left out: up to ``PLANE_R2`` it grows."""
+    """Radius on the plane for ``radius`` in the picture, by bisection up to ``PLANE_R2``, without p1 and p2."""
     k1, k2, k3 = camera[4], camera[5], camera[8]
     k4, k5, k6 = camera[RATIONAL], camera[RATIONAL + 1], camera[RATIONAL + 2]
     low, high = 0.0, math.sqrt(camera[PLANE_R2])
@@ -108,7 +108,7 @@ def _radius_on_plane(camera: FloatArray, radius: float) -> float:
 
 @kernel
 def _newton(camera: FloatArray, xd: float, yd: float, x: float, y: float) -> tuple[float, float]:
-    """Steps from (x, y); none leads much farther out than ``PLANE_R2``, because the polynomial may turn back there."""
+    """Newton steps from (x, y), kept near or inside ``PLANE_R2``, because the polynomial may turn back beyond."""
     k1, k2, p1, p2, k3 = camera[4], camera[5], camera[6], camera[7], camera[8]
     k4, k5, k6, most = camera[RATIONAL], camera[RATIONAL + 1], camera[RATIONAL + 2], camera[PLANE_R2]
     for _ in range(30):
@@ -129,7 +129,7 @@ def _newton(camera: FloatArray, xd: float, yd: float, x: float, y: float) -> tup
         jyy = radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x
         det = jxx * jyy - jxy * jxy
         if det < 1e-3:
-            # Beyond where the model is one to one: the slower fixed-point step stays on its near side.
+            # Outside the one-to-one range: the slower fixed-point step stays on its near side.
             x -= ex / max(radial, 0.1)
             y -= ey / max(radial, 0.1)
             continue

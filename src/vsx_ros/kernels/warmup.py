@@ -72,7 +72,7 @@ def _tracking() -> None:
     target = _image()
     templates = np.zeros((1, 24, 24), np.uint8)
     eye, zero = np.eye(3), np.zeros(3)
-    # Poses arrive read-only, which is a type of its own.
+    # Poses are read-only arrays, which numba treats as another type.
     eye.flags.writeable = zero.flags.writeable = False
     points = np.array([[0.0, 0.0, 1.0]])
     basis = np.array([[0.01, 0.0, 0.0, 0.01]])
@@ -145,7 +145,7 @@ def _views() -> None:
 
 
 def _image() -> Target:
-    """Black, without corners."""
+    """A black image without corners."""
     sides = np.array([64, 32, 16, 8])
     table = np.stack([np.cumsum(sides**2) - sides**2, sides, sides, np.cumsum(sides + 1) - sides - 1], axis=1)
     pixels, row_table = np.zeros((sides**2).sum(), np.uint8), np.zeros((sides + 1).sum(), np.int64)

@@ -1,4 +1,4 @@
-"""What the wheels shall do now so that the base follows its trajectory, when it shall not go on, and its report."""
+"""The command for the wheels so that the base follows its trajectory, when to stop, and the follower's report."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.slam.state import TrackingState
 
-LEASE_S = 0.3  # Whoever wants motion says so again and again; after so long it counts as gone
+LEASE_S = 0.3  # A client must renew its wish for motion again and again; after this silence it counts as gone
 _VSLAM_GONE_S = 2.0  # The base waits for a silent vslam, but not longer
 _ODOMETRY_S = 0.5  # On a busy machine an odometry reading may be late
-_ZERO_FOR_S = 0.3  # stops are sent so long, several times, should one be lost
+_ZERO_FOR_S = 0.3  # stops are repeated for so long, as one may be lost
 
 
 class MessageAges(NamedTuple):
-    """How old the newest message is of vslam, of odometry, and of whoever gave the trajectory [s]."""
+    """Age of the newest message from vslam, from odometry, and from the sender of the trajectory [s]."""
 
     vslam_s: float = 0.0
     odometry_s: float = 0.0
@@ -35,11 +35,11 @@ ALL_FRESH = MessageAges()
 
 
 class Follower:
-    """Follows one trajectory at a time. ``step`` it at 10 Hz or more; live 30 Hz, in lock-step once a frame.
+    """Follows one trajectory at a time. Call ``step`` at 10 Hz or more; live 30 Hz, in lock-step once per frame.
 
-    A trajectory in the frame map needs a tracked camera, one in odom odometry alone. Silence of vslam or of odometry
-    stops at once and is waited for, the former not for long. A hazard that was not there before, a base that gets stuck
-    and silence of whoever gave the trajectory end the drive at once. All else slows on the path."""
+    A trajectory in the frame map needs a tracked camera; one in odom needs only odometry. Silence of vslam or odometry
+    stops the base at once; it waits for them, for vslam not long. A new hazard, a stuck base, or silence of the
+    trajectory's sender ends the drive at once. Everything else slows the base on the path."""
 
     def __init__(self, config: Config) -> None:
         self._tracker = TrajectoryTracker(config.follower, config.limits)
@@ -51,11 +51,11 @@ class Follower:
         self._following = False
         self._stop: SE2 | None = None
         self.result = FollowResult(STOP, FollowStatus.IDLE, "nothing to follow")
-        """Of the last step, or how the trajectory ended."""
+        """Result of the last step, or how the trajectory ended."""
 
     @property
     def report(self) -> FollowerReport:
-        """The same for others."""
+        """The result as a report for other nodes."""
         command, status, reason, error = self.result
         return FollowerReport(
             self._id, status, reason, self._frame,
@@ -65,14 +65,14 @@ class Follower:
         )  # fmt: skip
 
     def follow(self, now_ns: int, trajectory: Trajectory, frame: str, identity: int) -> None:
-        """Drive along it, from rest; it replaces any other."""
+        """Drive along the trajectory, from rest; it replaces any other."""
         self._id, self._frame, self._following, self._stop = identity, frame, True, None
         self._begun_ns = now_ns
         self._tracker.start(trajectory, now_ns)
 
     def brake(self, now_ns: int, a_m_s2: float) -> VelocityCommand | None:
-        """Come to rest on the way, braking so hard [m/s2], or as hard as is being braked already if that is harder;
-        infinite: as ``end``."""
+        """Come to rest on the path, braking by a_m_s2 [m/s2], or by the present value if that is larger; infinite: as
+        ``end``."""
         if math.isinf(a_m_s2):
             return self.end(now_ns, "stopped at once")
         if self._following:
@@ -81,7 +81,7 @@ class Follower:
         return None
 
     def end(self, now_ns: int, reason: str) -> VelocityCommand | None:
-        """Stop here, for a reason that is not the tracker's; the command, None where nothing is being followed."""
+        """Stop here, for a reason outside the tracker. Returns the command; None when nothing is being followed."""
         if not self._following:
             return None
         self._tracker.cancel()
@@ -89,12 +89,13 @@ class Follower:
         return self._rest(now_ns)
 
     def take_hazards(self, now_ns: int, hazards: frozenset[str]) -> VelocityCommand | None:
-        """What is pressed or raised, by name. What is new ends the drive; what was there may be backed away from."""
+        """Take the names of pressed or raised contacts. A new one ends the drive; the base may back away from old
+        ones."""
         new, self._hazards = hazards - self._hazards, hazards
         return self.end(now_ns, f"hazard: {', '.join(sorted(new))}") if new else None
 
     def step(self, now_ns: int, where: LocalizationState, ages: MessageAges = ALL_FRESH) -> VelocityCommand | None:
-        """The command for now; None where there is nothing to say, so that others may drive."""
+        """The command for now; None when there is none, so that others may drive."""
         was_stuck, self._is_stuck = self._is_stuck, where.stuck is not None
         if not self._following:
             return STOP if 0 <= now_ns - self._rested_ns < _ZERO_FOR_S * 1e9 and self._rested_ns >= 0 else None
@@ -123,7 +124,7 @@ class Follower:
         return result
 
     def _speed_factor(self, now_ns: int, state: TrackingState) -> float:
-        """Slower while tracking is dubious and a moment longer, so that single frames do not make the speed flicker."""
+        """Slower while tracking is dubious and a moment longer, so that single frames do not change the speed."""
         if state is TrackingState.DUBIOUS:
             self._careful_until_ns = now_ns + round(self._config.dubious_hold_s * 1e9)
         return self._config.dubious_speed_factor if now_ns <= self._careful_until_ns else 1.0
@@ -134,7 +135,7 @@ class Follower:
 
 
 def _why_stale(ages: MessageAges) -> str:
-    """What must come and does not: without it the pose would stand still while the base drives on."""
+    """Which required message is missing: without it the pose would stand still while the base drives on."""
     if ages.vslam_s > LEASE_S:
         return "no word from vslam, which may have no images"
     if ages.odometry_s > _ODOMETRY_S:
@@ -143,11 +144,11 @@ def _why_stale(ages: MessageAges) -> str:
 
 
 class FollowerReport(msgspec.Struct, frozen=True):
-    """The word of the follower on a trajectory.
+    """The follower's report on a trajectory.
 
     trajectory: its identity, 0 before the first. error: x [m], y [m], theta [rad] of the reference as seen from the
-    base, where known. at_s: how far it is in the trajectory's own time. stop: x, y, theta in ``frame`` of where the
-    base will stand, while it is stopping on the way because that was wanted."""
+    base, if known. at_s: progress in the trajectory's own time. stop: x, y, theta in ``frame`` of where the base will
+    stand, while it stops on the path on request."""
 
     trajectory: int
     status: FollowStatus
@@ -158,7 +159,7 @@ class FollowerReport(msgspec.Struct, frozen=True):
     stop: tuple[float, float, float] | None = None
 
     def stop_in(self, frame: str) -> SE2 | None:
-        """Where the base will stand, in ``frame``; None where it is not stopping, or in another frame."""
+        """Where the base will stand, in ``frame``; None when it is not stopping, or follows in another frame."""
         return SE2(*self.stop) if self.stop is not None and self.frame == frame else None
 
     def says_more_than(self, before: FollowerReport | None) -> bool:

@@ -1,4 +1,4 @@
-"""A goal from its first plan to its end: plan, hand over to the follower, watch, plan again, give up.
+"""Executes a goal from its first plan to its end: plan, hand over to the follower, watch, plan again, give up.
 
              begin                    way found, base stands
     IDLE ------------> PLANNING ---------------------------------> DRIVING ----(arrived)----> IDLE
@@ -7,8 +7,8 @@
       +-----------------+                                               |
       +<---- RESTING <----(cancelled: brake; nothing left to try)-------+
 
-``step`` is told what is known and answers with what is to be done; planning takes its time meanwhile, and the base
-stands or brakes. Whoever steps it gives the answers of the planner to ``planned``."""
+``step`` takes what is known and returns what to do. While the planner works, the base stands or brakes. The caller
+passes the planner's answers to ``planned``."""
 
 from enum import Enum
 from typing import NamedTuple
@@ -22,15 +22,15 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.corridor import braking_before, obstacle_ahead
 from vsx_ros.planning.path import Refusal, TimedPlan
 
-_FOLLOWER_S = 1.0  # The follower tells its status five times a second
+_FOLLOWER_S = 1.0  # The follower reports its status five times a second
 _PLANNER_S = 15.0  # Plans take a second or two; a planner that needs this long hangs
-_STAND_WAIT_S = 1.5  # for odometry to say that the base stands; then it is planned anyway
-_NEAR_ALONG_M, _NEAR_BESIDE_M, _NEAR_RAD = 0.08, 0.04, 0.06  # off a plan's start: the follower makes up for it
+_STAND_WAIT_S = 1.5  # longest wait until odometry says that the base stands; then a plan is made anyway
+_NEAR_ALONG_M, _NEAR_BESIDE_M, _NEAR_RAD = 0.08, 0.04, 0.06  # off a plan's start: the follower corrects it
 
 
 class ExecutionInput(NamedTuple):
-    """What is known. follower: its newest report, so old [s]. silent_client: the name of a client that wanted the goal
-    and has ceased to say so; empty where it has not."""
+    """What is known. follower: its newest report; follower_age_s: its age. silent_client: name of a client that wanted
+    the goal and no longer renews it; empty if there is none."""
 
     where: LocalizationState
     grid: OccupancyGrid | None
@@ -40,7 +40,7 @@ class ExecutionInput(NamedTuple):
 
 
 class PlanRequest(NamedTuple):
-    """Plan, and answer under this number. again: why the plan before is not followed to its end; empty at first."""
+    """Plan, and answer with this number. again: why the previous plan was not followed to its end; empty at first."""
 
     number: int
     start: SE2
@@ -50,7 +50,7 @@ class PlanRequest(NamedTuple):
 
 
 class Follow(NamedTuple):
-    """Let the follower follow it, from rest; identity: the follower's reports tell by it what they are about."""
+    """Let the follower follow the plan, from rest. identity: names the trajectory in the follower's reports."""
 
     identity: int
     way: TimedPlan
@@ -58,7 +58,7 @@ class Follow(NamedTuple):
 
 
 class Brake(NamedTuple):
-    """Let the follower stop on the way by so much [m/s2]; infinite: at once."""
+    """Let the follower stop on the path by a_m_s2 [m/s2]; infinite: at once."""
 
     a_m_s2: float
 
@@ -99,7 +99,7 @@ class GoalExecution:
         self._ending = ""
 
     def begin(self, now_ns: int, goal: SE2, frame: str) -> None:
-        """Pursue this goal, in ``frame``, from now on; of one before it there is no ``Done`` any more."""
+        """Pursue this goal, in ``frame``, from now on; a previous goal gets no ``Done`` any more."""
         self._goal, self._frame, self._again = goal, frame, ""
         self._replans_left = self._replans
         self._enter(_Phase.PLANNING, now_ns)
@@ -111,12 +111,12 @@ class GoalExecution:
             self._enter(_Phase.RESTING, now_ns)
 
     def planned(self, now_ns: int, number: int, answer: TimedPlan | Refusal) -> None:
-        """The planner's answer; one to an older question is not used."""
+        """Take the planner's answer; an answer to an older request is ignored."""
         if number == self._number and self._waits_for_plan:
             self._answer, self._waits_for_plan, self._since_ns = answer, False, now_ns
 
     def step(self, now_ns: int, seen: ExecutionInput) -> list[Act]:
-        """What is to be done now, in this order."""
+        """What to do now, in this order."""
         if self._phase is _Phase.IDLE:
             return []
         if seen.silent_client:
@@ -140,7 +140,7 @@ class GoalExecution:
         return Done(arrived, reason)
 
     def _has_rested(self, now_ns: int, seen: ExecutionInput) -> bool:
-        """A plan begins at rest: the base needs a moment to stop, and has it."""
+        """Whether the base has stopped: a plan begins at rest."""
         return seen.where.stands or now_ns - self._since_ns > _STAND_WAIT_S * 1e9
 
     # A plan --------------------------------------------------------------------------------------------------
@@ -175,7 +175,7 @@ class GoalExecution:
     # The drive -----------------------------------------------------------------------------------------------
 
     def _verdict(self, now_ns: int, seen: ExecutionInput) -> Done | None:
-        """What the follower says of the trajectory, if that ends the goal."""
+        """The end of the goal, if the follower's report means that."""
         assert self._driven is not None
         if min(seen.follower_age_s, 1e-9 * (now_ns - self._driven.identity)) > _FOLLOWER_S:
             return self._done(False, "the follower is silent")
@@ -200,8 +200,8 @@ class GoalExecution:
             self._enter(_Phase.RESTING, now_ns)
 
     def _brake(self, now_ns: int, seen: ExecutionInput) -> list[Act]:
-        """Brake for an obstacle that a new map shows on the way, however the base moves there; and where the way is
-        not to be driven to its end."""
+        """Brake for an obstacle that a new map shows on the path, in every phase; and when the path is not to be driven
+        to its end."""
         if self._driven is None:
             return []
         obstacle_m, wanted = self._obstacle(self._driven, seen), 0.0
@@ -218,7 +218,7 @@ class GoalExecution:
         return [Brake(wanted)]
 
     def _obstacle(self, driven: Follow, seen: ExecutionInput) -> float | None:
-        """What a map that was not yet looked at shows on the rest of the way."""
+        """Distance to an obstacle that a new map shows on the rest of the path [m]; None without one."""
         if driven.frame != MAP_FRAME or seen.grid is None or seen.grid is self._checked:
             return None
         if seen.follower.trajectory != driven.identity:
@@ -228,7 +228,7 @@ class GoalExecution:
 
 
 def _near(planned: SE2, real: SE2) -> bool:
-    """Whether a path planned from one pose may be followed from the other. A base stops later than it is told, so that
-    it stands ahead of the prediction; the follower makes up for that."""
+    """Whether a path planned from one pose may be followed from the other. A base stops late, so it stands ahead of the
+    prediction; the follower corrects that."""
     off = planned.inverse() @ real
     return abs(off.x) <= _NEAR_ALONG_M and abs(off.y) <= _NEAR_BESIDE_M and abs(planned.angle_to(real)) <= _NEAR_RAD

@@ -1,5 +1,5 @@
-"""From a goal to a timed way there, in the newest map or by odometry alone; driving to goals in one process, as the
-lock-step run does it, and what computing costs there."""
+"""Plans from goal to timed path, in the newest map or by odometry alone; drives to goals in one process for the
+lock-step run, and counts the computing time there."""
 
 import numpy as np
 
@@ -20,15 +20,14 @@ from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import STOP
 
-_SAME_MAP_NS = 3_000_000_000  # landmarks so much older or newer than the map are not of it
+_SAME_MAP_NS = 3_000_000_000  # landmarks that are older or newer than the map by more do not belong to it
 
 
 class GoalPlanner:
-    """``grid`` and ``landmarks`` are handed over as they come, each with its stamp [ns]; plans from one thread at a
-    time."""
+    """``take_grid`` and ``take_landmarks`` take new data, each with its stamp [ns]. Plan from one thread at a time."""
 
     def __init__(self, config: Config, kind: str, seed: int) -> None:
-        """kind: a name of PLANNERS. Raises ConfigError for another."""
+        """kind: a name in PLANNERS. Raises ConfigError for any other."""
         self._kind = PLANNERS[kind]
         self._rng = np.random.default_rng(seed)
         self._grid_ns = self._landmarks_ns = 0
@@ -37,20 +36,20 @@ class GoalPlanner:
         self.change(config)
 
     def change(self, config: Config) -> None:
-        """Plan otherwise from now on."""
+        """Plan with this configuration from now on."""
         self._config, self.blind = config, Planner(config.planner, config.robot)
         self._planner = self._kind(config.planner, config.robot)
 
     def take_grid(self, grid: OccupancyGrid, stamp_ns: int) -> None:
-        """The newest map."""
+        """Take the newest map."""
         self.grid, self._grid_ns = grid, stamp_ns
 
     def take_landmarks(self, points_map: FloatArray, stamp_ns: int) -> None:
-        """The newest points (N, 3) of the map [m]."""
+        """Take the newest points (N, 3) of the map [m]."""
         self._landmarks, self._landmarks_ns = points_map, stamp_ns
 
     def timed(self, start: SE2, goal: SE2, frame: str) -> TimedPlan | Refusal:
-        """A plan as of ``plan``, with the speeds to drive it at; what cannot be planned is refused."""
+        """As ``plan``, with the speeds to drive at; returns a refusal instead of raising PlanningError."""
         config = self._config
         try:
             plan = self.plan(start, goal, frame)
@@ -61,7 +60,7 @@ class GoalPlanner:
             return Refusal(RefusalKind.INFEASIBLE, str(error))
 
     def plan(self, start: SE2, goal: SE2, frame: str) -> Plan | Refusal:
-        """From start to goal, both in ``frame``: in map by the newest map, in odom blindly.
+        """From start to goal, both in ``frame``. In map it uses the newest map, in odom no map.
 
         Raises PlanningError for poses that are not finite."""
         grid = self.grid
@@ -74,7 +73,7 @@ class GoalPlanner:
         return self._planner.plan(start, goal, grid, self._rng, self._visibility())
 
     def plan_between(self, start: tuple[str, SE2], goal: tuple[str, SE2]) -> Plan | Refusal:
-        """The same for poses that each name their frame."""
+        """As ``plan``, for poses that each name their frame."""
         if start[0] != goal[0]:
             return Refusal(
                 RefusalKind.INFEASIBLE, f"the start is in frame {start[0]!r}, the goal in {goal[0]!r}; give both in one"
@@ -82,46 +81,46 @@ class GoalPlanner:
         return self.plan(start[1], goal[1], goal[0])
 
     def _visibility(self) -> Visibility | None:
-        """What to keep in view; None where no landmarks belong to the map at hand."""
+        """What to keep in view; None when no landmarks belong to the present map."""
         if len(self._landmarks) == 0 or abs(self._landmarks_ns - self._grid_ns) > _SAME_MAP_NS:
             return None
         return Visibility(self._landmarks, self._config.planner)
 
 
 class ComputingTime:
-    """Durations in ns of one frame, one ranking of views and one plan, from counted work: so one seed gives the same
-    bytes each time."""
+    """Durations in ns of one frame, one ranking of views and one plan. They are computed from counted work, so that one
+    seed gives the same bytes each time."""
 
     def __init__(self, config: ComputingConfig) -> None:
         self._config = config
 
     def frame_ns(self) -> int:
-        """From a frame's stamp to its pose being known."""
+        """Time from a frame's stamp until its pose is known."""
         return round(1e6 * self._config.frame_ms)
 
     def ranking_ns(self, grid: OccupancyGrid) -> int:
-        """To rank the views that a map offers."""
+        """Time to rank the views of a map."""
         return round(1e6 * (self._config.ranking_ms + self._config.ranking_ms_m2 * grid.known_area_m2))
 
     def plan_ns(self, answer: TimedPlan | Refusal) -> int:
-        """To find a way, or that there is none, and its speeds."""
+        """Time to find a path or a refusal, and the speeds."""
         way_m = answer.plan.path.length_m if isinstance(answer, TimedPlan) else 0.0
         return round(1e6 * (self._config.plan_ms + self._config.plan_ms_m * way_m))
 
 
 class Navigator:
-    """What the move_base and follower nodes are on the robot, made of the same parts; a plan takes emulated time."""
+    """Does the work of the nodes move_base and follower, with the same parts; a plan takes emulated time."""
 
     def __init__(self, config: Config, planner: GoalPlanner, computing_time: ComputingTime) -> None:
         self._planner, self._computing_time = planner, computing_time
         self._execution, self._follower = GoalExecution(config), Follower(config)
-        self._answer: tuple[int, int, TimedPlan | Refusal] | None = None  # known from when on, request's number, plan
+        self._answer: tuple[int, int, TimedPlan | Refusal] | None = None  # time when known, request's number, plan
         self._busy_until_ns = 0
         self.state, self.reason = NavigationState.IDLE, ""
         self.plans = 0
 
     def go(self, now_ns: int, goal: SE2, frame: str) -> None:
-        """Pursue the goal, in ``frame``; one before it is forgotten."""
+        """Pursue the goal, in ``frame``; it replaces any earlier one."""
         self._execution.begin(now_ns, goal, frame)
         self.state, self.reason = NavigationState.ACTIVE, ""
 
@@ -130,7 +129,7 @@ class Navigator:
         self._execution.cancel(now_ns, "cancelled")
 
     def step(self, now_ns: int, where: LocalizationState, hazards: frozenset[str] = frozenset()) -> FollowResult:
-        """The velocity for now, and how the follower came to it."""
+        """The velocity for now, and the follower's result."""
         if self._answer is not None and now_ns >= self._answer[0]:
             self._execution.planned(now_ns, *self._answer[1:])
             self._answer = None
@@ -153,7 +152,7 @@ class Navigator:
             self.reason = act.reason
 
     def _plan(self, now_ns: int, request: PlanRequest) -> None:
-        """One at a time, as the planner's thread does it: an older question is answered first."""
+        """One at a time, as in the planner's thread: an older request is answered first."""
         self.plans += 1
         way = self._planner.timed(request.start, request.goal, request.frame)
         self._busy_until_ns = max(now_ns, self._busy_until_ns) + self._computing_time.plan_ns(way)

@@ -1,1 +1,1 @@
-"""Second floor, east: grids."""
+"""Occupancy grids of the ground."""

@@ -1,5 +1,5 @@
-"""Where the base has been, where it bumped and where its wheels turned in vain, kept relative to keyframes: all of it
-moves when the map is adjusted."""
+"""The base's trail, its bumps, and the places where its wheels turned without effect. All are stored relative to
+keyframes and move when the map is adjusted."""
 
 import math
 from collections.abc import Sequence
@@ -14,20 +14,20 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, stacked
 
 TRAIL_STEP_M = 0.05  # a cell of the map: a finer trail shows no more
-BUMP_STEP_M, BUMP_STEP_RAD = 0.1, 0.5  # bumps nearer to each other are one
+BUMP_STEP_M, BUMP_STEP_RAD = 0.1, 0.5  # closer bumps count as one
 _LOOSE = -1  # anchored to no keyframe yet
 _FIRST_NS = 20_000_000_000
-"""So long a spot is left alone at first where wheels turned in vain, twice as long each further time."""
-_SAME_M, _SAME_RAD = 0.3, 0.8  # pushed again here is the same spot
+"""How long a spot is avoided at first where wheels turned without effect; twice as long each time it happens again."""
+_SAME_M, _SAME_RAD = 0.3, 0.8  # a push within this distance is at the same spot
 _DRIVEN_ON_M, _BESIDE_M = 0.1, 0.1
-"""Who drives so far on from where it pushed, hardly beside it, has pushed against nothing that is still there."""
+"""If the base drives this far ahead of a push, hardly to its side, the suspected obstacle is not there."""
 
 
 class AnchoredPoses:
-    """Poses on the floor, each tied to a keyframe; one whose keyframe is gone is tied again where it stood last."""
+    """Poses on the floor, each tied to a keyframe. If that is removed, the pose is tied to the nearest one."""
 
     def __init__(self, spacing_m: float, spacing_rad: float = math.inf) -> None:
-        """A pose is left out that is nearer than this to the one before, in place [m] and heading [rad]."""
+        """A pose closer than this to the one before, in both position [m] and heading [rad], is left out."""
         self._spacing_m, self._spacing_rad = spacing_m, spacing_rad
         self._world, self._relative = np.zeros((0, 3)), np.zeros((0, 3))
         self._anchor = np.zeros(0, np.int64)
@@ -36,7 +36,7 @@ class AnchoredPoses:
         return len(self._world)
 
     def add(self, pose: SE2) -> None:
-        """A pose in the map as it is now; it is tied at the next ``poses``."""
+        """Add a pose in the current map; the next ``poses`` ties it to a keyframe."""
         if len(self._world):
             last = SE2(*self._world[-1].tolist())
             if last.distance_to(pose) <= self._spacing_m and abs(last.angle_to(pose)) <= self._spacing_rad:
@@ -46,27 +46,27 @@ class AnchoredPoses:
         self._anchor = np.append(self._anchor, _LOOSE)
 
     def last_poses(self) -> list[SE2]:
-        """Where they were in the map that ``poses`` was last asked for."""
+        """The poses in the map of the last call of ``poses``."""
         return [SE2(*row) for row in self._world.tolist()]
 
     def keep(self, which: Sequence[bool]) -> None:
-        """Forget all but these of the ``last_poses``."""
+        """Keep only these of the ``last_poses``."""
         chosen = np.asarray(which, bool)
         self._world, self._relative, self._anchor = self._world[chosen], self._relative[chosen], self._anchor[chosen]
 
     def state(self) -> FloatArray:
-        """(N, 7) all of it, for ``restore``: pose in the world and relative to its keyframe, id of the keyframe."""
+        """(N, 7) for ``restore``: pose in the world, pose relative to its keyframe, id of the keyframe."""
         return np.hstack([self._world, self._relative, self._anchor[:, None]])
 
     def restore(self, state: FloatArray) -> None:
-        """Go on from what ``state`` gave. Raises InputError for anything else."""
+        """Continue from a ``state``. Raises InputError for anything else."""
         if state.ndim != 2 or state.shape[1] != 7 or not np.isfinite(state).all():
             raise InputError(f"poses to go on with must be finite, of shape (N, 7), not {state.shape}; start a new run")
         self._world, self._relative = state[:, :3].astype(float), state[:, 3:6].astype(float)
         self._anchor = state[:, 6].astype(np.int64)
 
     def poses(self, keyframe_ids: IntArray, T_world_cams: Sequence[SE3]) -> list[SE2]:
-        """Where they are in a map of these keyframes (K,), ids ascending."""
+        """The poses in a map of these keyframes (K,), ids ascending."""
         if len(keyframe_ids) and len(self._world):
             self._move(np.asarray(keyframe_ids, np.int64), _headings(T_world_cams))
         return self.last_poses()
@@ -103,15 +103,15 @@ def _relative(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 class _Expiry(NamedTuple):
-    """Until when a spot counts, and how long it did when it was pushed at last."""
+    """Until when a spot is active, and the length of its last period."""
 
     until_ns: int
     length_ns: int
 
 
 class SuspectedObstacles:
-    """There may be something that no bumper feels, or the floor was only slippery. ``pushed`` and ``moved`` as it
-    happens; ``poses`` are those that count for now."""
+    """Places with an obstacle that no bumper feels, or only a slippery floor. Call ``pushed`` and ``moved`` when they
+    happen; ``poses`` are those active now."""
 
     def __init__(self) -> None:
         self._spots = AnchoredPoses(BUMP_STEP_M, BUMP_STEP_RAD)
@@ -119,7 +119,7 @@ class SuspectedObstacles:
         self._latest: SE2 | None = None
 
     def pushed(self, pose: SE2, now_ns: int) -> None:
-        """The base, here, faces what it pushes against. The same pose again is the same push."""
+        """The base pushes against something ahead of this pose. The same pose again is the same push."""
         if pose == self._latest:
             return
         self._latest = pose
@@ -133,23 +133,23 @@ class SuspectedObstacles:
         self._expiries.append(_Expiry(now_ns + _FIRST_NS, _FIRST_NS))
 
     def moved(self, pose: SE2) -> None:
-        """The base is here."""
+        """The base is here; removes spots that it has driven past."""
         if self._expiries:
             kept = [not _driven_on(spot, pose) for spot in self._spots.last_poses()]
             self._spots.keep(kept)
             self._expiries = list(compress(self._expiries, kept))
 
     def count(self, now_ns: int) -> int:
-        """How many count."""
+        """How many are active."""
         return sum(now_ns < expiry.until_ns for expiry in self._expiries)
 
     def poses(self, now_ns: int, keyframe_ids: IntArray, T_world_cams: Sequence[SE3]) -> list[SE2]:
-        """Where they are in a map of these keyframes (K,), ids ascending."""
+        """The active spots in a map of these keyframes (K,), ids ascending."""
         spots = self._spots.poses(keyframe_ids, T_world_cams)
         return [spot for spot, expiry in zip(spots, self._expiries, strict=True) if now_ns < expiry.until_ns]
 
 
 def _driven_on(push: SE2, pose: SE2) -> bool:
-    """Whether a base here has passed where it pushed."""
+    """Whether a base at ``pose`` has passed the push."""
     on = push.inverse() @ pose
     return on.x > _DRIVEN_ON_M and abs(on.y) < _BESIDE_M

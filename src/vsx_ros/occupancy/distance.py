@@ -1,4 +1,4 @@
-"""How far one is from what is not known to be free, how far it is to drive, and what is in view."""
+"""Clearance from cells not known to be free, driving distances, and visible landmarks."""
 
 import math
 
@@ -10,13 +10,13 @@ from vsx_ros.kernels.occupancy.clearance import DistanceField, signed_distance, 
 from vsx_ros.kernels.occupancy.visibility import visible_landmarks
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
-CLEARANCE_REACH_M = 1.5  # farther obstacles change no plan, and cost time
+CLEARANCE_REACH_M = 1.5  # farther obstacles change no plan but cost time
 
 
 def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> DistanceField:
     """Distance to the nearest cell that is occupied, unknown or outside the map; negative inside such a cell.
 
-    Distances go to the edges of the cells, exactly at the middles of cells, and are cut off at reach_m."""
+    Distances are to the cells' edges, exact at the centres of cells, and limited to reach_m."""
     blocked = np.ones((grid.shape[0] + 2, grid.shape[1] + 2), np.bool_)
     blocked[1:-1, 1:-1] = grid.data != FREE
     values = signed_distance(blocked, math.ceil(reach_m / grid.resolution))
@@ -25,9 +25,9 @@ def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> 
 
 
 def travel_distance(field: DistanceField, start: tuple[float, float]) -> FloatArray:
-    """(H, W) length [m] of the shortest 8-connected way from start through cells whose field value is not negative.
+    """(H, W) length [m] of the shortest 8-connected path from start through cells whose field value is not negative.
 
-    Infinite where there is none. The start's own cell is always entered."""
+    Infinite where there is none. The path may always use the start's own cell."""
     open_cells: BoolArray = field.values >= 0.0
     row, column = field.cell(*start)
     if not (0 <= row < open_cells.shape[0] and 0 <= column < open_cells.shape[1]):
@@ -38,16 +38,16 @@ def travel_distance(field: DistanceField, start: tuple[float, float]) -> FloatAr
 
 
 def with_fringe(distances: FloatArray, resolution: float) -> FloatArray:
-    """Travel distances (H, W) [m] carried one cell further into cells that are closed.
+    """Travel distances (H, W) [m] extended by one cell into closed cells.
 
-    A position can be open although the middle of its cell is not; its distance is that of the nearest cell beside it.
-    """
+    A position can be open although the centre of its cell is not. Its distance is one cell more than the least of the
+    neighbours'."""
     least_around = cv2.erode(np.asarray(distances, float), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_REPLICATE)
     return np.where(np.isinf(distances), least_around + resolution, distances)
 
 
 def joined_distance(field: DistanceField, start: tuple[float, float]) -> FloatArray:
-    """``travel_distance`` with its fringe."""
+    """``travel_distance``, then ``with_fringe``."""
     return with_fringe(travel_distance(field, start), field.resolution)
 
 
@@ -55,8 +55,8 @@ def landmarks_in_view(
     grid: OccupancyGrid, poses: FloatArray, landmarks_world: FloatArray, half_fov_rad: float,
     range_m: tuple[float, float], most: int,
 ) -> IntArray:  # fmt: skip
-    """(N,) how many landmarks (M, 2 or 3) [m] at least and at most so far away each pose (N, 3) would have in view,
-    estimated on at most ``most`` of them."""
+    """(N,) how many landmarks (M, 2 or 3) [m] each pose (N, 3) would see within range_m (least, greatest), estimated
+    from at most ``most`` of them."""
     stride = -(-len(landmarks_world) // most) or 1
     sample = np.ascontiguousarray(landmarks_world[::stride, :2], np.float64).reshape(-1, 2)
     return stride * visible_landmarks(

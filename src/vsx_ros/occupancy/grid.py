@@ -9,8 +9,8 @@ from vsx_ros.arrays import BoolArray, IntArray, Points2
 from vsx_ros.errors import MapFileError
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # of nav_msgs/OccupancyGrid
-MAX_CELLS = 2**24  # Of a map from outside: 200 x 200 m at 5 cm
-MAX_EXTENT_M = 1e6  # beyond any building; keeps cell numbers in their range
+MAX_CELLS = 2**24  # of a map from outside: 200 x 200 m at 5 cm
+MAX_EXTENT_M = 1e6  # larger than any building; keeps cell indices in their range
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +51,7 @@ class OccupancyGrid:
         return np.stack([row, column], axis=1).astype(np.int64)
 
     def centres(self, cells: IntArray) -> Points2:
-        """(N, 2) world positions [m] of the middles of (N, 2) cells (row, column)."""
+        """(N, 2) world positions [m] of the centres of (N, 2) cells (row, column)."""
         cells = np.asarray(cells).reshape(-1, 2)
         x = self.origin_x + (cells[:, 1] + 0.5) * self.resolution
         y = self.origin_y + (cells[:, 0] + 0.5) * self.resolution

@@ -1,4 +1,4 @@
-"""The 2-D map of the floor, out of the SLAM's points, the driven trail and the bumper (paper 5.2)."""
+"""The 2-D map of the floor, from the SLAM's points, the driven trail and the bumper (paper 5.2)."""
 
 import math
 from collections.abc import Sequence
@@ -21,25 +21,24 @@ from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import MIN_SURE_VOTES, gaps, rims, walls
 from vsx_ros.occupancy.virtual_scan import meet, virtual_scans
 
-_MIN_FREE_VOTES = 1  # keyframes; rims and gaps ask for more
+_MIN_FREE_VOTES = 1  # keyframes; rims and gaps need more
 _MIN_POINTS, _POINT_HITS = 2, 3
-"""A lone point is no obstacle, nor one that hardly anybody saw: edges before the far floor are matched wrongly."""
+"""An obstacle needs two points with three observations each: edges in front of the far floor are matched wrongly."""
 _COARSE_LEVEL = 3
-"""From this pyramid level on a corner may be floor as wide beside the edge that carries it as an obstacle may lie off:
-half of eight pixels of the level are 6 cm at a metre."""
-_SURE_POINTS = 3  # from so many on few_overruled_ratio does not hold
-_WALL_SHARE = 0.5  # so much at least of a wall with gaps was seen
-_MIN_SPOTS = 6  # of surface, four to a cell of the dense map, in a cell and those around it
-_SEEN_THROUGH = 0.25  # votes per vote: so few keyframes that look through a surface speak against it
-_MAX_SURFACE_SIGMA_M = 0.05  # a cell; less sure surfaces would stand in the wrong one
-_BUMP_ARC_RAD = 1.0  # to each side: the bumper does not tell where it was hit more exactly
+"""From this pyramid level on, a corner may lie on the floor beside the edge that produces it, as far off as an obstacle
+may be: half of eight pixels of the level are 6 cm at 1 m."""
+_SURE_POINTS = 3  # with fewer, few_overruled_ratio applies
+_WALL_SHARE = 0.5  # least part of a wall with gaps that must have been seen
+_MIN_SPOTS = 6  # of surface in a cell and its neighbours; a cell of the dense map has four
+_SEEN_THROUGH = 0.25  # free votes per surface vote; more remove a surface
+_MAX_SURFACE_SIGMA_M = 0.05  # a cell; less certain surfaces would be in the wrong one
+_BUMP_ARC_RAD = 1.0  # to each side: the bumper does not show more exactly where it was hit
 _BUMP_AHEAD_M = 0.05  # of the body: a cell
 
 
 class DriveHistory(NamedTuple):
-    """Of the base: trail, poses driven through, free as wide as the robot; bumps, poses where a bumper was pressed, an
-    arc in front of each occupied for good; start, in front of which the operator promised ``start_clear_m`` of free
-    floor."""
+    """The base's history. trail: driven poses, free as wide as the robot. bumps: poses where a bumper was pressed; an
+    arc in front of each stays occupied. start: the operator promised ``start_clear_m`` of free floor in front of it."""
 
     trail: Sequence[SE2] = ()
     bumps: Sequence[SE2] = ()
@@ -47,7 +46,7 @@ class DriveHistory(NamedTuple):
 
 
 class GroundMap:
-    """Builds the whole grid at each call: no residue of old poses, the same input gives the same grid."""
+    """Builds the whole grid at each call: old poses leave no trace, and the same input gives the same grid."""
 
     def __init__(self, config: GroundMapConfig, robot: RobotConfig) -> None:
         self._config, self._robot = config, robot
@@ -56,14 +55,14 @@ class GroundMap:
         self, T_world_cams: Sequence[SE3], points_world: Points3, obs_keyframe: IntArray, obs_point: IntArray,
         driven: DriveHistory | None = None, surfaces: Surfaces | None = None, obs_level: IntArray | None = None,
     ) -> OccupancyGrid:  # fmt: skip
-        """The grid; evidence of an obstacle beats evidence of free space, what nobody saw stays unknown, but for gaps
-        in what is seen: of walls (``unknown_ground.py``), and of the free ground.
+        """The grid. Evidence of an obstacle beats evidence of free space. Unseen cells stay unknown, except gaps in
+        walls and in the free ground (``unknown_ground.py``).
 
         T_world_cams: K keyframes. points_world: (M, 3). obs_keyframe, obs_point: (O,) which keyframe saw which point.
-        driven: where the base was, nowhere if None. surfaces: what is known to be solid besides the points; the
-        floor before their feet is free. obs_level: (O,) pyramid level of each observation, fine ones if None; coarse
-        ones show no obstacle but end what is free.
-        Raises InputError when an observation or a surface names a keyframe or point that is not there."""
+        driven: where the base was, nowhere if None. surfaces: solid spots besides the points; the floor in front of
+        their feet is free. obs_level: (O,) pyramid level of each observation, fine if None. Coarse observations limit
+        the free space but show no obstacle.
+        Raises InputError when an observation or a surface names a keyframe or point that does not exist."""
         trail, bumps, start = driven or DriveHistory()
         self._check(len(T_world_cams), points_world, obs_keyframe, obs_point, obs_level)
         points = writable(points_world, np.float64).reshape(-1, 3)
@@ -89,7 +88,7 @@ class GroundMap:
     def _judged(
         self, free_votes: Int32Array, occupied: BoolArray, known: BoolArray, lattice: Lattice
     ) -> NDArray[np.int8]:
-        """What each cell is by the evidence; known: driven or promised, free whatever else there is."""
+        """The value of each cell by the evidence. known: driven or promised cells, which are always free."""
         data = np.full((lattice.rows, lattice.columns), UNKNOWN, np.int8)
         data[(free_votes >= _MIN_FREE_VOTES) | known] = FREE
         data[occupied] = OCCUPIED
@@ -114,7 +113,7 @@ class GroundMap:
             raise InputError(f"{len(obs_level)} levels for {len(obs_point)} observations; give one each, or None")
 
     def _passed(self, trail: Sequence[SE2], start: SE2 | None) -> Points2:
-        """(N, 2) what is driven and promised, which the grid must hold."""
+        """(N, 2) driven and promised points [m], which the grid must cover."""
         ahead = [(start @ np.array([[self._config.start_clear_m, 0.0]]))[0]] if start else []
         poses = [(pose.x, pose.y) for pose in (*trail, *([start] if start else []))]
         return np.array([*poses, *ahead]).reshape(-1, 2)
@@ -122,7 +121,7 @@ class GroundMap:
     def _occupied(
         self, scans: PolarScans, points: Points3, point: IntArray, free_votes: Int32Array, lattice: Lattice
     ) -> BoolArray:
-        """Cells with enough observations of obstacle points, the few that others look through left out."""
+        """Cells with enough observations of obstacle points, except those that too many keyframes look through."""
         hits, over = (
             ground_cells.count_hits(points, point, found, _POINT_HITS, lattice) for found in (scans.hit, scans.over)
         )
@@ -130,8 +129,8 @@ class GroundMap:
         return believed(hits, over, free_votes, _MIN_POINTS, _SURE_POINTS, overruled)
 
     def _touched(self, surfaces: Surfaces, n_keyframes: int) -> tuple[Surfaces, BoolArray, Points2]:
-        """The surfaces as kernels take them, which of them the robot could touch and lie where they seem to, and the
-        corners of those."""
+        """The surfaces in the kernels' types, which spots are at the robot's height and certain enough, and the corners
+        of their bounding box."""
         points, keyframe = writable(surfaces.points, np.float64).reshape(-1, 3), writable(surfaces.keyframe, np.int64)
         sigma = writable(surfaces.sigma_m, np.float64)
         low, high = self._config.obstacle_min_height_m, self._config.obstacle_max_height_m
@@ -162,13 +161,13 @@ class GroundMap:
         return strip
 
     def _known(self, trail: Sequence[SE2], start: SE2 | None, occupied: BoolArray, lattice: Lattice) -> BoolArray:
-        """Cells whose centre the robot's body has covered, and the promised floor where nothing stands."""
+        """Cells whose centre the robot's body has covered, and the promised floor without its obstacles."""
         places = np.array([(pose.x, pose.y) for pose in trail]).reshape(-1, 2)
         covered = ground_cells.cover_discs(places, self._robot.radius_m, lattice)
         return covered if start is None else covered | (self._start_strip(start, lattice) & ~occupied)
 
     def _bump_cells(self, bumps: Sequence[SE2]) -> Points2:
-        """(N, 2) points of the arcs just ahead of the bumper [m]."""
+        """(N, 2) points of the arcs just in front of the bumper [m]."""
         radius = self._robot.radius_m + _BUMP_AHEAD_M
         n = 2 * math.ceil(2 * _BUMP_ARC_RAD * radius / self._config.resolution_m)
         angles = np.linspace(-_BUMP_ARC_RAD, _BUMP_ARC_RAD, n)
@@ -177,18 +176,18 @@ class GroundMap:
 
 
 def writable(array: Any, dtype: Any) -> NDArray[Any]:
-    """The array as a kernel takes it; a copy if it is read-only, which is a type of its own to the compiler."""
+    """The array as a kernel takes it; a copy if it is read-only, which is another type for the compiler."""
     return np.require(array, dtype, ["C", "W"])
 
 
 def _check_names(words: str, indices: IntArray, count: int) -> None:
-    """Raise InputError for an index that is not one of ``count``."""
+    """Raise InputError for an index that is not in 0..count - 1."""
     if len(indices) and not 0 <= int(np.min(indices)) <= int(np.max(indices)) < count:
         raise InputError(f"{words} {int(np.max(indices))} of {count}; all that is given must come from one snapshot")
 
 
 def _solid(spots: Surfaces, touched: BoolArray, free_votes: Int32Array, lattice: Lattice) -> BoolArray:
-    """Cells under surfaces, but for those that many keyframes look through."""
+    """Cells under surfaces, except those that many keyframes look through."""
     every = np.arange(len(touched))
     hits = ground_cells.count_hits(spots.points, every, touched.astype(np.float32), 1, lattice)
     return believed(hits, None, free_votes, _MIN_SPOTS, 0, (_SEEN_THROUGH, _SEEN_THROUGH))
@@ -197,12 +196,11 @@ def _solid(spots: Surfaces, touched: BoolArray, free_votes: Int32Array, lattice:
 def believed(
     hits: Counts, over: Counts | None, free_votes: Int32Array, least: int, sure: int, shares: tuple[float, float]
 ) -> BoolArray:
-    """(rows, columns) whether a cell with votes of hits is an obstacle, judged with its eight neighbours.
+    """(rows, columns) which cells with votes of hits are obstacles, judged together with their eight neighbours.
 
-    They hold ``least`` of the members, and free_votes (rows, columns) not more times the votes than the first of the
-    shares, or the second where there are fewer than ``sure`` members; one free vote of a cell weighs as much as nine of
-    all. What is over them counts with them: what stands on the floor goes on upwards, a wrong match before the floor
-    does not."""
+    The nine cells need at least ``least`` members. Their mean of free_votes (rows, columns) must not exceed the sum of
+    their votes times a share: shares[0], or shares[1] with fewer than ``sure`` members. Hits above the obstacle height
+    (over) count, too: an object on the floor continues upwards, a wrong match in front of the floor does not."""
     votes, points = _around(hits.votes), _around(hits.members)
     if over is not None:
         votes, points = votes + _around(over.votes), points + np.where(points > 0, _around(over.members), 0)
@@ -211,5 +209,5 @@ def believed(
 
 
 def _around(counts: Int32Array) -> Int32Array:
-    """The sums over each cell and its neighbours."""
+    """The sums over each cell and its eight neighbours."""
     return np.asarray(cv2.boxFilter(counts, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT), np.int32)

@@ -1,9 +1,9 @@
-"""The unknown ground: gaps in the free ground between sparse rays, its rims that too few rays passed, and obstacles of
-which a map shows only some cells; where known free space meets it (frontiers, paper 5.2), and how much seeing it tells.
+"""The unknown ground: gaps between sparse rays, rims of the free ground that too few rays passed, partly mapped
+obstacles. Frontiers, where free space meets unknown ground (paper 5.2), and the information of a view.
 
-A sparse map shows a plain wall as a row of dots, and ground behind them stays unknown however often it is looked at.
-So gaps in a long straight row of obstacle cells count as wall, and unknown cells lose information with every look at
-them from the same side. From another side they keep it: what hid them may be a box."""
+A sparse map shows a plain wall as a row of dots, and the ground behind them stays unknown even after many looks. So
+gaps in a long straight row of obstacle cells count as wall, and unknown cells lose information with every look from the
+same side. From another side they keep it: a box may have hidden them."""
 
 import math
 from dataclasses import replace
@@ -19,18 +19,18 @@ from vsx_ros.kernels.occupancy.visibility import count_looks, weights_of_looks
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 _ROW_CELLS, _ROW_LENGTH_M, _ROW_STEP_RAD = 12, 1.0, math.pi / 90
-"""So many obstacle cells in a line so long are a wall; how finely its direction is looked for."""
-_SPECK_CELLS, _SLIT_CELLS = 3, 7  # 15 cm and 35 cm of a map of 5 cm: rays lie so far apart, a robot does not fit in
+"""A line with this many obstacle cells and this length is a wall; angular step of the search for it."""
+_SPECK_CELLS, _SLIT_CELLS = 3, 7  # 15 and 35 cm at 5 cm per cell: the distance of rays; too narrow for a robot
 MIN_SURE_VOTES = 2
-"""So many keyframes know a cell at the rim of the free ground, or around a gap in it; where fewer do, it may be a
-face's that they graze, and the gap the shadow of a leg."""
-SECTORS = 8  # of 45 deg: what was looked at in vain from one side keeps its worth from others
+"""Keyframes that must see a cell at the rim of the free ground, or around a gap in it. With fewer, the cell may belong
+to a face that the rays graze, and the gap may be the shadow of a leg."""
+SECTORS = 8  # of 45 deg: a cell seen from one side without result keeps its value for the others
 _WALL_THICKNESS = 2  # cells; rays slip through the corners of thinner lines
 
 
 def gaps(data: NDArray[np.int8], sure: BoolArray) -> BoolArray:
-    """Unknown cells in gaps of at most two cells between free ones, two cells or more from any obstacle; and unknown
-    patches at most three cells wide and high whose every neighbour is free. Sparse rays leave both everywhere. Only
+    """Unknown cells in gaps of at most two cells between free ones, more than two cells from any obstacle; and unknown
+    patches at most three cells wide and high whose neighbours are all free. Sparse rays leave both everywhere. Only
     ``sure`` free cells count."""
     free = np.pad(((data == FREE) & sure).astype(np.uint8), 2)
     closed = cv2.morphologyEx(free, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))[2:-2, 2:-2] > 0
@@ -48,9 +48,9 @@ def gaps(data: NDArray[np.int8], sure: BoolArray) -> BoolArray:
 
 
 def rims(data: NDArray[np.int8], free_votes: Int32Array) -> BoolArray:
-    """Free cells beside obstacles, and beside what nobody saw, that few keyframes looked through: a ray along a face
-    passes through the face's own cells, and what nobody saw may be a face. Unknown slits narrower than seven cells
-    between free ones are not meant: they are where rays happen to lie apart."""
+    """Free cells beside obstacles or unseen cells that few keyframes looked through. A ray along a face passes through
+    the face's own cells, and unseen cells may be a face. Unknown slits narrower than seven cells between free ones do
+    not count: they are only gaps between rays."""
     free = np.pad((data == FREE).astype(np.uint8), _SLIT_CELLS)
     square = np.ones((_SLIT_CELLS, _SLIT_CELLS), np.uint8)
     closed = cv2.morphologyEx(free, cv2.MORPH_CLOSE, square)[_SLIT_CELLS:-_SLIT_CELLS, _SLIT_CELLS:-_SLIT_CELLS]
@@ -63,9 +63,9 @@ def rims(data: NDArray[np.int8], free_votes: Int32Array) -> BoolArray:
 def walls(
     occupied: BoolArray, resolution: float, narrow_m: float, gap_m: float, share: float = 0.0, thickness: int = 1
 ) -> BoolArray:
-    """(H, W) obstacle cells with their gaps: those narrower than narrow_m [m] anywhere, those shorter than gap_m [m] in
-    straight rows. share: at least so much of a row is obstacle; with less, they may as well be things in line.
-    thickness: of the rows [cells]; rays slip through the corners of thin ones."""
+    """(H, W) obstacle cells and their gaps: gaps narrower than narrow_m [m] anywhere, gaps shorter than gap_m [m] in
+    straight rows. share: least part of a row that is obstacle; with less, it may be separate things in line. thickness:
+    of the rows [cells]; rays slip through the corners of thin ones."""
     cells = occupied.astype(np.uint8)
     width = max(1, round(narrow_m / resolution)) | 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width))
@@ -95,7 +95,7 @@ class Frontier(NamedTuple):
 
 
 def find_frontiers(grid: OccupancyGrid, min_length_m: float) -> list[Frontier]:
-    """The frontiers of a grid, longest first; shorter ones than min_length_m [m] are left out."""
+    """The frontiers of a grid, longest first, without those shorter than min_length_m [m]."""
     unknown = (grid.data == UNKNOWN).astype(np.uint8)
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     border = (grid.data == FREE) & (cv2.dilate(unknown, cross) > 0)
@@ -110,18 +110,18 @@ def find_frontiers(grid: OccupancyGrid, min_length_m: float) -> list[Frontier]:
 
 
 def opaque_walls(grid: OccupancyGrid, gap_m: float, wall_gap_m: float) -> OccupancyGrid:
-    """The grid with unknown gaps between obstacle cells as obstacle: those narrower than gap_m [m] anywhere, those
+    """The grid with unknown gaps between obstacle cells set to obstacle: gaps narrower than gap_m [m] anywhere, gaps
     shorter than wall_gap_m [m] along straight walls."""
     solid = walls(grid.data == OCCUPIED, grid.resolution, gap_m, wall_gap_m, thickness=_WALL_THICKNESS)
     return replace(grid, data=np.where(solid & (grid.data == UNKNOWN), OCCUPIED, grid.data))
 
 
 def information_weights(grid: OccupancyGrid, looked_from: FloatArray, config: ExplorationConfig) -> FloatArray:
-    """(SECTORS, H, W) weight of each unknown cell: the information in a look from a sector of bearings, in (0, 1]; 0
+    """(SECTORS, H, W) weight of each unknown cell, in (0, 1]: the information in a look from a sector of bearings; 0
     where the ground is known.
 
-    Half for every ``looks_to_half`` looks in that sector from within ``look_range_m`` among the poses looked_from
-    (N, 3); looks in the sectors beside it count half."""
+    Every ``looks_to_half`` looks in that sector from within ``look_range_m``, among the poses looked_from (N, 3), halve
+    the weight. Looks in the two adjacent sectors count half."""
     looks = count_looks(
         grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(looked_from).reshape(-1, 3),
         0.5 * config.sensor_fov_rad, config.look_range_m, SECTORS,

@@ -1,7 +1,7 @@
-"""The virtual laser scanner: what a keyframe's points say about the floor around it (paper 5.2).
+"""The virtual laser scanner: the floor around a keyframe, from the keyframe's points (paper 5.2).
 
-One polar scan a keyframe, in the keyframe's own frame. When bundle adjustment moves keyframes and points, the
-scans are simply made again; nothing is ever subtracted from a map."""
+One polar scan per keyframe, in the keyframe's own frame. When bundle adjustment moves keyframes and points, the scans
+are computed again; nothing is ever subtracted from a map."""
 
 from collections.abc import Sequence
 
@@ -17,23 +17,23 @@ from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 
 N_BEARINGS = 720  # half a degree each: 4 cm at 4.5 m, less than a cell
 _MAX_GAP_BINS, _MAX_GAP_M = 20, 0.15
-"""Bearings between two rays take the shorter of both, as far out as the rays are this close to each other."""
+"""Bearings between two rays take the shorter range, but only as far out as the rays are this close to each other."""
 _PIXEL_NOISE_RAD = 0.0012  # 0.6 pixels at a focal length of 500: how well a bearing to a point is known
 _MAX_HIT_ERROR_M = 0.10  # two cells; points less exact along the ray make no obstacle
-_CAUTION = 2.0  # a ray proves the floor free up to this many depth errors, and one cell, short of its point
-_TOP_M = 1.0  # up to this height what is above a point speaks for it: legs and edges go on upwards
-_FOOT_M = 0.15  # a ray that ends below has met whatever is higher on its way
+_CAUTION = 2.0  # a ray proves the floor free up to this many depth errors and one cell before its point
+_TOP_M = 1.0  # up to this height, points above a point support it: legs and edges continue upwards
+_FOOT_M = 0.15  # a ray that ends below this height would have met any higher obstacle on its way
 _FLOOR_GROWTH = 0.012  # floor points scatter with distance: pose and depth errors add this much height per metre
 
 
 def virtual_scans(
     T_world_cams: Sequence[SE3], points: Points3, keyframe: IntArray, point: IntArray, config: GroundMapConfig
 ) -> PolarScans:
-    """Scans of all keyframes from their observations, keyframe and point (O,), of map points (M, 3), z above the floor.
+    """Scans of all keyframes. keyframe, point (O,): the observations. points (M, 3): map points, z above the floor.
 
-    A ray from the camera to a point proves the floor passable while the ray is low enough to have met an obstacle.
-    A point near the floor is floor. A point between the obstacle heights is an obstacle, unless its depth is too
-    uncertain; in its bearing nothing behind it is called passable."""
+    A ray from the camera to a point proves the floor passable where the ray is low enough to have met an obstacle. A
+    point near the floor is floor. A point between the obstacle heights is an obstacle, unless its depth is too
+    uncertain. Nothing behind it in its bearing is passable."""
     rotations, positions = stacked(T_world_cams)
     yaws = np.arctan2(rotations[:, 1, 2], rotations[:, 0, 2])
     headings = np.column_stack([np.cos(yaws), np.sin(yaws)])
@@ -52,15 +52,15 @@ def virtual_scans(
 
 
 def meet(scans: PolarScans, surfaces: Surfaces, touched: BoolArray, config: GroundMapConfig) -> None:
-    """End each of the scans, in place, before the touched (N,) spots of surface that its own keyframe sees; who sees
-    the foot of a surface sees the floor before it (the virtual laser of paper 5.2)."""
+    """End each scan, in place, in front of the touched (N,) surface spots that its own keyframe sees. A keyframe that
+    sees the foot of a surface also sees the floor in front of it (the virtual laser of paper 5.2)."""
     shape, reaches = (0.5 * config.resolution_m, _CAUTION, config.resolution_m), (_FOOT_M, config.max_range_m)
     kernels.meet_surfaces(scans, surfaces, touched, shape, reaches)
 
 
 def laser_scan(grid: OccupancyGrid, pose: SE2, n_bearings: int, max_range_m: float) -> FloatArray:
     """(n_bearings,) distances [m] from a pose to the nearest obstacle cell in each bearing, counter-clockwise from
-    straight ahead; infinite where there is none within range."""
+    straight ahead; infinite if there is none within range."""
     middles = pose.inverse() @ grid.centres(np.argwhere(grid.data == OCCUPIED))
     distances = np.hypot(middles[:, 0], middles[:, 1])
     near = (distances <= max_range_m) & (distances > 0.5 * grid.resolution)

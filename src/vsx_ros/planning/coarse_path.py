@@ -1,4 +1,4 @@
-"""A way through the map by arcs and straight lines: lattice search, then shortcuts."""
+"""A path through the map of arcs and straight lines: lattice search, then shortcuts."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from vsx_ros.kernels.planning.shortcuts import shorten
 from vsx_ros.occupancy.distance import joined_distance
 from vsx_ros.planning.pieces import Piece, arc_piece
 
-_ARC_M = 0.27  # an arc of the lattice, where that gives 16 to 32 headings: a step of some two cells
+_ARC_M = 0.27  # length of an arc of the lattice, if that gives 16 to 32 headings; about two cells
 _SHORTEST_M = 1e-9  # shorter pieces are rounding
 _CELL_M = 0.1  # of the lattice; half of it where the goal or start lies in a pocket
-# Most states of each search, for memory and time; fewer than the last are a pocket.
+# Most states of each search, to limit memory and time; fewer than the last number mean a pocket.
 _COARSE_STATES, _BACK_STATES, _FINE_STATES, _FEW_STATES = 5_000_000, 40_000, 120_000, 200
-_SHORTCUTS = 300  # random ones tried per way
-OCTILE = 0.924  # A straight line is at least this share of the 8-connected way along it
+_SHORTCUTS = 300  # random ones tried per path
+OCTILE = 0.924  # A straight line is at least this share of the 8-connected path along it
 
 
 class ArcBounds(NamedTuple):
-    """What arcs and lines keep to: the field in which they stay, their curvature phi [rad/m], and the longest leg in
+    """Bounds of arcs and lines: the field in which they stay, their curvature phi [rad/m], and the longest leg in
     reverse [m]."""
 
     margin: DistanceField
@@ -57,7 +57,7 @@ class CoarsePath:
         return float(reverse_run(self.lengths))
 
     def halved(self, longest_m: float) -> tuple[CoarsePath, frozenset[int]]:
-        """The same way with longer straight lines cut in the middle, and the segments that end at such a cut."""
+        """The same path with straight lines above longest_m cut in the middle, and the segments that end at a cut."""
         long = (self.turns == 0) & (np.abs(self.lengths) > longest_m)
         parts = np.where(long, 2, 1)
         cuts = np.flatnonzero(long) + np.arange(np.count_nonzero(long))
@@ -65,7 +65,7 @@ class CoarsePath:
         return way, frozenset(cuts.tolist())
 
     def parted(self) -> list[CoarsePath]:
-        """The way in two parts: cut at the middle one of its changes of direction, else between its segments."""
+        """The path in two parts: cut at the middle one of its changes of direction, else between its segments."""
         keep = np.abs(self.lengths) >= _SHORTEST_M
         turns, lengths = self.turns[keep], self.lengths[keep]
         cusps = np.flatnonzero(lengths[1:] * lengths[:-1] < 0.0) + 1
@@ -82,12 +82,12 @@ class CoarsePath:
         return pieces
 
     def pieces(self, start: SE2) -> tuple[Piece, ...]:
-        """Arcs and lines without those of no length."""
+        """Arcs and lines, without those of zero length."""
         return tuple(piece for piece in self.arcs(start) if piece.length_m >= _SHORTEST_M)
 
 
 def nanometres(cost_m: float) -> int:
-    """By which costs are ordered: of equal ones the first is taken, whatever rounding a processor adds."""
+    """Key to order costs: of equal costs the first is taken, whatever rounding a processor adds."""
     return round(1e9 * cost_m)
 
 
@@ -119,7 +119,7 @@ def free_words(start: SE2, goal: SE2, bounds: ArcBounds) -> list[CoarsePath]:
 
 @functools.cache
 def word_table() -> Float32Array:
-    """The lengths of shortest words, by which the search is guided; computed once, it is the same for every phi."""
+    """The lengths of shortest words, which guide the search; computed once, as they are the same for every phi."""
     table = reeds_shepp_table()
     table.flags.writeable = False
     return table
@@ -133,11 +133,11 @@ def coarse_lattice(phi: float) -> Lattice:
 
 
 def search(start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray) -> CoarsePath | None:
-    """A way over a lattice: from the start, from the goal, with arcs half as long; None when there is none.
+    """A path over a lattice; tries from the start, from the goal, and with arcs half as long. None if there is none.
 
     remaining (H, W): ``travel_distance`` from the goal."""
     coarse = coarse_lattice(bounds.phi)
-    fine = Lattice(2 * coarse.headings, coarse.bins, 0.5 * coarse.cell_m, _FINE_STATES)  # where there is hardly room
+    fine = Lattice(2 * coarse.headings, coarse.bins, 0.5 * coarse.cell_m, _FINE_STATES)  # for narrow places
     way = search_lattice(start, goal, bounds, remaining, coarse)
     if way is None and is_stuck(start, goal, bounds, coarse):
         way = search_lattice_back(start, goal, bounds, coarse._replace(most_states=_BACK_STATES))
@@ -150,7 +150,7 @@ def search(start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray) -> C
 def search_lattice(
     start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray, lattice: Lattice
 ) -> CoarsePath | None:
-    """The cheapest way over the lattice, ended exactly on the goal by a Reeds-Shepp word; None when there is none."""
+    """The cheapest path over the lattice. A Reeds-Shepp word ends it exactly on the goal. None when there is none."""
     poses, parents, motions, step, winner = _searched(start, goal, bounds, remaining, lattice)
     if winner < 0:
         return None
@@ -159,20 +159,20 @@ def search_lattice(
 
 
 def search_lattice_back(start: SE2, goal: SE2, bounds: ArcBounds, lattice: Lattice) -> CoarsePath | None:
-    """As ``search_lattice``, from the goal: the start is what the word ends on. For starts without room for an arc."""
+    """As ``search_lattice``, but from the goal: the word ends on the start. For starts without room for an arc."""
     remaining = joined_distance(bounds.margin, (start.x, start.y))
     way = search_lattice(_about_turn(goal), _about_turn(start), bounds, remaining, lattice)
-    # The same curve, driven the other way by a base that faces the other way: forward stays forward.
+    # The same curve, driven backwards by a base turned by 180 degrees: forward stays forward.
     return None if way is None else CoarsePath(-way.turns[::-1], way.lengths[::-1].copy(), bounds.phi)
 
 
 def _about_turn(pose: SE2) -> SE2:
-    """The pose facing the other way."""
+    """The pose turned by 180 degrees."""
     return SE2(pose.x, pose.y, pose.theta + math.pi)
 
 
 def is_stuck(pose: SE2, target: SE2, bounds: ArcBounds, lattice: Lattice) -> bool:
-    """Whether the arcs of a lattice lead no further from a pose, towards a target, than to a few states."""
+    """Whether the arcs of a lattice reach only a few states from a pose towards a target."""
     few = lattice._replace(most_states=_FEW_STATES)
     poses, *_, winner = _searched(pose, target, bounds, np.zeros(bounds.margin.values.shape), few)
     return winner < 0 and len(poses) < _FEW_STATES

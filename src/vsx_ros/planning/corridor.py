@@ -1,5 +1,5 @@
-"""What paths are checked against: where the base may go, which is the clearance field less what the base needs, for
-finished paths and for a drive whose map has grown since; and what the camera would keep in view along them."""
+"""Checks of paths. Where the base may go: the clearance field minus what the base needs, for finished paths and for a
+drive whose map has grown since. And what the camera would keep in view along a path."""
 
 import math
 from dataclasses import dataclass, replace
@@ -15,38 +15,38 @@ from vsx_ros.occupancy.distance import clearance_field, landmarks_in_view
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
 from vsx_ros.planning.path import Path, Refusal, RefusalKind, Trajectory
 
-# Searches check points, a centimetre stands for what is between; finished paths are checked so often.
+# Searches check single points, with a centimetre of margin for the gaps; finished paths are checked at this step.
 _SEARCH_MARGIN_M, _CHECK_STEP_M = 0.01, 0.005
-_GIVE_M, _GIVE_AHEAD_M = 0.02, 0.005  # less than the base has where it stands; of a drive that goes on, hardly any
-_ESCAPE_M, _ESCAPE_SLOPE = 0.3, 2.0  # way to the full need again, and more of it per metre missing
-_AHEAD_M, _LEFT_M = 1.5, 0.1  # of the way watched, several stops long; what is left before an obstacle
+_GIVE_M, _GIVE_AHEAD_M = 0.02, 0.005  # tolerance below the clearance where the base stands; that while driving
+_ESCAPE_M, _ESCAPE_SLOPE = 0.3, 2.0  # distance until the full need holds again; extra distance per missing metre
+_AHEAD_M, _LEFT_M = 1.5, 0.1  # length of path that is watched, several stops long; room left before an obstacle
 REVERSE_SLACK_M = 1e-6  # rounding
-_VIEW_STEP_M = 0.1  # between places looked from; the view turns 0.2 rad over it at most (phi 2 rad/m)
-_MOST_LANDMARKS = 1000  # a random or even part of more tells the same, in less time
-_NEAREST_M = 0.3  # nearer ones leave the image at once
-_SMALLER_HALF = 0.1  # of the least number: so many must be in each half of the view
+_VIEW_STEP_M = 0.1  # between views along a path; the view turns at most 0.2 rad over it (phi 2 rad/m)
+_MOST_LANDMARKS = 1000  # of more, a random or even sample gives the same result in less time
+_NEAREST_M = 0.3  # nearer landmarks leave the image at once
+_SMALLER_HALF = 0.1  # share of the least number that must be in each half of the view
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corridor:
     """The ground the base's centre may use.
 
-    clearance: distance to ground not known to be free [m]. margin: that less the clearance the base needs there, less a
-    centimetre for the gaps between checked points; searches stay where it is not negative."""
+    clearance: distance to ground not known to be free [m]. margin: that minus the clearance the base needs there, minus
+    a centimetre for the gaps between checked points; searches stay where it is not negative."""
 
     clearance: DistanceField
     margin: DistanceField
 
     def least_margin(self, path: Path) -> float:
-        """The least of clearance minus need over the path [m], a lower bound between its samples too."""
+        """The smallest clearance minus need over the path [m]; a lower bound also between its samples."""
         return _least(self.margin, path) + _SEARCH_MARGIN_M - _CHECK_STEP_M
 
     def is_free(self, path: Path) -> bool:
-        """Whether the base needs nowhere more room than there is."""
+        """Whether the base has enough room everywhere on the path."""
         return self.least_margin(path) >= 0.0
 
     def allows(self, path: Path, max_reverse_m: float) -> bool:
-        """Whether the path is free, with no leg in reverse longer than so much [m]."""
+        """Whether the path is free and has no leg in reverse longer than max_reverse_m [m]."""
         return path.longest_reverse_m <= max_reverse_m + REVERSE_SLACK_M and self.is_free(path)
 
     def measured(self, path: Path) -> Path:
@@ -56,7 +56,7 @@ class Corridor:
 
 
 def _least(field: DistanceField, path: Path) -> float:
-    """The field's least value on the path, looked at every ``_CHECK_STEP_M``."""
+    """The field's smallest value on the path, sampled every ``_CHECK_STEP_M``."""
     at_start = float(field.at(np.array([[path.start.x, path.start.y]]))[0])
     return min([at_start, *(least_on_curve(field, p.table, p.direction, _CHECK_STEP_M) for p in path.pieces)])
 
@@ -64,11 +64,10 @@ def _least(field: DistanceField, path: Path) -> float:
 def build_corridor(
     grid: OccupancyGrid, start: SE2, goal: SE2 | None, config: PlannerConfig, robot: RobotConfig
 ) -> Corridor | Refusal:
-    """The corridor for a question; a start or goal the base cannot stand on is refused.
+    """The corridor from start to goal; a start or goal where the base cannot stand is refused.
 
-    The base needs its radius and config.clearance_m. Where it already stands closer it may leave, and where the goal
-    lies closer (but not closer than the radius) it may arrive: near these two poses the need shrinks to what there is.
-    """
+    The base needs its radius plus config.clearance_m. It may leave a start with less clearance, and reach a goal with
+    less (but not less than the radius): near these two poses the need shrinks to the clearance there."""
     clearance = clearance_field(grid)
     need = robot.radius_m + config.clearance_m
     here = float(clearance.at(np.array([[start.x, start.y]]))[0])
@@ -95,7 +94,7 @@ def build_corridor(
 
 
 def _relax(needed: FloatArray, field: DistanceField, pose: SE2, clearance: float, need: float) -> None:
-    """Lower the need around a pose that has less, rising again to the full need away from it (in place)."""
+    """Lower the need around a pose with less clearance; it rises to the full need away from it (in place)."""
     have = clearance - _GIVE_M
     if have >= need:
         return
@@ -108,11 +107,11 @@ def _relax(needed: FloatArray, field: DistanceField, pose: SE2, clearance: float
 
 
 def obstacle_ahead(trajectory: Trajectory, from_s: float, grid: OccupancyGrid, radius_m: float) -> float | None:
-    """How far the base (radius_m) may drive until it touches something, on the next 1.5 m of a trajectory [m]; None
-    where it touches nothing.
+    """How far the base (radius_m) can drive until it touches something, on the next 1.5 m of a trajectory [m]; None
+    when it touches nothing.
 
-    from_s: how far it has come on the trajectory, in its own time [s]. Only obstacles count: what is unknown again was
-    free when the plan was made. Where the base stands closer already it may leave."""
+    from_s: position on the trajectory, in its own time [s]. Only obstacles count: ground that is unknown again was free
+    when the plan was made. A base that already stands closer to an obstacle may leave."""
     rest = trajectory.poses[trajectory.times_s - trajectory.times_s[0] >= from_s]
     positions = np.vstack([trajectory.at(from_s)[0].as_array()[None, :2], rest[:, :2]])
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(positions, axis=0).T))])
@@ -124,9 +123,8 @@ def obstacle_ahead(trajectory: Trajectory, from_s: float, grid: OccupancyGrid, r
 
 
 def braking_before(obstacle_m: float, v_m_s: float, limits: LimitsConfig) -> float:
-    """How hard to brake [m/s2] from a speed so that 10 cm are left before an obstacle so far ahead [m]: as gently as
-    usual where that does, by a_stop_m_s2 where it does not; infinite where not even that does, and zero must be
-    commanded at once.
+    """How hard to brake [m/s2] from v_m_s so that 10 cm are left before an obstacle obstacle_m ahead: a_m_s2 if that is
+    enough, else a_stop_m_s2. Infinite if that is not enough either: then zero must be commanded at once.
 
     A jerk-limited stop from v takes v^2 / 2a + v a / 2j, and limits.reaction_s comes before it."""
     v = abs(v_m_s)
@@ -141,8 +139,8 @@ def braking_before(obstacle_m: float, v_m_s: float, limits: LimitsConfig) -> flo
 class Visibility:
     """Known landmarks (M, 2 or 3) [m] and the camera that must see them.
 
-    config.sight_landmarks are needed, and a tenth of that in either half of the picture (all on one side say little
-    about the pose). Raises PlanningError for landmarks that are not finite."""
+    config.sight_landmarks are needed, and a tenth of that in each half of the image (all on one side determine the pose
+    badly). Raises PlanningError for landmarks that are not finite."""
 
     def __init__(self, landmarks_world: FloatArray, config: PlannerConfig) -> None:
         if not np.all(np.isfinite(landmarks_world)):

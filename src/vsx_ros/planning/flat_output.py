@@ -10,8 +10,8 @@ uses (theta, rho) with rho = ds/dt in place of (zeta, xdot): the same basis for 
 with a monotone S-curve S. There is no tangent, hence no forbidden heading.
 
 The bound on the change of view (eq. 5, 6, 11) then reads |thetadot| <= phi rho. Both sides share ``rest_factor``; what
-remains, phi p(t) - |q(t)| >= floor, is a polynomial of degree 9 that is linear in the coefficients of rho. Its
-Bernstein coefficients on sub-intervals being non-negative proves it for every t, not only on a grid."""
+remains, phi p(t) - |q(t)| >= floor, is a polynomial of degree 9 that is linear in the coefficients of rho. If its
+Bernstein coefficients on sub-intervals are non-negative, this holds for every t, not only on a grid."""
 
 from math import comb
 
@@ -47,7 +47,7 @@ _NORMS = _norms()
 def rest_factor(t: FloatArray, joint_before: bool, joint_after: bool) -> FloatArray:
     """(N,) the factor of rho that vanishes at the ends where the base rests; t (1 - t) between two rests.
 
-    At a joint the path runs on, bending the other way, and rho keeps its size."""
+    At a joint the path continues, bending the other way, and rho stays positive."""
     return np.asarray((1.0 if joint_before else t) * (1.0 if joint_after else 1.0 - t) * np.ones_like(t))
 
 
@@ -108,14 +108,14 @@ class Quadrature:
 
 
 COARSE = Quadrature(intervals=1, order=48)
-"""What the optimisation integrates with: exact to rounding for turns below a full circle."""
+"""Integrates for the optimisation: exact to rounding for turns below a full circle."""
 
 FINE = Quadrature(intervals=256, order=3)
-"""What the finished path is tabulated with: another rule than ``COARSE``, so the two check each other."""
+"""Tabulates the finished path; another rule than ``COARSE``, so the two check each other."""
 
-_SUB_INTERVALS = 4  # per piece: bounds by Bernstein coefficients are the tighter the shorter the interval
+_SUB_INTERVALS = 4  # per piece: Bernstein bounds are tighter on shorter intervals
 _JOINT_RAMP = 8.0
-"""Per metre: through a joint the curvature goes from none to phi in an eighth of a metre at the fastest."""
+"""Per metre: through a joint the curvature needs at least an eighth of a metre to go from zero to phi."""
 
 
 def bernstein_rows(values_at: FloatArray, nodes: FloatArray) -> FloatArray:
@@ -138,10 +138,9 @@ TURN_ROWS: dict[tuple[bool, bool], FloatArray] = {
 
 
 def least_rate(turn: float, phi: float, joints: tuple[bool, bool], floor: float) -> FloatArray:
-    """(40,) what ``RATE_ROWS`` times the coefficients must reach, so that |dtheta/ds| <= phi with a little room.
+    """(40,) lower bounds of ``RATE_ROWS`` times the coefficients, so that |dtheta/ds| <= phi with a little room.
 
-    At a joint p also has to be so large that the curvature does not change faster than ``_JOINT_RAMP`` phi per metre.
-    """
+    At a joint p must also be so large that the curvature does not change faster than ``_JOINT_RAMP`` phi per metre."""
     least: FloatArray = abs(turn) / phi * TURN_ROWS[joints] + floor
     ramp = np.sqrt(JOINT_SLOPE * abs(turn) / (_JOINT_RAMP * phi))
     for row, joint in ((0, joints[0]), (-1, joints[1])):
@@ -151,9 +150,9 @@ def least_rate(turn: float, phi: float, joints: tuple[bool, bool], floor: float)
 
 
 def curvature_bound(coefficients: FloatArray, turn: float, joints: tuple[bool, bool]) -> float:
-    """An upper bound of |dtheta/ds| over the whole piece [rad/m]; infinite where rho is not proved positive.
+    """An upper bound of |dtheta/ds| over the whole piece [rad/m]; infinite when rho is not proved positive.
 
-    Where every Bernstein coefficient of |q| is at most r times that of p > 0, |q| <= r p holds between them too."""
+    If every Bernstein coefficient of |q| is at most r times that of p > 0, then |q| <= r p everywhere."""
     p = RATE_ROWS @ coefficients
     if float(p.min()) <= 0.0:
         return float("inf")

@@ -1,8 +1,8 @@
-"""Two poses, free space: a path between them that never turns faster than phi per metre. It is made of a heading
-sequence, which way to drive and how far to turn piece by piece, and one quadratic programme for all pieces.
+"""A path between two poses in free space that never turns faster than phi per metre. It consists of a heading sequence
+(driving direction and turn of each piece) and one quadratic programme for all pieces.
 
-A Reeds-Shepp word tells the sequence for free space. Where the word bends one way, straight or not, without changing
-direction, one piece suffices, because the programme puts the straight length where it is best.
+A Reeds-Shepp word gives the sequence for free space. Segments that bend to one side or are straight, without a change
+of driving direction, form one piece, because the programme puts the straight length where it is best.
 
 With theta(t) fixed in every piece, positions, length and the bound on the change of view are all linear in the
 coefficients of rho_k = ds/dt >= 0 of all pieces jointly. Cusp positions are not chosen: the solution places them.
@@ -33,16 +33,16 @@ from vsx_ros.planning.pieces import Piece, curve_piece
 
 _ITERATIONS = 1000  # of the solver, so that an ill-conditioned programme ends
 _SHORTEST_SEGMENT = 1e-6  # rad at curvature phi; less is rounding
-_ENERGY = 0.01  # weight of smoothness against length: small, so that it decides only between ways of like length
-_FLOOR_M, _FLOOR_SHARE = 0.01, 0.02  # least length of a piece, m and share of the way: none may vanish
+_ENERGY = 0.01  # weight of smoothness against length: small, so it decides only between paths of similar length
+_FLOOR_M, _FLOOR_SHARE = 0.01, 0.02  # least length of a piece [m], and as a share of the path: none may vanish
 _EXACT = 1e-9  # m, rad and share of phi: what counts as exact
 _LENGTH = {flags: COARSE.integral(COARSE.basis[flags]) for flags in FLAGS}
-TIGHTNESS = (1.0, 0.95, 0.9, 0.8)  # Headings are searched at these shares of phi, so that the programme at phi has room
+TIGHTNESS = (1.0, 0.95, 0.9, 0.8)  # Shares of phi for the sequences, so that the programme at phi has room
 
-GOOD_ENOUGH = 1.004  # times the shortest word's length: tighter headings can gain no more than that
-_TRIES = 5  # sequences solved per tightness, for time
-_SHORTEST_PIECE_M = 0.01  # shorter pieces make the programme ill-conditioned; used only where there are no others
-_NOTHING_M = 1e-12  # what rounding leaves of an arc
+GOOD_ENOUGH = 1.004  # times the shortest word's length: lower tightness cannot gain more than that
+_TRIES = 5  # sequences solved per tightness, to limit time
+_SHORTEST_PIECE_M = 0.01  # shorter pieces make the programme ill-conditioned; used only if there are no others
+_NOTHING_M = 1e-12  # shorter arcs are rounding
 _USUAL = PlannerConfig()
 
 
@@ -68,7 +68,7 @@ class QpSolution(NamedTuple):
 def solve_qp(problem: QpProblem, duals: FloatArray | None = None) -> QpSolution | None:
     """The solution, or None when DAQP reports none (infeasible, or the iteration limit).
 
-    duals (m,): those of a similar problem, from whose active rows the search begins; the solution is the same."""
+    duals (m,): those of a similar problem; the search begins from its active rows. The solution is the same."""
     sense = np.where(problem.lower == problem.upper, 5, 0).astype(np.int32)
     x, _, flag, info = daqp.solve(
         problem.P, problem.q, np.ascontiguousarray(problem.A), np.minimum(problem.upper, 1e30),
@@ -80,9 +80,9 @@ def solve_qp(problem: QpProblem, duals: FloatArray | None = None) -> QpSolution 
 
 @dataclass(frozen=True, slots=True)
 class HeadingSequence:
-    """One entry a piece: direction (+1, -1) and signed turn [rad]; joints[k] tells whether the path runs on
-    without stopping from piece k to k + 1. length_m: of the word it comes from; shortest_m: of its shortest piece.
-    members[k]: which segments of the word piece k replaces."""
+    """One entry per piece: direction (+1, -1) and signed turn [rad]. joints[k]: whether the path continues from piece k
+    to k + 1 without a stop. length_m: length of the word it comes from; shortest_m: of its shortest piece.
+    members[k]: the segments of the word that piece k replaces."""
 
     directions: tuple[int, ...]
     turns: tuple[float, ...]
@@ -97,15 +97,15 @@ class HeadingSequence:
         return sum(not joint for joint in self.joints)
 
     def ends(self, k: int) -> tuple[bool, bool]:
-        """Whether piece k is joined to the one before and to the one after."""
+        """Whether piece k is joined to the previous one and to the next one."""
         return k > 0 and self.joints[k - 1], k < len(self.joints) and self.joints[k]
 
 
 def merge_segments(word: CoarsePath, total_turn: float, breaks: frozenset[int] = frozenset()) -> HeadingSequence | None:
     """The sequence of a word.
 
-    The headings are made to add up to total_turn modulo a full circle exactly. After a segment in breaks, which must be
-    straight, a new piece begins in any case. None for a word without length."""
+    The turns are adjusted to add up exactly to total_turn, modulo a full circle. A new piece always begins after a
+    segment in breaks, which must be straight. None for a word without length."""
     turns, lengths = word.turns.tolist(), word.lengths.tolist()
     members: list[list[int]] = []
     for index in np.flatnonzero(np.abs(word.lengths) * word.phi >= _SHORTEST_SEGMENT).tolist():
@@ -164,7 +164,7 @@ def build(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> QpPro
 
 
 def solve(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> Path | None:
-    """The path, or None where the sequence has no solution that is proved to keep the bound."""
+    """The path, or None when the sequence has no solution with a proved bound."""
     problem = build(sequence, start, goal, phi)
     solution = solve_qp(problem)
     return None if solution is None else verified(problem, solution.x, sequence, start, goal, phi)
@@ -173,8 +173,8 @@ def solve(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> Path 
 def verified(
     problem: QpProblem, x: FloatArray, sequence: HeadingSequence, start: SE2, goal: SE2, phi: float
 ) -> Path | None:
-    """The path of coefficients (10 K,), each piece proved to keep phi, when an integration with another rule than the
-    solver's confirms goal and bound, else None."""
+    """The path of coefficients (10 K,), or None unless each piece is proved to keep phi and an integration with another
+    rule than the solver's confirms goal and bound."""
     # The solver meets equalities to 1e-9; put the end exactly on the goal with the smallest change.
     E, target = problem.A[:2], problem.lower[:2]
     x = x + np.linalg.lstsq(E, target - E @ x, rcond=None)[0]
@@ -204,7 +204,7 @@ def check_question(start: SE2, goal: SE2, phi: float) -> None:
 
 
 def same_pose(start: SE2, goal: SE2) -> bool:
-    """Whether nothing remains to be driven (to a nanometre and nanoradian)."""
+    """Whether both poses are equal (to a nanometre and nanoradian)."""
     return start.distance_to(goal) <= _EXACT and abs(start.angle_to(goal)) <= _EXACT
 
 
@@ -218,10 +218,10 @@ def connect(start: SE2, goal: SE2, phi: float) -> Path:
 
 
 def connections(start: SE2, goal: SE2, phi: float, enough: int, config: PlannerConfig = _USUAL) -> list[Path]:
-    """Verified paths, cheapest by config first, never none; searches on until ``enough`` smooth ones are found.
+    """Verified paths, cheapest by config first, at least one; searches until ``enough`` smooth ones are found.
 
-    The shortest Reeds-Shepp word itself, arcs with stops between them, stands in where no smooth path comes near it
-    (between poses a hair apart)."""
+    The list includes the shortest Reeds-Shepp word itself, arcs with stops between them, for poses very close together
+    that no smooth path joins well."""
     found: list[Path] = []
     arcs = tuple(arc for arc in shortest_word(start, goal, phi).arcs(start) if arc.length_m > _NOTHING_M)
     word = certified(start, goal, arcs, "arcs and lines")

@@ -1,4 +1,4 @@
-"""What planning hands on: a Path is geometry, a Plan a path to a goal, a Trajectory has time, a Refusal a reason."""
+"""Results of planning: a Path is geometry, a Plan a path to a goal, a Trajectory has time, a Refusal a reason."""
 
 import enum
 import itertools
@@ -13,7 +13,7 @@ from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.planning.pieces import Piece
 
-_CURVATURE_JUMP = 1e-6  # rad/m; less is rounding, and the base goes on without a stop
+_CURVATURE_JUMP = 1e-6  # rad/m; less is rounding, and the base continues without a stop
 _TURN_STEP_RAD = 0.1  # between samples of a turn on the spot
 
 
@@ -41,8 +41,8 @@ class Certificate:
     """What is proved or measured of a path.
 
     curvature_bound_rad_m: no point of the path turns faster than this per metre (infinite with turns on the spot).
-    method: how that is known. end_error_m, end_error_rad: distance of the last pose from the goal.
-    min_clearance_m: least distance of the base's centre to ground not known to be free, or None where no map was used.
+    method: how that was proved or measured. end_error_m, end_error_rad: distance of the last pose from the goal.
+    min_clearance_m: least distance of the base's centre to ground not known to be free, or None when no map was used.
     """
 
     curvature_bound_rad_m: float
@@ -83,7 +83,7 @@ class Path:
 
     @property
     def turn_on_spot_rad(self) -> float:
-        """Total heading change made standing [rad]."""
+        """Total heading change in turns on the spot [rad]."""
         return sum(abs(piece.turn_rad) for piece in self.pieces if piece.direction == 0)
 
     @property
@@ -109,7 +109,7 @@ class Path:
         return max(0, len(self.stretches()) - 1 - len(self.cusps))
 
     def cost_m(self, config: PlannerConfig) -> float:
-        """Length with the price of stopping, by which paths are chosen [m]."""
+        """Length plus the cost of stops, by which paths are chosen [m]."""
         return self.length_m + config.cusp_cost_m * len(self.cusps) + config.stop_cost_m * self.jumps
 
     def sample(self, step_m: float) -> FloatArray:
@@ -166,7 +166,7 @@ class Plan:
     """A path to a goal and the name of the planner that made it.
 
     blind_spans (K, 2): first and last arc length [m] of every stretch along which the camera sees too few landmarks,
-    None where the planner was told of none."""
+    None when the planner was given no landmarks."""
 
     goal: SE2
     path: Path
@@ -208,8 +208,8 @@ class Trajectory:
     def at(self, t_s: float) -> tuple[SE2, float, float]:
         """Pose, v [m/s] and omega [rad/s] at t_s after the start, held at both ends.
 
-        The pose is cubic between the samples, with their speeds as its slopes, and omega is the slope of its heading:
-        on straight lines between them the turn rate would jump at each sample."""
+        The pose is cubic between the samples, with their speeds as slopes; omega is the slope of its heading. With
+        linear interpolation the turn rate would jump at each sample."""
         t = float(np.clip(t_s, 0.0, self.duration_s)) + float(self.times_s[0])
         i = int(np.clip(np.searchsorted(self.times_s, t, side="right") - 1, 0, max(0, len(self.times_s) - 2)))
         j = min(i + 1, len(self.times_s) - 1)
@@ -224,7 +224,7 @@ class Trajectory:
 
 
 class TimedPlan(NamedTuple):
-    """A way and how fast it is driven."""
+    """A plan and the speeds to drive it at."""
 
     plan: Plan
     trajectory: Trajectory

@@ -77,7 +77,7 @@ def arc_piece(start: SE2, kappa: float, length_m: float, direction: int) -> Piec
 
 
 def turn_piece(start: SE2, angle: float) -> Piece:
-    """A turn on the spot by the signed angle [rad]: what the generic planner does, the other only when blind."""
+    """A turn on the spot by the signed angle [rad]. The generic planner uses it, ``Planner`` only without a map."""
     table = np.array([[0.0, start.x, start.y, start.theta, 0.0], [0.0, start.x, start.y, start.theta + angle, 0.0]])
     return Piece(0, table, math.inf)
 
@@ -87,7 +87,7 @@ def curve_piece(
 ) -> Piece:
     """The polynomial curve of the certified method: theta = theta_0 + turn S(t), rho = basis @ coefficients (10,).
 
-    joints: whether the path runs on, bending the other way, before and after. bound: proved by ``curvature_bound``."""
+    joints: whether the path continues before and after, bending the other way. bound: proved by ``curvature_bound``."""
     table = curve_table(
         start.as_array(), turn, direction, np.ascontiguousarray(coefficients), FINE.basis[joints],
         FINE.profile[joints], FINE.weights, FINE.order, FINE.knot_jacobi, FINE.knot_profile[joints],

@@ -1,4 +1,4 @@
-"""From a question about a map to a plan or the reason why there is none."""
+"""Plans a path in a map, or gives the reason why there is none."""
 
 import math
 
@@ -19,12 +19,12 @@ from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import turn_piece
 from vsx_ros.planning.smoothing import smoothed
 
-_TIGHT = 0.9  # of phi, for arcs and lines: smoothing needs what is left
-_DIRECT = 4  # connections compared by what they see, or by their legs in reverse
-_SHORTENINGS = 3  # random shortcuts end in different ways; the best of so many is smoothed first
-_NEAR_BOUND = 1.15  # times the least possible length: no search would find a much shorter way
-_ANOTHER = 1.002  # a way hardly longer than the one before is most likely the same
-_MOST_BLIND_M, _SAME_PLACE_M = 1.5, 0.02  # the first drive, or backing out; so near is where the base is
+_TIGHT = 0.9  # of phi, for arcs and lines: smoothing needs the rest
+_DIRECT = 4  # connections compared by the landmarks they see, or by their legs in reverse
+_SHORTENINGS = 3  # random shortcuts give different paths; the best of so many is smoothed first
+_NEAR_BOUND = 1.15  # times the least possible length: no search would find a much shorter path
+_ANOTHER = 1.002  # a path hardly longer than the previous one is most likely the same
+_MOST_BLIND_M, _SAME_PLACE_M = 1.5, 0.02  # for the first drive or backing out; a goal so near is at the base's place
 
 
 class Planner:
@@ -40,12 +40,12 @@ class Planner:
     ) -> Plan | Refusal:
         """A collision-free plan to the exact goal pose over known free ground, or a refusal with its reason.
 
-        The way keeps config.preferred_clearance_m where that makes no detour, else config.clearance_m.
+        The path keeps config.preferred_clearance_m where that makes no detour, else config.clearance_m.
 
-        With ``visibility`` the way along which too few landmarks are in view counts several times, so that a path which
-        keeps the map in view is preferred to a shorter one that loses it; ``Plan.blind_spans`` says what remains, and a
-        way with more of it in one go than config.max_blind_m is not taken. The same question with the same state of rng
-        gives the same answer to the last bit. Raises PlanningError for poses that are not finite."""
+        With ``visibility``, stretches with too few landmarks in view cost extra, so that a path which keeps the map in
+        view is preferred to a shorter one that loses it. ``Plan.blind_spans`` lists the stretches that remain; a path
+        with one longer than config.max_blind_m is not used. The same input with the same state of rng gives the same
+        plan to the last bit. Raises PlanningError for poses that are not finite."""
         check_question(start, goal, self._config.phi_rad_m)
         corridor = build_corridor(grid, start, goal, self._config, self._robot)
         if isinstance(corridor, Refusal):
@@ -68,7 +68,7 @@ class Planner:
         self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, grid: OccupancyGrid,
         rng: np.random.Generator, visibility: Visibility | None,
     ) -> Plan | Refusal:  # fmt: skip
-        """remaining: the way from each cell to the goal [m]."""
+        """remaining: travel distance from each cell to the goal [m]."""
         config = self._config
 
         def cost(path: Path) -> float:
@@ -96,9 +96,9 @@ class Planner:
         return best if isinstance(best, Plan) else next((way for way in ways if isinstance(way, Plan)), best)
 
     def plan_blind(self, start: SE2, goal: SE2) -> Plan | Refusal:
-        """A plan where there is no map yet (the first drive, backing along the trail): free space is assumed, but
-        not for more than a drive of 1.5 m. A goal within 2 cm that no such way can bend to is turned to on the spot:
-        nothing new is touched."""
+        """A plan without a map (the first drive, backing along the trail). It assumes free space, but drives at most
+        1.5 m. A goal within 2 cm that no such path can bend to is reached by a turn on the spot, which touches nothing
+        new."""
         phi = self._config.phi_rad_m
         check_question(start, goal, phi)
         if same_pose(start, goal):
@@ -132,14 +132,14 @@ class Planner:
             return np.full(len(poses), np.inf)
         m, lattice = corridor.margin, coarse_lattice(phi)
         level, step = flood(m, start.as_array(), phi, lattice, self._config.max_reverse_m)
-        # The estimate looks a few cells around a pose, perhaps through a thin wall: believe it only on joined ground.
+        # The estimate uses cells around a pose, perhaps behind a thin wall: use it only on connected ground.
         joined = np.isfinite(joined_distance(m, (start.x, start.y)))
         return flood_costs(level, step, start.theta, m, lattice.cell_m, phi, joined, poses)
 
     def _direct(self, start: SE2, goal: SE2, corridor: Corridor, enough: int) -> list[Path]:
-        """The best connections that ignore the map, those that happen to be free."""
+        """The best connections computed without the map, if they are free."""
         phi, limit = self._config.phi_rad_m, self._config.max_reverse_m
-        # Where no shortest curve is free, hardly any smooth one is, and to compute it costs a hundred times as much.
+        # If no shortest curve is free, hardly any smooth one is, and computing those costs a hundred times as much.
         if not any(free_words(start, goal, ArcBounds(corridor.margin, bend, limit)) for bend in (phi, _TIGHT * phi)):
             return []
         best = connections(start, goal, phi, enough, self._config)[:enough]
@@ -164,7 +164,7 @@ class Planner:
     def _through_map(
         self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, rng: np.random.Generator
     ) -> list[Path]:
-        """Paths along a few coarse paths: a free Reeds-Shepp word, or what a search finds."""
+        """Paths along a few coarse paths: a free Reeds-Shepp word, or the result of a search."""
         config = self._config
         phi, limit = config.phi_rad_m, config.max_reverse_m
         tight = ArcBounds(corridor.margin, _TIGHT * phi, limit)

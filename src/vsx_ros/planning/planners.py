@@ -1,5 +1,5 @@
-"""Motion planners by name, and the two of the paper's comparison: its own whole planner (4.4), one optimised segment,
-guided by motion primitives where that leaves the map, and the generic one: shortest grid path, turn on the spot, drive
+"""Motion planners by name, and the two of the paper's comparison. The paper's own planner (4.4): one optimised segment,
+guided by motion primitives where that is not free. The generic one: shortest grid path, turn on the spot, drive
 straight."""
 
 import math
@@ -25,23 +25,23 @@ from vsx_ros.planning.two_level_qp import connect_paper
 from vsx_ros.registry import Registry
 
 _SMALLEST_TURN, _SMALLEST_DRIVE_M = 1e-9, 1e-9  # rad, m: less is rounding
-_STATES = 4000  # most of one tree; then another one is grown
-_ATTEMPTS = 20  # trees, before it gives up
+_STATES = 4000  # at most in the tree
+_ATTEMPTS = 20  # segments tried before it gives up
 _STEP_RAD = 0.4  # turn along an edge at curvature phi
 _METHOD = "motion primitives and dense samples of the two-level optimisation"
 
 
 class MotionPlanner(Protocol):
-    """A way to a pose over known free ground."""
+    """Finds a path to a pose over known free ground."""
 
     def plan(
         self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, visibility: Visibility | None = None
     ) -> Plan | Refusal:
-        """As ``Planner.plan``; one that knows nothing of the camera may leave ``visibility`` aside."""
+        """As ``Planner.plan``; a planner without a camera model may ignore ``visibility``."""
 
 
 class _Compared(ABC):
-    """What both have in common: the robot, and the corridor it keeps to."""
+    """Common base of both: the robot and its corridor."""
 
     def __init__(self, config: PlannerConfig, robot: RobotConfig) -> None:
         self._config, self._robot = config, robot
@@ -60,7 +60,7 @@ class _Compared(ABC):
 
 
 class UnconstrainedPlanner(_Compared):
-    """What move_base users have: no bound on the change of view, the same robot and the same corridor."""
+    """As the planners of move_base: no bound on the change of view, but the same robot and the same corridor."""
 
     def _within(self, start: SE2, goal: SE2, corridor: Corridor, rng: np.random.Generator) -> Plan | Refusal:
         points = _grid_way(start, goal, corridor)
@@ -74,7 +74,7 @@ class UnconstrainedPlanner(_Compared):
 
 
 def _grid_way(start: SE2, goal: SE2, corridor: Corridor) -> list[tuple[float, float]] | None:
-    """Points from start to goal down the travel distance; None where they are not joined."""
+    """Points from start to goal along falling travel distance; None when they are not connected."""
     field = corridor.margin
     distance = travel_distance(field, (goal.x, goal.y))
     i, j = field.cell(start.x, start.y)
@@ -91,7 +91,7 @@ def _grid_way(start: SE2, goal: SE2, corridor: Corridor) -> list[tuple[float, fl
 
 
 def _in_sight(points: list[tuple[float, float]], corridor: Corridor) -> list[tuple[float, float]]:
-    """The way with every point dropped that can be bypassed in a straight line."""
+    """The path without the points that a straight line can bypass."""
     kept, at = points[:1], 0
     while at < len(points) - 1:
         at = next((k for k in range(len(points) - 1, at + 1, -1) if _sees(points[at], points[k], corridor)), at + 1)
@@ -117,7 +117,7 @@ def _turn_and_drive(start: SE2, goal: SE2, points: list[tuple[float, float]]) ->
 
 
 def _turn(at: SE2, heading: float) -> list[Piece]:
-    """The turn on the spot to a heading [rad], if there is one to make."""
+    """The turn on the spot to a heading [rad]; empty if none is needed."""
     turn = wrap_angle(heading - at.theta)
     return [turn_piece(at, turn)] if abs(turn) > _SMALLEST_TURN else []
 
@@ -141,7 +141,7 @@ class PaperPlanner(_Compared):
     def _guided(
         self, start: SE2, goal: SE2, corridor: Corridor, cells: IntArray, rng: np.random.Generator
     ) -> Plan | Refusal:
-        """Primitives to a favourable state, then the optimised segment to the goal."""
+        """Motion primitives to a suitable state, then the optimised segment to the goal."""
         phi, field = self._config.phi_rad_m, corridor.margin
         poses, parents = np.zeros((_STATES, 3)), np.full(_STATES, -1, np.int64)
         bends, signs, runs = np.zeros((3, _STATES))
@@ -176,4 +176,4 @@ class PaperPlanner(_Compared):
 PLANNERS: Registry[Callable[[PlannerConfig, RobotConfig], MotionPlanner]] = Registry(
     "planner", {"fov": Planner, "unconstrained": UnconstrainedPlanner, "paper": PaperPlanner}
 )
-"""fov: bounds the change of view; unconstrained: turns on the spot; paper: the letter of section 4, for comparison."""
+"""fov: bounds the change of view; unconstrained: turns on the spot; paper: exactly section 4, for comparison."""

@@ -1,8 +1,8 @@
-"""Slowing down, holding and resuming on the way: a planned trajectory's remainder in another time, limits kept.
+"""Slows, holds and resumes a drive: gives the rest of a planned trajectory new times within the limits.
 
-Playing a time-optimal plan slower by a changing factor adds the change of the factor to accelerations and jerks that
-are at their limits already. So the speed is planned again from the speed and acceleration there are now: a jerk-limited
-change (ruckig) to a speed from which the segments of ``speed_profile`` go on. Every candidate is checked densely."""
+Playing a time-optimal plan slower by a changing factor adds to accelerations and jerks that are at their limits
+already. So the speed is planned again from the present speed and acceleration: a jerk-limited change (ruckig) to a
+speed from which the segments of ``speed_profile`` continue. Every candidate is checked densely."""
 
 import itertools
 import math
@@ -20,21 +20,21 @@ from vsx_ros.planning.speed_profile import Geometry, Profile, excess
 
 _SAMPLE_S = 0.02  # finer than the follower's 1/30 s
 _SEGMENTS_M = (0.12, 0.3)  # of the speed profile: fine ones follow bends, long ones always find a profile
-_ENTRY_SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)  # of the speed now: the first from which a profile goes on
-_BRAKE_SHARES = (1.0, 0.75, 0.5, 0.35)  # of the deceleration: less jerks less where the way bends
-_TOLERANCE = 2e-3  # share over the limits that goes unpunished: sampling tells them no better
+_ENTRY_SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)  # of the present speed: the first from which a profile continues
+_BRAKE_SHARES = (1.0, 0.75, 0.5, 0.35)  # of the deceleration: a smaller one jerks less on bends
+_TOLERANCE = 2e-3  # allowed share over the limits: sampling is not more exact
 _NOTHING = 1e-9  # m, m/s: rounding
 
 
 class Timing(NamedTuple):
-    """A trajectory over the way of a planned one. places_s (N,): where its samples are, in seconds since that began."""
+    """A trajectory along a planned one. places_s (N,): positions of its samples, as times of the planned one [s]."""
 
     trajectory: Trajectory
     places_s: FloatArray
 
 
 class _Stretch:
-    """The way between two stops of the planned trajectory, over arc length, or over the angle of a turn on the spot."""
+    """The planned trajectory between two stops, over arc length, or over the angle of a turn on the spot."""
 
     def __init__(self, planned: Trajectory, place_s: float, limits: LimitsConfig) -> None:
         times = planned.times_s - planned.times_s[0]
@@ -64,7 +64,7 @@ class _Stretch:
         self.geometry = Geometry([Piece(int(self.sign), table, math.inf)])
 
     def at(self, s: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Poses (N, 3), omega (N,) and v (N,) at places and speeds: heading and turn rate are of one curve."""
+        """Poses (N, 3), omega (N,) and v (N,) at places and speeds; heading and turn rate are from one curve."""
         if self.turns:
             start = self.geometry.pieces[0].start
             poses = np.column_stack([np.full_like(s, start.x), np.full_like(s, start.y), start.theta + self.sign * s])
@@ -73,7 +73,7 @@ class _Stretch:
         return rows[:, :3], rows[:, 3] * speed, self.sign * speed
 
     def nearest(self, s: float, pose: SE2) -> float:
-        """The place of a pose on the way, from a place some hundredths of a millimetre off."""
+        """The place of a pose on the stretch, from a place some hundredths of a millimetre off."""
         if self.turns:
             off = self.sign * (pose.theta - self.geometry.pieces[0].start.theta) - s
         else:
@@ -88,7 +88,7 @@ class _Stretch:
         return np.asarray(factor * np.maximum(np.array(inside), np.maximum(at_cuts[1:], at_cuts[:-1])), np.float64)
 
     def profile(self, s: float, u: float, a: float, factor: float) -> tuple[Profile, float] | None:
-        """The fastest profile found from a place, speed and acceleration, and by how much it must be stretched."""
+        """The fastest profile found from a place, speed and acceleration, and the factor to stretch its time by."""
         g = self.geometry
         best: tuple[Profile, float] | None = None
         free = factor * float(np.interp(s, self.s, self.speed))
@@ -118,10 +118,10 @@ class _Stretch:
 
 
 def retime(planned: Trajectory, current: Timing, t_s: float, factor: float, limits: LimitsConfig) -> Timing | None:
-    """What follows the instant t_s of ``current``: the rest of the way at ``factor`` times the planned speeds.
+    """The rest of ``current`` after t_s, at ``factor`` times the planned speeds.
 
-    It begins with the speed and acceleration of the instant; factor 0 ends at rest as soon as may be, on the way. None
-    where no such change keeps the limits just now: the current timing does, so go on with it and ask again."""
+    It begins with the speed and acceleration at t_s; factor 0 comes to rest on the path as soon as possible. None when
+    no such change keeps the limits now: the current timing keeps them, so continue with it and try again later."""
     t = float(np.clip(t_s, 0.0, current.trajectory.duration_s))
     times = current.trajectory.times_s - current.trajectory.times_s[0]
     place = float(np.interp(t, times, current.places_s))
@@ -138,7 +138,7 @@ def retime(planned: Trajectory, current: Timing, t_s: float, factor: float, limi
 
 
 def _speed_and_acceleration(trajectory: Trajectory, times: FloatArray, t: float, turns: bool) -> tuple[float, float]:
-    """|speed| at an instant and its change: the slopes of the samples, interpolated between the intervals' middles."""
+    """|speed| at an instant and its rate of change, interpolated from the slopes at the middles of the intervals."""
     speed = np.abs(trajectory.omega if turns else trajectory.v)
     steps = np.diff(times)
     keep = steps > 0.0
@@ -158,7 +158,7 @@ def _standing(planned: Trajectory, place: float) -> Trajectory:
 def _sampled(
     planned: Trajectory, stretch: _Stretch, place: float, profile: Profile, slowed: float, factor: float
 ) -> Timing:
-    """The profile from a place on as samples, and behind it the stretches to come, slower by the factor."""
+    """The samples of the profile from a place on, followed by the later stretches, slowed by the factor."""
     n = max(2, math.ceil(profile.duration * slowed / _SAMPLE_S) + 1)
     times = np.linspace(0.0, profile.duration, n)
     s, speed, _ = profile.at(times)

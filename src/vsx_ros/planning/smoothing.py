@@ -1,8 +1,7 @@
-"""From a skeleton of arcs and lines to paths that the base can drive: with stops, and smooth as far as there is one.
+"""Turns a coarse path of arcs and lines into paths that the base can drive: one with stops, and one smooth if possible.
 
-Positions are linear in the unknowns of the joint programme, so at samples of every piece the clearance is kept by
-half-planes of the margin field, linearised at the previous solution and trusted only as far as that stays valid; a few
-rounds suffice."""
+Positions are linear in the unknowns of the joint programme. So half-planes keep the clearance at samples of every
+piece: they linearise the margin field at the previous solution, within a trust region. A few rounds are enough."""
 
 import math
 
@@ -18,19 +17,19 @@ from vsx_ros.planning.joint_qp import HeadingSequence, QpProblem, merge_segments
 from vsx_ros.planning.path import Path, certified
 from vsx_ros.planning.pieces import Piece
 
-_MOST_IN_A_LEG, _MOST_PIECES = 12, 7  # the programme grows with the cube of its pieces; long ways are fitted in parts
-_SAMPLES = Quadrature(intervals=32, order=4)  # per piece, at whose ends the way is held in the corridor
-_FEW = slice(3, None, 4)  # samples that are held near where they were
-_FOLLOW, _SLACK_PRICE = 50.0, 200.0  # of keeping to the coarse way; of leaving the corridor, the last resort
-_TRUST_M, _NEAR_M, _GAP_M = 0.15, 0.3, 0.004  # most a point moves in a round near obstacles; so near they are; gap
+_MOST_IN_A_LEG, _MOST_PIECES = 12, 7  # cost grows with the cube of the pieces; long paths are fitted in parts
+_SAMPLES = Quadrature(intervals=32, order=4)  # per piece; the path is kept in the corridor at the interval ends
+_FEW = slice(3, None, 4)  # samples with a trust region
+_FOLLOW, _SLACK_PRICE = 50.0, 200.0  # weight of following the coarse path; of leaving the corridor, the last resort
+_TRUST_M, _NEAR_M, _GAP_M = 0.15, 0.3, 0.004  # trust region near obstacles; what is near; extra gap
 _HOPELESS_M = (0.05, 0.02, 0.0, 0.0, 0.0)
-"""Rounds, and how much room may be missing after each for another to be worth while."""
+"""One entry per round: how much room may be missing after it for another round to be useful."""
 _CONVERGED = 0.01  # share of length; a round that gains less is the last
-_STRAIGHTS_M = (math.inf, 0.5)  # straight lines as they are, else cut into pieces so long: more pieces, more freedom
+_STRAIGHTS_M = (math.inf, 0.5)  # straight lines uncut, else those longer than this halved: more pieces, more freedom
 
 
 def coarse_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> FloatArray:
-    """(32 K, 2) points of the coarse path with the headings the pieces will have at their samples.
+    """(32 K, 2) points of the coarse path at the headings that the pieces will have at their samples.
 
     pieces[k]: arcs and lines that piece k of the sequence replaces."""
     points = []
@@ -38,7 +37,7 @@ def coarse_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> Float
         tables = [arc.table for arc in run]
         share = _SAMPLES.knot_profile[sequence.ends(k)][1:]
         x, y = (np.concatenate([table[:, column] for table in tables]) for column in (1, 2))
-        # Heading first, length to break the ties on straight lines.
+        # Order by heading, then by length for ties on straight lines.
         s = np.cumsum(np.concatenate([np.diff(table[:, 0], prepend=0.0) for table in tables]))
         turned = np.abs(np.concatenate([table[:, 3] for table in tables]) - tables[0][0, 3])
         key = turned + 1e-3 * s
@@ -52,7 +51,7 @@ def fit(
 ) -> Path | None:
     """The shortest path found with a sequence's headings that stays in the corridor, or None.
 
-    runs: the coarse path's arcs and lines, grouped by piece; it is where the search begins."""
+    runs: the coarse path's arcs and lines, grouped by piece; the search begins there."""
     base = joint_qp.build(sequence, start, goal, phi)
     X, Y = joint_qp.position_rows(sequence, start.theta, _SAMPLES)
     guide = coarse_points(sequence, runs) - np.array([start.x, start.y])
@@ -61,7 +60,7 @@ def fit(
         return None
     x, best = first.x, None
     trust, gap = _TRUST_M, _GAP_M
-    # The rows of the bound that are active along the guide are a good guess of those along the shortest way.
+    # The rows of the bound that are active along the guide are a good guess for the shortest path.
     duals = np.concatenate([first.duals, np.zeros(len(X) + 2 * len(X[_FEW])), [-1.0]])
     for hopeless_m in _HOPELESS_M:
         round_, kept = _round(base, X, Y, x, start, corridor, trust, gap)
@@ -102,8 +101,8 @@ def _round(
 ) -> tuple[QpProblem, BoolArray]:  # fmt: skip
     """The programme with the margin field linearised at x, and one slack for all its half-planes as the last unknown.
 
-    Half-planes are left out where the ground is open, and samples are trusted to go farther there; the second value
-    marks the rows that remain."""
+    On open ground half-planes are left out, and samples may move farther. The second value marks the rows that
+    remain."""
     points = np.stack([X @ x, Y @ x], axis=1)
     world = points + np.array([start.x, start.y])
     margin, normal = corridor.margin.at(world), corridor.margin.gradient(world)
@@ -128,7 +127,7 @@ def _round(
 
 
 def smoothed(coarse: CoarsePath, start: SE2, goal: SE2, phi_rad_m: float, corridor: Corridor) -> list[Path]:
-    """The coarse path, with stops where its curvature jumps, and its smooth version as far as there is one."""
+    """The coarse path, with stops where its curvature jumps, and a version that is smooth as far as possible."""
     smooth = _fitted(coarse, start, goal, phi_rad_m, corridor)
     if smooth is None:
         pieces = _in_parts(coarse, start, phi_rad_m, corridor)
@@ -137,9 +136,9 @@ def smoothed(coarse: CoarsePath, start: SE2, goal: SE2, phi_rad_m: float, corrid
 
 
 def _in_parts(coarse: CoarsePath, start: SE2, phi_rad_m: float, corridor: Corridor) -> tuple[Piece, ...]:
-    """A way that cannot be fitted as a whole, in two halves, and these again: the base stops in between.
+    """Fit a path that cannot be fitted as a whole in two parts, recursively; the base stops in between.
 
-    It is cut where it stops anyway, as long as there are such places."""
+    The cut is at a change of direction, where the base stops anyway, as long as there is one."""
     pieces: tuple[Piece, ...] = ()
     at = start
     for part in coarse.parted():
@@ -154,7 +153,7 @@ def _in_parts(coarse: CoarsePath, start: SE2, phi_rad_m: float, corridor: Corrid
 
 
 def _fitted(coarse: CoarsePath, start: SE2, goal: SE2, phi_rad_m: float, corridor: Corridor) -> Path | None:
-    """The smooth version of a way, with its long straight lines whole or cut."""
+    """The smooth version of a path, with its long straight lines whole or cut; None if there is none."""
     for longest_straight_m in _STRAIGHTS_M:
         halved, cuts = coarse.halved(longest_straight_m)
         sequence = merge_segments(halved, goal.theta - start.theta, cuts)

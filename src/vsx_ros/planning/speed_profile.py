@@ -1,8 +1,8 @@
 """Speed over the arc length of a stretch between two stops, as phases of constant jerk.
 
 The stretch is cut into segments. In each, the curvature's size and slope turn the limits of the body into limits of the
-path speed, the speeds at the cuts follow from a forward and a backward pass, and ruckig gives the time-optimal
-jerk-limited move between them. (ruckig's own way-points are not used: that interface needs a network service.)"""
+path speed. A forward and a backward pass give the speeds at the cuts. ruckig gives the time-optimal jerk-limited move
+between them. (ruckig's own way-points are not used: that interface needs a network service.)"""
 
 import math
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from vsx_ros.config import LimitsConfig
 from vsx_ros.planning.pieces import Piece
 
 NOWHERE: FloatArray = np.zeros((0, 2))  # no spans
-_CHECK_S = 0.002  # between samples at which a profile is held against the limits
+_CHECK_S = 0.002  # between samples at which a profile is checked against the limits
 _SLOPE_SHARE = 0.8  # of the turn acceleration, for the change of curvature
 _NOTHING = 1e-9  # m, m/s: rounding
 
@@ -49,9 +49,9 @@ class Geometry:
 
 
 def segment_limits(g: Geometry, cuts: FloatArray, limits: LimitsConfig) -> tuple[FloatArray, FloatArray]:
-    """(n,) speed and (n,) acceleration allowed in each segment so that omega and alpha hold whatever the move."""
+    """(n,) speed and (n,) acceleration allowed in each segment, so that any move keeps omega and alpha."""
     middle = 0.5 * (g.s[1:] + g.s[:-1])
-    # The square of the speed that rest allows at a distance: by the acceleration, and nearer by the jerk.
+    # Largest squared speed at a distance from rest: bounded by the acceleration, and nearer by the jerk.
     off = np.minimum(g.s[1:], g.length - g.s[:-1])
     from_rest = np.minimum(2.0 * limits.a_m_s2 * off, (4.5 * limits.jerk_m_s3 * off**2) ** (2.0 / 3.0))
     v_all, a_all = np.empty(len(cuts) - 1), np.empty(len(cuts) - 1)
@@ -63,7 +63,7 @@ def segment_limits(g: Geometry, cuts: FloatArray, limits: LimitsConfig) -> tuple
         v = min(limits.v_m_s, limits.omega_rad_s / max(kappa, 1e-9))
         if np.any((g.slow[:, 0] < high) & (g.slow[:, 1] > low)):
             v = min(v, g.slow_v_m_s)
-        # Near a stop the curvature may change steeply, but the speed there is bounded by the way from rest.
+        # Near a stop the curvature may change steeply, but the distance from rest bounds the speed there.
         room = from_rest[first:last]
         steep = slope * np.minimum(v * v, room)
         if float(steep.max()) > _SLOPE_SHARE * limits.alpha_rad_s2:
@@ -78,7 +78,7 @@ def segment_limits(g: Geometry, cuts: FloatArray, limits: LimitsConfig) -> tuple
 
 
 def _reach(v: float, length: float, a: float, jerk: float, v_max: float) -> float:
-    """The largest speed to which one can change from v within the length, acceleration zero at both ends."""
+    """The largest speed that can be reached from v within the length, with zero acceleration at both ends."""
 
     def distance(target: float) -> float:
         dv = target - v
@@ -97,7 +97,7 @@ def _reach(v: float, length: float, a: float, jerk: float, v_max: float) -> floa
 def cut_speeds(lengths: FloatArray, v: FloatArray, a: FloatArray, jerk: float, entry: float = 0.0) -> FloatArray:
     """(n + 1,) speeds at the cuts, the entry's and zero at the ends, reachable from each other.
 
-    Where the entry is too fast for what follows, the first speed is less."""
+    If the entry is too fast for what follows, the first speed is lower than the entry."""
     n = len(lengths)
     speeds = np.concatenate([[min(entry, float(v[0]))], np.minimum(v[1:], v[:-1]), [0.0]])
     for i in range(n):
@@ -118,9 +118,9 @@ class Profile:
         self, g: Geometry, s: float, segment_m: float, limits: LimitsConfig, entry: float = 0.0,
         envelope: Callable[[FloatArray], FloatArray] | None = None,
     ) -> bool:  # fmt: skip
-        """Append the way from s, entered at a speed, to rest at the end of the stretch; False where there is none.
+        """Append the drive from s, at speed entry, to rest at the end of the stretch; False if there is none.
 
-        envelope: of the cuts (n + 1,) between segments, the speeds (n,) not to be exceeded in them."""
+        envelope: maps the cuts (n + 1,) between segments to the largest speeds (n,) in them."""
         if g.length - s < _NOTHING:
             return entry < _NOTHING
         cuts = np.linspace(s, g.length, max(1, math.ceil((g.length - s) / segment_m)) + 1)
@@ -133,7 +133,7 @@ class Profile:
         return all(map(self.add_move, cuts.tolist(), np.diff(cuts).tolist(), pairwise(speeds.tolist()), bounds))
 
     def add_move(self, s: float, length: float, ends: tuple[float, float], bounds: tuple[float, float, float]) -> bool:
-        """Append the time-optimal move over a length between two speeds; False where there is none."""
+        """Append the time-optimal move over a length between two speeds; False if there is none."""
         query = ruckig.InputParameter(1)
         query.current_position, query.current_velocity, query.current_acceleration = [0.0], [ends[0]], [0.0]
         query.target_position, query.target_velocity, query.target_acceleration = [length], [ends[1]], [0.0]
@@ -141,7 +141,7 @@ class Profile:
         return self._append(query, s)
 
     def add_change(self, s: float, now: tuple[float, float], v: float, a_max: float, limits: LimitsConfig) -> bool:
-        """Append the fastest change from a speed and acceleration to a speed v held; False where there is none."""
+        """Append the fastest change from a speed and acceleration to a constant speed v; False if there is none."""
         query = ruckig.InputParameter(1)
         query.control_interface = ruckig.ControlInterface.Velocity
         query.current_position, query.current_velocity, query.current_acceleration = [0.0], [now[0]], [now[1]]
@@ -159,7 +159,7 @@ class Profile:
         try:
             if ruckig.Ruckig(1).calculate(query, move) not in (ruckig.Result.Working, ruckig.Result.Finished):
                 return False
-        except ruckig.RuckigError:  # numerically no solution, where speeds and lengths just do not fit each other
+        except ruckig.RuckigError:  # no numerical solution: speeds and lengths just do not fit each other
             return False
         profile = move.profiles[0][0]
         if profile.brake.duration > 0.0 or min(profile.v) < -1e-9:
@@ -180,7 +180,7 @@ class Profile:
 
 
 def excess(g: Geometry, profile: Profile, limits: LimitsConfig) -> float:
-    """The factor by which time must be stretched so that every limit holds (1 where all do)."""
+    """The factor by which time must be stretched so that every limit holds (1 when all hold)."""
     times = np.linspace(0.0, profile.duration, max(3, math.ceil(profile.duration / _CHECK_S)))
     s, v, a = profile.at(times)
     omega = np.interp(s, g.s, g.kappa) * v

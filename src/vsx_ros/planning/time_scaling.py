@@ -15,8 +15,8 @@ from vsx_ros.planning.pieces import Piece
 from vsx_ros.planning.speed_profile import NOWHERE, Geometry, Profile, excess
 
 SAMPLE_S = 0.02  # finer than the follower's 1/30 s
-_SEGMENT_M = (0.07, 0.12, 0.3)  # tried in turn, the quickest counts: fine ones follow bends, long ones jerk less
-_MARGIN, _NOTHING = 1e-3, 1e-9  # when a profile is stretched into the limits, for what lies between samples; rounding
+_SEGMENT_M = (0.07, 0.12, 0.3)  # all are tried, the fastest is used: fine ones follow bends, long ones jerk less
+_MARGIN, _NOTHING = 1e-3, 1e-9  # extra stretch of a profile over its limits, for the gaps between samples; rounding
 
 _Samples = tuple[FloatArray, FloatArray, FloatArray, FloatArray]  # Times (N,), poses (N, 3), v (N,) and omega (N,)
 
@@ -60,10 +60,11 @@ def time_scale(
     path: Path, limits: LimitsConfig, slow_spans: FloatArray | None = None, slow_v_m_s: float = math.inf,
     sample_s: float = SAMPLE_S,
 ) -> Trajectory:  # fmt: skip
-    """The path in time, starting and ending at rest, standing still at cusps and curvature jumps.
+    """The path in time. It starts and ends at rest, and stops at cusps and curvature jumps.
 
     Speed, acceleration, jerk, turn rate and turn acceleration stay within ``limits``, and the speed within slow_v_m_s
-    along slow_spans (K, 2), arc lengths from and to [m]; samples are sample_s apart. An empty path gives one."""
+    along slow_spans (K, 2), arc lengths from and to [m]; samples are sample_s apart. An empty path gives one
+    sample."""
     slow = NOWHERE if slow_spans is None else slow_spans
     driven_m, now = 0.0, 0.0
     parts: list[_Samples] = [(np.zeros(1), path.start.as_array()[None], np.zeros(1), np.zeros(1))]

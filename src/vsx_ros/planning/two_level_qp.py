@@ -1,9 +1,9 @@
 """The paper's two-level optimisation of one segment (paper 4.2, 4.3).
 
-Read as it can work: t in [0, 1], the frame turned to the middle of both headings, the factor t (1 - t) taken out of
-both sides of (11) so that it also holds in the limit at the ends, and reverse driving as the mirrored problem. Level
-one, zeta(t) = tan(theta(t)) by (7)-(8), has a closed form, zeta_f (2 S(t) - 1) with the S-curve of ``profile``; level
-two is a programme in the coefficients c (10,) of xdot."""
+The paper's text needs additions to work: t in [0, 1]; the frame is turned to the middle of both headings; the factor
+t (1 - t) is divided out of both sides of (11), so that it also holds in the limit at the ends; reverse driving is the
+mirrored problem. Level one, zeta(t) = tan(theta(t)) by (7)-(8), has a closed form, zeta_f (2 S(t) - 1) with the S-curve
+of ``profile``. Level two is a programme in the coefficients c (10,) of xdot."""
 
 import math
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ from vsx_ros.planning.joint_qp import QpProblem, check_question, solve_qp
 from vsx_ros.planning.path import Path, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import Piece
 
-_ROUNDS = 4  # of linearising about the last solution, at most
-_TOLERANCE, _EXACT = 1e-3, 1e-9  # share of phi that a round may be over; rad: rounding
+_ROUNDS = 4  # of solving with a tighter phi, at most
+_TOLERANCE, _EXACT = 1e-3, 1e-9  # allowed excess over phi, as a share; rounding [rad]
 _REST = (False, False)
 _GRID = np.round(np.linspace(0, len(FINE.knots) - 1, 52)).astype(np.int64)
 """The knots of ``FINE`` nearest to an even grid t_0, t_1 .. t_50, t_f."""
@@ -26,7 +26,7 @@ _GRID = np.round(np.linspace(0, len(FINE.knots) - 1, 52)).astype(np.int64)
 
 @dataclass(frozen=True, slots=True)
 class Feasibility:
-    """Verdict of the closed form; margin_m: how far inside (positive) or outside the cone the goal lies."""
+    """Result of the closed form; margin_m: how far inside (positive) or outside the cone the goal lies."""
 
     ok: bool
     margin_m: float
@@ -34,7 +34,7 @@ class Feasibility:
 
 
 def feasible(start: SE2, goal: SE2, phi: float, reverse: bool = False) -> Feasibility:
-    """Whether one segment in one direction with monotone heading can join the poses: the paper's reach, exactly.
+    """Whether one segment in one direction with monotone heading can join the poses: the exact reach of the paper.
 
     Eq. (7)-(8) make the heading monotone and (11) forbids reversing, so the segment is the minimal arc
     E = (sin|d|, sign(d) (1 - cos d)) / phi plus a (1, 0) + b (cos d, sin d) with a, b >= 0 for the heading change d:
@@ -45,7 +45,7 @@ def feasible(start: SE2, goal: SE2, phi: float, reverse: bool = False) -> Feasib
     if reverse:  # the mirrored problem: x -> -x, theta -> -theta
         x, d = -x, -d
     way = "in reverse" if reverse else "forwards"
-    half_circle = math.pi - abs(d) < _EXACT  # then either way round will do
+    half_circle = math.pi - abs(d) < _EXACT  # then the turn may go either way
     sign = 1.0 if (y if half_circle else d) >= 0.0 else -1.0
     gx = x - math.sin(abs(d)) / phi
     gy = sign * y - (1.0 - math.cos(d)) / phi
@@ -103,17 +103,18 @@ def _curve(zeta_f: float, c: FloatArray) -> FloatArray:
     table[:, 2] = FINE.cumulative(xdot * zeta_fine)
     table[:, 3] = np.arctan(zeta)
     p = FINE.knot_jacobi @ c
-    # Eq. (6); where xdot is not positive there is no heading that fits, and no bound holds.
+    # Eq. (6); where xdot is not positive, no heading fits and no bound holds.
     rate = 2.0 * zeta_f * FINE.knot_turn_rate[_REST]
     table[:, 4] = rate / ((1.0 + zeta**2) ** 1.5 * np.where(p > 0.0, p, 1e-300))
     return table
 
 
 def segment(relative: SE2, phi: float) -> tuple[FloatArray, float] | str:
-    """One forward segment from the origin to a pose: its table (M, 5) and its densely measured bound, or why not.
+    """One forward segment from the origin to a pose: its table (M, 5) and its densely measured bound, or why there is
+    none.
 
-    The grid of (11) leaves room between its points; the measured excess is taken off phi and the programme solved
-    again, a few times at most."""
+    Between the grid points of (11) the curve may exceed phi. Then phi is reduced by the measured excess and the
+    programme solved again, a few times at most."""
     middle = 0.5 * wrap_angle(relative.theta)
     zeta_f = math.tan(middle)
     c_mid, s_mid = math.cos(middle), math.sin(middle)

@@ -1,1 +1,1 @@
-"""The roof, east: the only room that knows ROS."""
+"""The ROS layer: the only package that imports ROS."""

@@ -1,4 +1,4 @@
-"""Bases by name: as the parameters of mobile_base tell them, their drivers, and emulators for the node emulator."""
+"""Bases by name: parameters of mobile_base, drivers, and emulators for the node emulator."""
 
 import time
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from vsx_ros.ros.topic_drivers import TopicBase, TopicNames, topic_names
 
 
 class Base(Protocol):
-    """A driver: readings come on a thread of its own, and ``drive`` within one reaches the wheels at once."""
+    """A driver. Readings come on its own thread; a ``drive`` called there reaches the wheels at once."""
 
     def start(self) -> None:
         """Begin connecting; returns at once."""
@@ -29,20 +29,20 @@ class Base(Protocol):
         """Move like this until the next command, at most until the timeout or the instant until_ns (monotonic)."""
 
     def show(self, signal: Signal) -> None:
-        """Lamp and sound, where it has any."""
+        """Set lamp and sound, if the base has any."""
 
     def reset_odometry(self) -> None:
-        """Start the pose again at the origin. Raises DeviceError where it cannot."""
+        """Reset the pose to the origin. Raises DeviceError if the base cannot do this."""
 
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
 
     def close(self) -> bool:
-        """Stop the wheels and let go; whether they surely stand."""
+        """Stop the wheels and release the device; whether the wheels surely stand."""
 
 
 class BaseSettings(NamedTuple):
-    """What a user says about his base: kind, port, timeout of a command, calibration factors, unknown firmware."""
+    """The user's settings for the base: kind, port, command timeout, calibration factors, unknown firmware."""
 
     robot_type: str
     port: str
@@ -53,7 +53,7 @@ class BaseSettings(NamedTuple):
 
 
 class Listeners(NamedTuple):
-    """Who hears of a base: each reading; (connected, message) at every change; whether the wheels turn, after each
+    """Callbacks of a base: each reading; (connected, message) at every change; whether the wheels turn, after each
     command."""
 
     on_reading: Callable[[BaseReading], None]
@@ -84,27 +84,27 @@ def base_driver(settings: BaseSettings, hears: Listeners) -> Base:
 
 
 class NoWatchdogs(Watchdogs):
-    """Of a base without a port that could be taken over."""
+    """For a base without a serial port: there is nothing to take over."""
 
     def __init__(self) -> None:
         self._both = ()
 
 
 def base_watchdogs(robot_type: str, port: str) -> Watchdogs:
-    """The processes that stop a base at a serial port should this one die or hang."""
+    """The processes that stop a base at a serial port if this process dies or hangs."""
     base = bases.BASES.get(robot_type)
     return NoWatchdogs() if base is None else Watchdogs(port, base.baud, base.stop_bytes())
 
 
 def wired(robot_type: str) -> bases.Base:
-    """A base at a serial port; each has an emulator, too. Raises ConfigError for another."""
+    """A base at a serial port; each one also has an emulator. Raises ConfigError for any other base."""
     if robot_type not in bases.BASES:
         raise ConfigError(f"~robot_type {robot_type!r}: give {', '.join(bases.BASES)} or auto")
     return bases.BASES[robot_type]
 
 
 def base_settings(config: Config) -> BaseSettings:
-    """The base, maybe auto, and its calibration."""
+    """The base (or auto) and its calibration."""
     return BaseSettings(
         robot_type=str(rospy.get_param("~robot_type", "auto")),
         port=str(rospy.get_param("~port", "/dev/kobuki")),
@@ -116,7 +116,7 @@ def base_settings(config: Config) -> BaseSettings:
 
 
 def wait_for_base(settings: BaseSettings, diagnostics: Diagnostics) -> BaseSettings:
-    """Of auto, wait until a base answers, and name it."""
+    """For auto: wait until a base answers, and set its kind."""
     while settings.robot_type == "auto":
         if threads.is_ending():
             raise KeyboardInterrupt
@@ -132,7 +132,7 @@ def wait_for_base(settings: BaseSettings, diagnostics: Diagnostics) -> BaseSetti
 
 
 def supervisor(config: Config, settings: BaseSettings) -> Supervisor:
-    """With the emergency stop as it was when the node ended."""
+    """With the emergency stop as the node stored it last."""
     timeout_s = settings.command_timeout_s
     sources = tuple(s._replace(timeout_s=timeout_s) if s.name == "navi" else s for s in SOURCES)
     made = Supervisor(speed_limits(config.limits), sources)
@@ -141,7 +141,7 @@ def supervisor(config: Config, settings: BaseSettings) -> Supervisor:
 
 
 def speed_limits(limits: LimitsConfig) -> SpeedLimits:
-    """~max_vel and ~max_angular_vel; by default the follower is never held back."""
+    """Limits from ~max_vel and ~max_angular_vel; the defaults never slow down the follower."""
     caps = []
     for name, default, wanted in (("~max_vel", 0.5, limits.v_m_s), ("~max_angular_vel", 1.5, limits.omega_rad_s)):
         caps.append(float(rospy.get_param(name, max(default, wanted))))

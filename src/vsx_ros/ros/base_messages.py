@@ -1,4 +1,4 @@
-"""What a base reports: as messages, on the topics of the node mobile_base, in its diagnostics and log."""
+"""The base's readings as messages, on the topics of the node mobile_base, and in its diagnostics and log."""
 
 import contextlib
 import math
@@ -22,13 +22,13 @@ from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.logs import ERROR, OK, WARN, Diagnostics
 from vsx_ros.ros.topic_drivers import topic_names
 
-# Variances of the turtlebot's own driver (kobuki_node).
+# Variances of the TurtleBot's own driver (kobuki_node).
 _POSITION_M2, _HEADING_RAD2 = 0.1, 0.05
-_DISTRUST = 100.0  # times the variances: ten times the error, of a wheel that slips
-# Noise of a sample of the Kobuki's gyro (0.2 deg/s); its zero may be off by more.
+_DISTRUST = 100.0  # factor on the variances (ten times the error) when a wheel slips
+# Noise of one sample of the Kobuki's gyro (0.2 deg/s); its bias may be larger.
 _RAW_RATE_RAD2_S2 = math.radians(0.2) ** 2
-_WHEEL_RADIUS_M = 0.035  # of a Kobuki, for the picture of the joints alone
-# As kobuki_bumper2pc does: bumpers and cliffs are points at the rim, far away where nothing is felt.
+_WHEEL_RADIUS_M = 0.035  # of a Kobuki; used only to draw the joints
+# As in kobuki_bumper2pc: a pressed bumper or cliff is a point on the rim; otherwise the point is far away.
 _RIM_M, _FAR_M, _SIDE_RAD, _BUMPER_HEIGHT_M = 0.25, 100.0, 0.349, 0.04
 _NOT_MEASURED = [-1.0] + [0.0] * 8
 _BATTERY_LEVELS = {"low": WARN, "critical": ERROR}
@@ -36,14 +36,14 @@ _JOINTS = ["wheel_left_joint", "wheel_right_joint"]
 
 
 def odometry(reading: OdometryReading) -> Odometry:
-    """Of a base, as all others know it."""
+    """A base reading as our common type."""
     T_odom_base = SE2(reading.x_m, reading.y_m, reading.heading_rad)
     v, omega = reading.v_m_s, reading.omega_rad_s
     return Odometry(reading.stamp_ns, T_odom_base, v=v, omega=omega, trusted=reading.trusted)
 
 
 def dead_reckoning(moved: Odometry) -> OdometryMsg:
-    """Wheel odometry of a base, or of a recording of one, with the covariance of a TurtleBot's, which grows where a
+    """The message of wheel odometry, live or recorded, with a TurtleBot's covariance. The covariance grows when a
     sensor of the base contradicts the others."""
     msg = convert.odometry_msg(moved, topics.ODOM_FRAME, topics.BASE_FRAME)
     factor = 1.0 if moved.trusted else _DISTRUST
@@ -58,13 +58,13 @@ def odom_transform(moved: Odometry) -> TransformStamped:
 
 
 def joint_states(reading: OdometryReading) -> JointState:
-    """The wheels' angles, for a robot model."""
+    """The wheel angles, for a robot model."""
     angles = [travel / _WHEEL_RADIUS_M for travel in reading.wheels_m]
     return JointState(header=headers.header("", reading.stamp_ns), name=_JOINTS, position=angles)
 
 
 def battery(reading: BatteryReading, stamp_ns: int) -> BatteryState:
-    """The base's battery; what it does not measure is NaN."""
+    """The base's battery; values that it does not measure are NaN."""
     msg = BatteryState(header=headers.header("", stamp_ns), voltage=reading.voltage_v, percentage=reading.fraction)
     msg.temperature = msg.current = msg.charge = msg.capacity = msg.design_capacity = math.nan
     msg.present = True
@@ -76,8 +76,8 @@ def battery(reading: BatteryReading, stamp_ns: int) -> BatteryState:
 
 
 def imu(reading: GyroReading, stamp_ns: int) -> Imu:
-    """Heading and rate of the base's gyro; the axes that it does not have are marked unknown. Covariance grows while
-    the wheels contradict it."""
+    """Heading and rate of the base's gyro; missing axes are marked unknown. The covariance grows while the wheels
+    contradict the gyro."""
     msg = Imu(header=headers.header(topics.GYRO_FRAME, stamp_ns))
     msg.orientation.z, msg.orientation.w = math.sin(0.5 * reading.heading_rad), math.cos(0.5 * reading.heading_rad)
     msg.angular_velocity.z = reading.rate_rad_s
@@ -89,7 +89,7 @@ def imu(reading: GyroReading, stamp_ns: int) -> Imu:
 
 
 def raw_imu(sample: RateSample) -> Imu:
-    """One sample of a gyro of three axes, as it was measured: no heading, no acceleration (REP 145)."""
+    """One raw sample of a three-axis gyro: no heading, no acceleration (REP 145)."""
     msg = Imu(header=headers.header(topics.GYRO_FRAME, sample.stamp_ns))
     msg.orientation_covariance = _NOT_MEASURED
     msg.angular_velocity = Vector3(sample.x, sample.y, sample.z)
@@ -99,8 +99,8 @@ def raw_imu(sample: RateSample) -> Imu:
 
 
 def bumper_cloud(hazards: Hazard, stamp_ns: int) -> PointCloud2:
-    """Three points for a costmap, left, centre, right: on the rim where a bumper or cliff sensor fires, else far away,
-    so that an obstacle layer clears what was there (the convention of kobuki_bumper2pc)."""
+    """Three points for a costmap: left, centre, right. A point is on the rim if a bumper or cliff sensor fires; else it
+    is far away, so that an obstacle layer clears the old point (convention of kobuki_bumper2pc)."""
     points = []
     for angle, sides in (
         (_SIDE_RAD, Hazard.BUMPER_LEFT | Hazard.CLIFF_LEFT),
@@ -113,13 +113,13 @@ def bumper_cloud(hazards: Hazard, stamp_ns: int) -> PointCloud2:
 
 
 def is_nearly_empty(msg: BatteryState) -> bool:
-    """At most a tenth is left and nothing charges it: on a Kobuki 13.3 V."""
+    """At most a tenth is left (13.3 V on a Kobuki) and the battery is discharging."""
     discharging = msg.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
     return bool(discharging and msg.percentage <= 0.1)
 
 
 class BaseTopics:
-    """``tell`` every reading. Of a base with a driver of its own only what that driver does not say under our names."""
+    """Publishes each reading. For a base with its own driver: only what that driver does not publish already."""
 
     def __init__(self, robot_type: str) -> None:
         own_driver = topic_names(robot_type)
@@ -144,7 +144,7 @@ class BaseTopics:
         self._tell_new(topics.MUX_ACTIVE, String("idle"))
 
     def tell(self, reading: BaseReading, active: str) -> None:
-        """A reading, and who drives (nobody: empty)."""
+        """Publish a reading and the active source (empty: none)."""
         moved = odometry(reading.odometry)
         self._tell(topics.ODOM, dead_reckoning(moved))
         self._tell(topics.TF, TFMessage([odom_transform(moved)]))
@@ -158,14 +158,14 @@ class BaseTopics:
         self._tell_new(topics.MUX_ACTIVE, String(active or "idle"))
 
     def tell_hazards(self, hazards: Hazard, stamp_ns: int) -> None:
-        """What the base touches, when that changes."""
+        """Publish bumper and cliff contacts when they change."""
         before, self._touched = self._touched, bool(hazards & (Hazard.BUMPER | Hazard.CLIFF))
         if before or self._touched:
             self._tell(topics.BUMPER_CLOUD, bumper_cloud(hazards, stamp_ns))
         self._tell_new(topics.HAZARDS, UInt8(int(hazards & Hazard.TOUCHED)))
 
     def tell_battery(self, reading: BaseReading) -> None:
-        """Now and then."""
+        """Publish the battery."""
         self._tell(topics.BATTERY, battery(reading.battery, reading.stamp_ns))
 
     def _offer(self, topic: str, kind: Any, wanted: bool = True, *, queue_size: int, **options: Any) -> None:
@@ -183,7 +183,7 @@ class BaseTopics:
 
 
 class BaseHealth:
-    """Components battery, odometry and safety of the diagnostics, and what is new about them in the log."""
+    """Reports battery, odometry and safety to the diagnostics, and logs changes."""
 
     def __init__(self, diagnostics: Diagnostics, supervisor: Supervisor) -> None:
         self._diagnostics, self._supervisor = diagnostics, supervisor
@@ -191,13 +191,13 @@ class BaseHealth:
         self._doubt = ""
 
     def doubt(self, doubt: str) -> None:
-        """Which sensor the others contradict; empty: none."""
+        """Log which sensor the others contradict (empty: none)."""
         if doubt != self._doubt:
             self._doubt = doubt
             rospy.logwarn("odometry: %s", doubt or "all sensors agree again")
 
     def report(self, reading: BaseReading, decision: Decision) -> None:
-        """Once a second."""
+        """Called once a second."""
         battery, odometry = reading.battery, reading.odometry
         self._diagnostics.set(
             "battery", _BATTERY_LEVELS.get(battery.state, OK), battery.state, voltage_v=battery.voltage_v,
@@ -220,7 +220,7 @@ class BaseHealth:
 
 
 def tell_systemd(state: str) -> None:
-    """A word to the service manager (sd_notify); nobody hears it unless a unit of Type=notify started the process."""
+    """Send a state to the service manager (sd_notify). No effect unless a unit of Type=notify started the process."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address:
         return

@@ -19,12 +19,12 @@ from vsx_ros.ros import calls, headers, images, operator_command, topics
 from vsx_ros.ros.callbacks import image_subscriber
 from vsx_ros.runs.process import DONE, FAILED, Progress, SignalFlag
 
-_STILL_PX, _STILL_S = 2.0, 0.5  # more between two looks is a hand that moves; looks farther apart say nothing
-_FIRST_IMAGE_S, _SERVICE_S = 10.0, 5.0  # a driver may have to start; set_camera_info writes a file
+_STILL_PX, _STILL_S = 2.0, 0.5  # more motion between looks: the hand moves; longer gaps tell nothing
+_FIRST_IMAGE_S, _SERVICE_S = 10.0, 5.0  # a driver may still be starting; set_camera_info writes a file
 
 
 class BoardWatcher:
-    """Looks at the newest image again and again; keeps views in which the board is held still and shown again."""
+    """Checks the newest image repeatedly. Keeps views in which the board is still and which add something new."""
 
     def __init__(self, board: Board) -> None:
         self._board = board
@@ -42,7 +42,7 @@ class BoardWatcher:
             self._arrived.notify()
 
     def look(self, wait_s: float) -> str:
-        """What the next image shows, in words. Raises InputError when none comes within ``wait_s``."""
+        """Describes in words what the next image shows. Raises InputError when none comes within ``wait_s``."""
         with self._arrived:
             if not self._arrived.wait_for(lambda: self._newest is not None, wait_s) or self._newest is None:
                 topic = rospy.resolve_name(topics.IMAGE)
@@ -65,7 +65,7 @@ class BoardWatcher:
 
 @operator_command.command
 def calibrate(board: Board, model: str) -> int:
-    """Collect until nothing is missing or Ctrl-C; calibrate, and let the camera node store it."""
+    """Collect views until none is missing or Ctrl-C; calibrate and store through the camera node."""
     operator_command.join("calibrate")
     ended = SignalFlag(signal.SIGINT, signal.SIGTERM)
     progress = Progress(sys.stderr)

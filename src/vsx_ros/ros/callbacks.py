@@ -1,4 +1,4 @@
-"""Subscribers and services that outlive what they cannot use, with queues as long as what they hear needs."""
+"""Subscribers and services that survive unusable messages, with suitable queue lengths."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,19 +16,19 @@ from vsx_ros.limits import json_tree
 from vsx_ros.robot import Odometry, OdometryEpochs
 from vsx_ros.ros import convert, headers, logs, threads, topics
 
-# Bigger than any image: with rospy's default of 64 kB a slow callback sees images of a second ago (ros_comm #536).
+# Larger than any image: with rospy's default of 64 kB, a slow callback gets images one second late (ros_comm #536).
 IMAGE_BUFFER_BYTES = 2**24
 
-# Two seconds of odometry: a second without it looks like a base that was restarted, though only this process slept.
+# Two seconds of odometry. A gap of one second looks like a restarted base, even if only this process was asleep.
 ODOMETRY_QUEUE = 100
 
-_REPEAT_S = 5.0  # the same complaint at most so often
+_REPEAT_S = 5.0  # minimum time between equal complaints
 
 
 def subscribe(
     topic: str, kind: type[Message], callback: Callable[[Any], None], *, queue_size: int, **options: Any
 ) -> rospy.Subscriber:
-    """Subscribe; a message that cannot be used is dropped and named, at most every few seconds."""
+    """Subscribe. An unusable message is dropped and logged, at most every few seconds."""
 
     def guarded(msg: Any) -> None:
         try:
@@ -44,7 +44,7 @@ def subscribe(
 
 
 def json_object(msg: String, *names: str) -> dict[str, Any]:
-    """The object in a String of JSON. names: what it must have. Raises InputError for anything else."""
+    """The JSON object in a String. names: keys that it must have. Raises InputError for anything else."""
     try:
         value = json_tree(msg.data)
     except ValueError as error:
@@ -60,9 +60,9 @@ def image_subscriber(callback: Callable[[Image], None]) -> rospy.Subscriber:
 
 
 def hear_odometry(callback: Callable[[Odometry], None], topic: str = topics.ODOM, first_epoch: int = 0) -> None:
-    """Subscribe so that every reading arrives, with its epoch, on a machine that was busy for a moment, too.
-    first_epoch: the one to begin with. Messages hold no epoch: each process counts its own, by one rule from the same
-    readings, compares it with no other process's, and so needs nobody who was there from the beginning."""
+    """Subscribe so that every reading arrives, with its epoch, even on a machine that was busy for a moment.
+    first_epoch: the first epoch number. Messages hold no epoch: each process counts its own, by the same rule from the
+    same readings, and never compares it with others. So a process may start late."""
     epochs = OdometryEpochs(first_epoch)
 
     def take(msg: OdometryMsg) -> None:
@@ -74,7 +74,7 @@ def hear_odometry(callback: Callable[[Odometry], None], topic: str = topics.ODOM
 
 
 def offer_trigger(name: str, act: Callable[[], str]) -> None:
-    """A service without arguments: ``act`` returns the message of its answer, or raises VsxError or DeviceError."""
+    """Offer a service without arguments. ``act`` returns the answer's message, or raises VsxError or DeviceError."""
 
     def answer(_: TriggerRequest) -> TriggerResponse:
         try:

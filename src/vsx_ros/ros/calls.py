@@ -1,4 +1,4 @@
-"""Questions to other processes that are not waited for longer than is said: rospy's own wait for ever."""
+"""Calls to other processes with a time limit; rospy's own calls wait forever."""
 
 import http.client
 import socket
@@ -13,25 +13,25 @@ import rosgraph
 import rospy
 
 MASTER_S = 10.0
-"""A master may be slow where nodes start on a busy machine; who cannot wait so long asks on a thread (``within``)."""
-ANSWER_S = 0.35  # Who is there and well answers within this time
+"""The master may be slow when nodes start on a busy machine. A caller that cannot wait so long uses ``within``."""
+ANSWER_S = 0.35  # A healthy process answers within this time
 
 Answer = TypeVar("Answer")
 
 
 class NoAnswer(rospy.ROSException):
-    """Somebody did not answer in time."""
+    """The other process did not answer in time."""
 
 
 class TimeoutTransport(xmlrpc.client.Transport):
-    """A hanging master accepts connections and never answers. Other nodes are rospy's to ask, on threads of its own."""
+    """A hanging master accepts connections but never answers. rospy calls other nodes on its own threads."""
 
     def __init__(self, *others: Any, patience_s: float = MASTER_S, **options: Any) -> None:
         super().__init__(*others, **options)
         self._timeout_s = patience_s
 
     def make_connection(self, host: Any) -> http.client.HTTPConnection:
-        """To the master, with patience; to others as usual."""
+        """A connection; it has a timeout only if it goes to the master."""
         connection = super().make_connection(host)
         master = urlparse(rosgraph.get_master_uri())
         if (connection.host.lower(), connection.port) == (master.hostname, master.port):
@@ -40,12 +40,12 @@ class TimeoutTransport(xmlrpc.client.Transport):
 
 
 def bound_master_calls() -> None:
-    """Parameters, look-ups and registrations of this process raise TimeoutError after MASTER_S."""
-    xmlrpc.client.Transport = TimeoutTransport  # type: ignore[misc]  # what every ServerProxy without one of its own takes
+    """In this process, parameter calls, look-ups and registrations raise TimeoutError after MASTER_S."""
+    xmlrpc.client.Transport = TimeoutTransport  # type: ignore[misc]  # default of ServerProxy
 
 
 def within(seconds: float, ask: Callable[[], Answer], whom: str) -> Answer:
-    """What ``ask`` returns, or raises; it goes on by itself when it takes longer. Raises NoAnswer then."""
+    """Returns or raises what ``ask`` does. Raises NoAnswer if it takes longer; ``ask`` then continues on its thread."""
     answer: futures.Future[Answer] = futures.Future()
 
     def call() -> None:
@@ -61,7 +61,7 @@ def within(seconds: float, ask: Callable[[], Answer], whom: str) -> Answer:
 
 
 def answers_at(address: str) -> bool:
-    """Whether somebody listens at the address of a node or service; one that died is at the master for ever."""
+    """Whether a process listens at this address. The master keeps the addresses of dead nodes forever."""
     there = urlparse(address)
     try:
         socket.create_connection((there.hostname or "", there.port or 0), ANSWER_S).close()
@@ -72,7 +72,7 @@ def answers_at(address: str) -> bool:
 
 def ask_master(questions: Sequence[tuple[Any, ...]], patience_s: float = ANSWER_S) -> list[Any]:
     """(code, words, value) of each call of the master's API, made in this node's name, in one request. The connection
-    is closed: a master that is ending answers who is connected, and nobody else."""
+    is closed afterwards: a master that shuts down still answers open connections."""
     if not questions:
         return []
     with xmlrpc.client.ServerProxy(rosgraph.get_master_uri(), TimeoutTransport(patience_s=patience_s)) as master:
@@ -84,7 +84,7 @@ def ask_master(questions: Sequence[tuple[Any, ...]], patience_s: float = ANSWER_
 
 
 def service(name: str, kind: type[Any], *arguments: object, within_s: float) -> Any:
-    """Call a service: find it, ask it, hear its answer. Raises rospy.ROSException or rospy.ServiceException."""
+    """Find and call a service and return its answer. Raises rospy.ROSException or rospy.ServiceException."""
 
     def ask() -> Any:
         rospy.wait_for_service(name, timeout=within_s)

@@ -1,4 +1,4 @@
-"""Cameras by name, for the node ``camera``: what each needs to know, how it is opened, which calibration it has."""
+"""Cameras by name, for the node ``camera``: their settings, drivers and calibrations."""
 
 import dataclasses
 import os
@@ -23,23 +23,23 @@ from vsx_ros.ros.topic_drivers import TopicCamera
 
 
 class Camera(Protocol):
-    """A driver: images come on a thread of its own. One that knows its calibration has ``calibration``, too."""
+    """A driver; it delivers images on its own thread. If it knows its calibration, it also has ``calibration``."""
 
     serial: str
-    """Names the calibration file."""
+    """Part of the calibration file's name."""
 
     def start(self) -> None:
         """Begin connecting; returns at once."""
 
     def status(self) -> LinkStatus:
-        """Health; counts ``frames``."""
+        """Health, with the counter ``frames``."""
 
     def close(self) -> object:
         """Release the device."""
 
 
 class CameraSettings(NamedTuple):
-    """name: what stands behind the colon of ~device. latency_s: of a kernel camera."""
+    """name: the part of ~device after the colon. latency_s: only for a kernel (v4l) camera."""
 
     name: str
     on_image: Callable[[ImageReading], None]
@@ -93,18 +93,18 @@ def open_camera(
     lock_exposure: bool = False,
     latency_s: float = 0.0,
 ) -> Camera:
-    """The driver of a ~device, KIND or KIND:NAME; it connects when started. Raises ConfigError for one without
-    meaning."""
+    """The driver of a ~device, KIND or KIND:NAME; it connects when started. Raises ConfigError for an invalid
+    ~device."""
     kind, _, name = device.partition(":")
     settings = CameraSettings(name, on_image, mode=mode, lock_exposure=lock_exposure, latency_s=latency_s)
     return CAMERAS[kind](settings)
 
 
 class CameraCalibration:
-    """Of a file, what the source itself says, or nominal values, with a warning. known: whether it was measured."""
+    """From a file, or from the camera itself, or nominal values with a warning. known: whether it was measured."""
 
     def __init__(self, device: str, url: str) -> None:
-        """Raises CalibrationError where the file of ``url`` cannot be used."""
+        """Raises CalibrationError if the file of ``url`` cannot be used."""
         self._device, self._url = device, url
         self._camera: PinholeCamera | None = None
         self.known = False
@@ -123,10 +123,10 @@ class CameraCalibration:
         return camera
 
     def store(self, source: Camera, camera: PinholeCamera) -> Path:
-        """Keep a new one where the node reads it. Raises OSError."""
+        """Store a new calibration where the node reads it. Raises OSError."""
         path = self._file(source)
         if self._camera is not None:
-            camera = replace(camera, shutter=camera.shutter or self._camera.shutter)  # a message has no place for it
+            camera = replace(camera, shutter=camera.shutter or self._camera.shutter)  # not part of CameraInfo
         path.parent.mkdir(parents=True, exist_ok=True)
         write_calibration(path, camera, path.stem)
         self._camera, self.known = camera, True
@@ -156,8 +156,8 @@ class CameraCalibration:
 
 
 def nominal(device: str, width: int, height: int) -> PinholeCamera:
-    """What is assumed of an uncalibrated camera. The 4:3 image of a Kinect is the upper part of its 1280 x 1024 one, so
-    the centre lies above the middle of that."""
+    """Assumed calibration of an uncalibrated camera. A Kinect's 4:3 image is the upper part of its 1280 x 1024 image,
+    so the optical centre lies above the middle of the latter."""
     if device.startswith(("v4l", "ros")):
         return nominal_camera(width, height)
     return dataclasses.replace(nominal_camera(width, width * 3 // 4), height=height)

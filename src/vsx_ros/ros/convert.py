@@ -1,6 +1,6 @@
-"""Poses, motion, states and maps: messages to our types and back. Pure functions; no node and no master needed.
+"""Converts poses, motion, states and maps between messages and our types. Pure functions: no node, no master.
 
-A message from outside may hold anything: what cannot be used raises InputError or MapFileError."""
+A message from outside may hold anything; unusable content raises InputError or MapFileError."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from vsx_ros.ros import topics
 from vsx_ros.ros.headers import header, own
 from vsx_ros.slam.state import TrackingState
 
-# map_server's thresholds: what other mappers publish between 0 and 100.
+# map_server's thresholds: other mappers also publish values between 0 and 100.
 _FREE_BELOW_PERCENT = 19.6
 _OCCUPIED_ABOVE_PERCENT = 65
 
@@ -37,9 +37,9 @@ _LEVELS = {
     TrackingState.DUBIOUS: DiagnosticStatus.WARN,
     TrackingState.LOST: DiagnosticStatus.ERROR,
 }
-UNSURE_HEADING_RAD2 = 1.0  # variance from which a heading is as good as unknown
+UNSURE_HEADING_RAD2 = 1.0  # from this variance on, the heading counts as unknown
 UNKNOWN_VARIANCE = 1e10
-"""Of what a planar robot cannot know (z, roll, pitch): huge, for 0 would mean that it is certain."""
+"""For quantities that a planar robot cannot know (z, roll, pitch). Huge, because 0 would mean certainty."""
 
 
 # Poses ---------------------------------------------------------------------------------------------------------
@@ -51,15 +51,14 @@ def quaternion_of_heading(theta: float) -> Quaternion:
 
 
 def se3(pose: Pose) -> SE3:
-    """The pose in space. Raises InputError for a number that is not finite or a quaternion that is no rotation."""
+    """The pose in space. Raises InputError for a number that is not finite or an invalid quaternion."""
     p, q = pose.position, pose.orientation
     refuse_no_pose(p, q)
     return SE3.from_quaternion(np.array([p.x, p.y, p.z]), (q.x, q.y, q.z, q.w))
 
 
 def refuse_no_pose(p: Point | Vector3, q: Quaternion) -> None:
-    """Raises InputError for a number that is not finite or a quaternion that is no rotation: of length 0, or so long
-    that it overflows."""
+    """Raises InputError for a number that is not finite, or a quaternion whose length is near 0 or huge."""
     numbers = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
     if not (all(map(math.isfinite, numbers)) and 1e-3 < math.hypot(*numbers[3:]) < 1e3):
         raise InputError(f"pose message holds {numbers}; positions must be finite and quaternions of length 1")
@@ -83,8 +82,8 @@ def pose_stamped(frame_id: str, stamp_ns: int, T: SE2 | SE3) -> PoseStamped:
 
 
 def floor_covariance(T_frame_base: SE2, covariance: FloatArray) -> list[float]:
-    """The 6x6 covariance of x, y, z, roll, pitch, yaw (or their speeds) of a robot on the floor, along the axes of the
-    frame and row by row. covariance (6, 6): in the base's axes, of which x, y and yaw count."""
+    """The 6x6 covariance of x, y, z, roll, pitch, yaw (or their speeds) of a robot on the floor, row by row, along the
+    frame's axes. covariance (6, 6): in the base's axes; only x, y and yaw are used."""
     c, s = math.cos(T_frame_base.theta), math.sin(T_frame_base.theta)
     axes = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     on_floor = np.array([0, 1, 5])
@@ -106,8 +105,8 @@ def transform_stamped(parent: str, child: str, stamp_ns: int, T_parent_child: SE
 
 
 def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped]:
-    """base_footprint -> base_link -> camera_link -> camera_rgb_frame -> camera_rgb_optical_frame, as mounted. And
-    base_link -> gyro_link: upright; where on the base a gyro sits changes neither heading nor rate."""
+    """base_footprint -> base_link -> camera_link -> camera_rgb_frame -> camera_rgb_optical_frame, as mounted. Also
+    base_link -> gyro_link, upright: the gyro's position on the base affects neither heading nor rate."""
     T_base_optical = mounted(mount)
     T_camera_optical = mount_pose(0.0, 0.0, 0.0, 0.0)
     T_base_camera = T_base_optical @ T_camera_optical.inverse()
@@ -125,7 +124,7 @@ def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped
 
 
 def odometry(msg: OdometryMsg) -> Odometry:
-    """Wheel odometry; not trusted where its heading may be off by a radian. Raises InputError for numbers that are not
+    """Wheel odometry; not trusted if its heading variance is 1 rad2 or more. Raises InputError for numbers that are not
     finite."""
     v, omega = msg.twist.twist.linear.x, msg.twist.twist.angular.z
     if not (math.isfinite(v) and math.isfinite(omega)):
@@ -135,7 +134,7 @@ def odometry(msg: OdometryMsg) -> Odometry:
 
 
 def odometry_msg(reading: Odometry, frame_id: str, child_frame_id: str) -> OdometryMsg:
-    """The message of wheel odometry; covariances are left to the caller, who knows the base."""
+    """The message of wheel odometry. The caller, who knows the base, sets the covariances."""
     msg = OdometryMsg(header=header(frame_id, reading.stamp_ns), child_frame_id=own(child_frame_id))
     msg.pose.pose = pose_msg(reading.T_odom_base)
     msg.twist.twist = twist(VelocityCommand(reading.v, reading.omega))
@@ -148,7 +147,7 @@ def twist(command: VelocityCommand) -> Twist:
 
 
 def state_msg(state: TrackingState, reason: str) -> DiagnosticStatus:
-    """What the SLAM says of itself. name: NOT_INITIALISED, TRACKING, POOR or LOST; message: the reason."""
+    """The SLAM's state. name: NOT_INITIALISED, TRACKING, POOR or LOST; message: the reason."""
     return DiagnosticStatus(_LEVELS[state], state.word, reason, "vslam", [])
 
 
@@ -160,7 +159,7 @@ def tracking_state(msg: DiagnosticStatus) -> TrackingState:
 
 
 def hazard_words(mask: int) -> str:
-    """The bits of mobile_base/hazards in words; empty for none."""
+    """The bits of mobile_base/hazards in words; empty if none is set."""
     hazards = Hazard(mask)
     single = [hazard for hazard in Hazard if hazard & hazards and hazard & (hazard - 1) == 0]
     return ", ".join(str(hazard.name).replace("_", " ").lower() for hazard in single)
@@ -170,8 +169,8 @@ def hazard_words(mask: int) -> str:
 
 
 def grid(msg: OccupancyGridMsg) -> OccupancyGrid:
-    """The map: at most 19 % is free, 65 % and more occupied, anything between unknown (map_server's rule). Raises
-    MapFileError when sizes disagree or the map is rotated in its frame."""
+    """The map: at most 19 % is free, 65 % and more occupied, anything between is unknown (map_server's rule). Raises
+    MapFileError if the sizes disagree or the map is rotated in its frame."""
     info = msg.info
     if len(msg.data) != info.width * info.height or not 0 < len(msg.data) <= MAX_CELLS:
         raise MapFileError(

@@ -1,7 +1,7 @@
-"""The densifier as a process of its own: what of it holds Python's global lock must not hold up the tracker.
+"""The densifier in a separate process: parts of it hold Python's global lock and would delay the tracker.
 
-The child answers each request and ends when nobody can ask any more. First comes what the densifier is made of, then
-each snapshot without its images, and the images that the child does not have yet, by keyframe. No ROS in here."""
+The child answers each request and ends when its pipes close. The first request holds the settings. Each later one holds
+a snapshot without images, plus the images that the child lacks, by keyframe. No ROS in here."""
 
 import contextlib
 import dataclasses
@@ -24,12 +24,12 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.snapshot import MapSnapshot
 
-_NICE = 5  # SLAM comes first
+_NICE = 5  # SLAM has priority
 _ANSWER_S = 60.0  # A map of a large building takes some seconds on a slow machine
 
 
 class DenseProcess:
-    """``Densifier.update`` in a child; from one thread. The child ends, after what it is at, with this object."""
+    """``Densifier.update`` in a child; use one thread. The child ends after its current work when this is deleted."""
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: DenseConfig, seed: int) -> None:
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
@@ -43,7 +43,7 @@ class DenseProcess:
             self._child = subprocess.Popen(command, pass_fds=ends, env=environment)
 
     def update(self, snapshot: MapSnapshot) -> tuple[DenseMap, AnchoredSurface]:
-        """The dense map of a snapshot, and its spots. Raises VsxError when the child is gone; a hung one is ended."""
+        """The dense map of a snapshot and its surface points. Raises VsxError if the child ended; kills a hung one."""
         ids = snapshot.keyframe_ids.tolist()
         images = {number: image for number, image in zip(ids, snapshot.images) if number not in self._sent}
         self._sent = set(ids)
@@ -64,7 +64,7 @@ class DenseProcess:
 
 
 def serve(requests: Connection, answers: Connection) -> None:
-    """Settings first, then answers. Raises EOFError or BrokenPipeError when nobody asks any more."""
+    """Receive the settings, then answer requests. Raises EOFError or BrokenPipeError when the parent has gone."""
     camera, T_base_cam, config, seed = requests.recv()
     densifier = Densifier(camera, T_base_cam, config, seed)
     images: dict[int, GrayImage] = {}
@@ -78,7 +78,7 @@ def serve(requests: Connection, answers: Connection) -> None:
 
 
 def main() -> None:
-    """The arguments are the file descriptors of the child's ends of both pipes."""
+    """The arguments are the file descriptors of the child's ends of the two pipes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(_NICE)
     cv2.setNumThreads(1)

@@ -1,12 +1,12 @@
-"""What nodes say to each other about driving: leases, timed trajectories, how to brake, reports.
+"""Messages between nodes about driving: leases, timed trajectories, braking, reports.
 
-A lease is a dead man's handle: whoever wants motion says so again and again; silence stops the robot. A killed process
-cannot say that it is gone. So nothing in this stack moves because of one message alone: the follower drives only while
-vslam and move_base renew their leases, move_base pursues a goal of a client that holds a lease only while the client
-renews it. Nor can a thread that hangs: where another one renews, it does so only for as long as the thread that decides
-has promised.
+A lease is a dead man's handle: a node that wants motion must renew it again and again; silence stops the robot. A
+killed process cannot report that it is gone. So no single message moves the robot. The follower drives only while vslam
+and move_base renew their leases. If a client of move_base holds a lease, its goal is pursued only while it renews. A
+hanging thread does not keep the robot moving either: a thread that renews for another one does so only for as long as
+the deciding thread has promised.
 
-Apart from ``convert``: the base's process knows no trajectories, and need not load what plans them."""
+Separate from ``convert``: the base's process uses no trajectories and need not load the planner's modules."""
 
 import math
 import time
@@ -27,12 +27,12 @@ from vsx_ros.robot import VelocityCommand
 from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import subscribe
 
-PERIOD_S = 0.05  # between renewals of a lease: six to one of 0.3 s
-_PLAN_STEP_M = 0.05  # a cell of the map, for who draws it
+PERIOD_S = 0.05  # between renewals of a lease: six renewals in a lease of 0.3 s
+_PLAN_STEP_M = 0.05  # a cell of the map; only for display
 
 
 class Lease:
-    """One holder's side."""
+    """The holder's side of a lease."""
 
     def __init__(self, topic: str, holder: str) -> None:
         self._publisher = rospy.Publisher(topic, String, queue_size=1, tcp_nodelay=True)
@@ -41,33 +41,33 @@ class Lease:
         self._until_s = 0.0
 
     def promise(self, seconds: float) -> None:
-        """``keep`` may renew for so long from now: said again and again by the thread that decides."""
+        """Allow ``keep`` to renew for this long from now. The deciding thread calls this again and again."""
         self._until_s = time.monotonic() + seconds
 
     def keep(self) -> None:
-        """Renew as long as it was promised; for a thread that does nothing else."""
+        """Renew until the promise ends; called by a thread that does nothing else."""
         if time.monotonic() < self._until_s:
             self.renew()
 
     def renew(self) -> None:
-        """Ask for ``LEASE_S`` more (navigation/follower.py); call it at least every ``PERIOD_S``."""
+        """Ask for ``LEASE_S`` more (navigation/follower.py); call this at least every ``PERIOD_S``."""
         if not self._released:
             self._publisher.publish(self._message)
 
     def release(self) -> None:
-        """Never ask again: the holder is leaving, which takes a while."""
+        """Never renew again: the holder is shutting down, which takes a while."""
         self._released = True
 
 
 class LeaseWatch:
-    """The other side: who renewed lately. Counts on the monotonic clock, whatever ROS time does."""
+    """The other side: who renewed recently. Uses the monotonic clock, independent of ROS time."""
 
     def __init__(self, topic: str) -> None:
         self._renewed_s: dict[str, float] = {}
         rospy.Subscriber(topic, String, lambda msg: self.grant(msg.data), queue_size=20, tcp_nodelay=True)
 
     def grant(self, holder: str) -> None:
-        """Count as if the holder had just renewed: he did something else that shows he is there."""
+        """Count as a renewal: the holder has shown by other means that it is alive."""
         self._renewed_s[holder] = time.monotonic()
 
     def is_known(self, holder: str) -> bool:
@@ -75,12 +75,12 @@ class LeaseWatch:
         return holder in self._renewed_s
 
     def age_s(self, holder: str) -> float:
-        """Time since the holder renewed [s]; infinite where it never did."""
+        """Time since the holder renewed [s]; infinite if it never did."""
         return time.monotonic() - self._renewed_s.get(holder, -math.inf)
 
 
 class FollowerLink:
-    """Subscribers: follower/status. Publishers: move_base/global_plan, move_base/trajectory. report: the newest."""
+    """Subscribers: follower/status. Publishers: move_base/global_plan, move_base/trajectory. report: the newest one."""
 
     def __init__(self) -> None:
         self.report, self._report_s = FollowerReport(0, FollowStatus.IDLE, "", topics.MAP_FRAME), 0.0
@@ -93,21 +93,21 @@ class FollowerLink:
 
     @property
     def age_s(self) -> float:
-        """Of the newest report [s]."""
+        """Age of the newest report [s]."""
         return time.monotonic() - self._report_s
 
     def follow(self, plan: Plan, trajectory: Trajectory, frame: str, identity: int) -> None:
-        """Drive along this, from rest."""
+        """Drive along this, starting at rest."""
         self._path_pub.publish(path_msg(plan, frame))
         self._trajectory_pub.publish(trajectory_msg(trajectory, frame, identity))
 
     def brake(self, now_ns: int, a_m_s2: float) -> None:
-        """Stop on the way; infinite: stop at once, and there is nothing to follow any longer."""
+        """Stop along the path with this deceleration. Infinite: stop at once and drop the trajectory."""
         self._trajectory_pub.publish(brake_msg(a_m_s2, topics.MAP_FRAME, now_ns))
 
 
 def path_msg(plan: Plan, frame: str) -> PathMsg:
-    """The way of a plan in ``frame``, every few centimetres."""
+    """The path of a plan in ``frame``, sampled every few centimetres."""
     poses = [SE2(*row[:3]) for row in plan.path.sample(_PLAN_STEP_M).tolist()]
     return convert.path_msg(frame, headers.now_ns(), poses)
 
@@ -123,7 +123,7 @@ def trajectory_msg(trajectory: Trajectory, frame_id: str, stamp_ns: int) -> Mult
 
 
 def brake_msg(a_m_s2: float, frame_id: str, stamp_ns: int) -> MultiDOFJointTrajectory:
-    """Stop on the way: one point with nothing but that deceleration. Stop at once (infinite): no point."""
+    """Stop along the path: one point that holds only the deceleration. Stop at once (infinite): no point."""
     msg = MultiDOFJointTrajectory(header=headers.header(frame_id, stamp_ns), joint_names=[topics.BASE_FRAME])
     if math.isfinite(a_m_s2):
         deceleration = [convert.twist(VelocityCommand(-a_m_s2, 0.0))]
@@ -132,9 +132,9 @@ def brake_msg(a_m_s2: float, frame_id: str, stamp_ns: int) -> MultiDOFJointTraje
 
 
 def wanted(msg: MultiDOFJointTrajectory) -> Trajectory | float:
-    """The trajectory of a message, its headings unwrapped, or how hard to brake [m/s2], infinite for at once. Raises
-    InputError when a point lacks its pose or speed, or holds none, or the deceleration is none, PlanningError when
-    times are impossible."""
+    """The trajectory of a message, with unwrapped headings, or a deceleration [m/s2]; infinite means at once. Raises
+    InputError if a point lacks a valid pose or speed, or if the deceleration is not positive. Raises PlanningError for
+    impossible times."""
     if not msg.points:
         return math.inf
     first = msg.points[0]

@@ -1,9 +1,9 @@
-"""The emulated world under the emulated devices: the body as wheels for a board, the camera as a process of its own,
-since rendering must not hold up the wheels. No ROS in here.
+"""The emulated world behind the emulated devices. The body drives the board's wheels. The camera is a separate process,
+because rendering must not delay the wheels. No ROS in here.
 
-The child reads poses of the base from standard input (``POSE``, one every 5 ms), renders each frame when its exposure
-is over, and sends it through the emulated Kinect at a socket. It writes one line of JSON per frame to standard output:
-stamp, true camera pose, render time, frames skipped. It ends when its input ends."""
+The child reads poses of the base from standard input (``POSE``, one every 5 ms). It renders each frame when its
+exposure is over and sends it through the emulated Kinect at a socket. For each frame it writes one line of JSON to
+standard output: stamp, true camera pose, render time, frames skipped. It ends when its input ends."""
 
 import contextlib
 import json
@@ -39,8 +39,8 @@ from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.world import World, obstacle_segments
 
 POSE = struct.Struct("<q4d")  # Time since the emulator's start [ns], x, y [m], theta [rad], travelled path [m]
-_KEPT = 600  # rows of motion, for images that are rendered late
-_RATE_WINDOW_NS = 20_000_000  # emulated time over which the turn rate is taken: a period of the odometry
+_KEPT = 600  # poses, for images that are rendered late
+_RATE_WINDOW_NS = 20_000_000  # emulated time over which the turn rate is averaged: one odometry period
 _SECTORS = Hazard.BUMPER_LEFT, Hazard.BUMPER_CENTER, Hazard.BUMPER_RIGHT
 
 
@@ -53,8 +53,8 @@ class BodyState(NamedTuple):
 
 
 class BodyPlant:
-    """``vsx_hw.serial_emulator.Plant`` over the emulated body; only the emulator's thread calls it. ``state`` and the
-    counts of ``body`` may be read from anywhere. ``on_step`` is called after each step."""
+    """``vsx_hw.serial_emulator.Plant`` for the emulated body; only the emulator's thread calls it. Any thread may read
+    ``state`` and the counters of ``body``. ``on_step`` is called after each step."""
 
     def __init__(
         self, world: World, seed: int, robot: RobotConfig, on_step: Callable[[BodyState], None], wheel_base_m: float
@@ -80,7 +80,7 @@ class BodyPlant:
         self._on_step(self.state)
 
     def read(self) -> PlantState:
-        """See Plant. The rate is that of the gyro's angle over the last 20 ms."""
+        """See Plant. The rate is the change of the gyro's angle over the last 20 ms."""
         body, tick_m = self.body, self._settings.tick_m
         then_ns, angle_before = self._gyro_before
         if body.time_ns - then_ns >= _RATE_WINDOW_NS:
@@ -96,7 +96,7 @@ class BodyPlant:
 
 
 class RenderSettings(msgspec.Struct, frozen=True):
-    """What the parent tells its child. start_ns: host time at the emulator's start."""
+    """Settings for the child process. start_ns: host time at the emulator's start."""
 
     world: str
     seed: int
@@ -107,7 +107,7 @@ class RenderSettings(msgspec.Struct, frozen=True):
 
 
 class RenderChild:
-    """The parent's end."""
+    """The parent's side."""
 
     def __init__(self, settings: RenderSettings) -> None:
         self._closing = False
@@ -117,14 +117,14 @@ class RenderChild:
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment, bufsize=0)
 
     def move(self, state: BodyState) -> None:
-        """Tell the camera where the base is."""
+        """Send the pose of the base to the camera."""
         assert self._process.stdin is not None
         pose = state.T_world_base
         with contextlib.suppress(OSError):
             self._process.stdin.write(POSE.pack(state.time_ns, pose.x, pose.y, pose.theta, state.path_length_m))
 
     def listen(self, on_frame: Callable[[dict[str, Any]], None]) -> None:
-        """Hand over a dictionary for each frame until the end. Raises VsxError where that was not asked for."""
+        """Pass on a dictionary per frame until the end. Raises VsxError if the child ends before ``close``."""
         assert self._process.stdout is not None
         for line in iter(self._process.stdout.readline, b""):
             on_frame(json.loads(line))
@@ -143,7 +143,7 @@ class RenderChild:
 
 
 class PoseHistory:
-    """The last three seconds of the base, filled by one thread and read by another."""
+    """Poses of the base over the last three seconds; one thread writes, another reads."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -161,7 +161,7 @@ class PoseHistory:
             self._changed.notify_all()
 
     def wait_for(self, time_ns: int) -> int:
-        """Wait until the base has been there; the newest time then, -1 when there will be no more."""
+        """Wait until the poses reach this time. Returns the newest time, or -1 when no more will come."""
         with self._changed:
             self._changed.wait_for(lambda: self._ended or (len(self._rows) > 0 and self._rows[-1, 0] >= time_ns))
             return -1 if self._ended else int(self._rows[-1, 0])
@@ -173,7 +173,7 @@ class PoseHistory:
 
 
 def render(settings: RenderSettings, history: PoseHistory) -> None:
-    """Frames on a grid of 1 / rate_hz until the history ends; slots that come too late are skipped and counted."""
+    """Render frames every 1 / rate_hz until the history ends; frames that are too late are skipped and counted."""
     rng = np.random.default_rng([settings.seed, 2])  # as in the lock-step robot
     world = open_world(settings.world, settings.seed)
     camera = EmulatedCamera(compile_scene(world), settings.robot.mount, SimulationConfig().camera, rng)
@@ -200,7 +200,7 @@ def render(settings: RenderSettings, history: PoseHistory) -> None:
 
 
 def main() -> None:
-    """Settings as JSON in the only argument."""
+    """The only argument holds the settings as JSON."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     settings = msgspec.json.decode(sys.argv[1], type=RenderSettings)
     history = PoseHistory()

@@ -1,15 +1,15 @@
-"""What headers say: a stamp of ROS time, and a frame by the name that others know.
+"""Message headers: a stamp in ROS time, and a frame by its global name.
 
-tf is one tree for all robots of a master, so a robot in a namespace has a prefix. Within a node frames are called by
-the names of topics.py; messages carry them with the prefix: the parameter ``tf_prefix`` of the namespace or one above
-it, else the namespace itself."""
+All robots of a master share one tf tree, so a robot in a namespace uses a prefix. Inside a node, frames have the names
+of topics.py. In messages they have the prefix: the parameter ``tf_prefix`` of this or a higher namespace, else the
+namespace itself."""
 
 import rospy
 from std_msgs.msg import Header
 
 from vsx_ros.errors import InputError
 
-_AHEAD_S = 1.0  # clocks of two machines with NTP differ by less
+_AHEAD_S = 1.0  # the clocks of two machines with NTP differ by less
 
 _prefix = ""
 
@@ -20,7 +20,7 @@ def now_ns() -> int:
 
 
 def refuse_future(stamp_ns: int) -> None:
-    """Raises InputError for a reading of a second to come: beside it all others would be out of date until then."""
+    """Raises InputError for a stamp over 1 s in the future: until then, all other readings would look out of date."""
     ahead_s = (stamp_ns - now_ns()) * 1e-9
     if ahead_s > _AHEAD_S:
         raise InputError(
@@ -29,23 +29,23 @@ def refuse_future(stamp_ns: int) -> None:
 
 
 def adopt_prefix() -> None:
-    """Learn the prefix from the namespace and the parameters; once, when the node has joined the master."""
-    global _prefix  # as rospy's own node: one a process
+    """Read the prefix from the parameters or the namespace; called once, after the node has joined the master."""
+    global _prefix  # one per process, like rospy's node
     key = rospy.search_param("tf_prefix")
     said = rospy.get_param(key) if key else rospy.get_namespace()
     _prefix = str(said).strip("/")
 
 
 def own(name: str) -> str:
-    """The frame of this robot as others know it: map -> robot1/map. No name stays none."""
+    """The global name of this robot's frame: map -> robot1/map. An empty name stays empty."""
     return f"{_prefix}/{name}" if _prefix and name else name
 
 
 def bare(frame_id: str) -> str:
-    """The name of a frame of this robot without its prefix; any other frame as it is. A leading slash is old custom."""
+    """The name of this robot's frame without prefix; other frames stay. Removes an old-style leading slash."""
     return frame_id.lstrip("/").removeprefix(f"{_prefix}/")
 
 
 def header(frame_id: str, stamp_ns: int) -> Header:
-    """A message header; the frame is called as others know it."""
+    """A message header with the frame's global name."""
     return Header(stamp=rospy.Time(0, stamp_ns), frame_id=own(frame_id))

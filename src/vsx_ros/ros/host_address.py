@@ -1,4 +1,4 @@
-"""The name under which nodes of this machine are found by others."""
+"""The name under which other machines find the nodes of this machine."""
 
 import os
 import socket
@@ -9,8 +9,7 @@ DEFAULT_MASTER = f"http://localhost:{MASTER_PORT}"
 
 
 def host_address(master_uri: str) -> str:
-    """The address this machine has towards the master, for others to find it by; 'localhost' where the master is
-    called so or has no address."""
+    """This machine's address as seen from the master. 'localhost' if the master is local or has no address."""
     master = urlparse(master_uri)
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -22,8 +21,8 @@ def host_address(master_uri: str) -> str:
 
 
 def export_ros_address() -> None:
-    """Set ROS_IP or ROS_HOSTNAME for this process and its children, unless the user did: a machine's host name often
-    has no address that others can reach."""
+    """Set ROS_IP or ROS_HOSTNAME for this process and its children, unless the user did. Reason: other machines often
+    cannot resolve a machine's host name."""
     if os.environ.get("ROS_IP") or os.environ.get("ROS_HOSTNAME"):
         return
     address = host_address(os.environ.get("ROS_MASTER_URI", DEFAULT_MASTER))

@@ -1,4 +1,4 @@
-"""Camera messages to our types and back, without cv_bridge (its compiled half breaks under NumPy 2)."""
+"""Converts camera messages to our types and back, without cv_bridge (its compiled part breaks under NumPy 2)."""
 
 import numpy as np
 import rospy
@@ -42,12 +42,12 @@ def camera(msg: CameraInfo) -> PinholeCamera:
 
 
 def shutter_msg(shutter: Shutter | None) -> Float64MultiArray:
-    """What camera_info has no place for: readout and exposure [s]; nothing where they are not known."""
+    """Readout and exposure [s], which camera_info has no fields for; empty if unknown."""
     return Float64MultiArray(data=list(shutter or ()))
 
 
 def shutter(msg: Float64MultiArray) -> Shutter | None:
-    """Raises CalibrationError for anything but two times or nothing."""
+    """None for no values. Raises CalibrationError unless there are 0 or 2 values."""
     return shutter_from_topic(msg.data, rospy.resolve_name(topics.SHUTTER))
 
 

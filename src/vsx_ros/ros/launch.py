@@ -1,6 +1,6 @@
-"""Which nodes make a robot, with which parameters: one table for Python, tests and documentation.
+"""The nodes of a robot and their parameters: one table for Python, tests and documentation.
 
-launch/*.launch say the same for users of roslaunch; a test compares the two."""
+launch/*.launch hold the same for users of roslaunch; a test compares the two."""
 
 import os
 import shlex
@@ -18,16 +18,16 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.ros import topics
 from vsx_ros.ros.host_address import export_ros_address
 
-# To the next stronger signal; roslaunch's own: 15 and 2 s. On a busy machine vslam needs seconds to write its results.
+# Time to the next stronger signal; roslaunch: 15 and 2 s. On a busy machine vslam needs seconds to write results.
 SIGINT_TIMEOUT_S, SIGTERM_TIMEOUT_S = 6.0, 1.0
 
-# Parallelism is by process; threads of libraries inside of them only fight for the same cores.
+# We run processes in parallel; threads inside libraries would only compete for the same cores.
 ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 
 
 class LaunchNode(NamedTuple):
-    """One process. respawn: start it again when it dies; the wheels stand until it is back. required: its end is the
-    end of all."""
+    """One process. respawn: restart it when it dies; the wheels stand still until it is back. required: when it ends,
+    all nodes end."""
 
     name: str
     params: dict[str, Any]
@@ -39,7 +39,7 @@ class LaunchNode(NamedTuple):
 
 
 class BagTopics(NamedTuple):
-    """What a bag calls the camera's and the odometry's topics."""
+    """The bag's names for the camera and odometry topics."""
 
     image: str = "/camera/rgb/image_raw"
     camera_info: str = "/camera/rgb/camera_info"
@@ -48,7 +48,7 @@ class BagTopics(NamedTuple):
 
 def bringup(base: str = "auto", port: str = "/dev/kobuki", camera: str = "kinect", info: str = "") -> list[LaunchNode]:
     """The robot itself: base and camera. base: its kind, or auto; info: URL or path of the camera's calibration. With
-    the camera ``ros`` its images come as ours do already, and no node of ours is wanted."""
+    the camera ``ros`` the images already come on our topics, so no camera node is started."""
     nodes = [LaunchNode("mobile_base", {"robot_type": base, "port": port}, respawn=True)]
     if camera != "ros":
         nodes.append(LaunchNode("camera", {"device": camera, "camera_info_url": info}, respawn=True))
@@ -58,8 +58,8 @@ def bringup(base: str = "auto", port: str = "/dev/kobuki", camera: str = "kinect
 def emulation(
     world: str, seed: int = 0, devices: str = "/tmp", base: str = "kobuki", rate_hz: float = 15.0
 ) -> list[LaunchNode]:
-    """A robot that exists only as bytes, and the real drivers above it. devices: folder for port and socket. base: its
-    kind; auto is a Kobuki whose driver is not told so. rate_hz: images a second."""
+    """An emulated robot under the real drivers. devices: folder for port and socket. base: its kind; auto emulates a
+    Kobuki and leaves its driver on auto. rate_hz: images per second."""
     port, camera_socket = f"{devices}/vsx_base", f"{devices}/vsx_camera"
     kind = "kobuki" if base == "auto" else base
     emulator = {"world": world, "seed": seed, "robot_type": kind, "port": port, "camera_socket": camera_socket}
@@ -67,7 +67,7 @@ def emulation(
 
 
 def exploration(planner: str = "fov", seed: int = 0, run_dir: str = "", load_map: str = "") -> list[LaunchNode]:
-    """Everything above the robot. load_map: a SLAM map to go on in."""
+    """All nodes above the robot. load_map: a SLAM map to continue."""
     return [
         LaunchNode("vslam", {"seed": seed, "run_dir": run_dir, "load_map": load_map}),
         LaunchNode("move_base", {"planner": planner, "seed": seed}, respawn=True),
@@ -84,7 +84,7 @@ def view(host: str = "127.0.0.1", port: int = 8765) -> list[LaunchNode]:
 def replay(
     bag: str, rate: float = 1.0, use_odometry: bool = True, run_dir: str = "", named: BagTopics | None = None
 ) -> list[LaunchNode]:
-    """A recording in place of the robot, by rosbag's own player; only the SLAM listens. It ends with the bag."""
+    """A recording instead of the robot, played by rosbag's own player; only the SLAM listens. It ends with the bag."""
     named = named or BagTopics()
     ours = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
     renamed = " ".join(f"{theirs}:={our}" for theirs, our in zip(named, ours))
@@ -94,7 +94,7 @@ def replay(
 
 
 def xml(nodes: list[LaunchNode], config: dict[str, Any], params: dict[str, Any] | None = None) -> str:
-    """The launch file of these nodes. config: tree of 'vsx config', for all of them; params: of the namespace."""
+    """The launch file of these nodes. config: tree of 'vsx config', for all nodes; params: of the namespace."""
     lines = ["<launch>"]
     lines += [f'  <env name="{name}" value="{value}"/>' for name, value in ENVIRONMENT.items()]
     if config:
@@ -119,8 +119,7 @@ def _param(name: str, value: Any, indent: str) -> str:
 
 
 def package_environment() -> None:
-    """Make ``vsx_ros`` findable for rospack and roslaunch, from a checkout or from an installation. Raises ConfigError
-    when neither holds the package manifest."""
+    """Let rospack and roslaunch find ``vsx_ros``. Raises ConfigError when the package manifest is missing."""
     export_ros_address()
     checkout = Path(__file__).resolve().parents[3]
     if not (checkout / "package.xml").exists():
@@ -131,14 +130,14 @@ def package_environment() -> None:
 
 
 def start(text: str, *, quiet: bool = False) -> roslaunch.parent.ROSLaunchParent:
-    """Start the nodes of a launch text, with a master when none runs. Call it on the main thread. Raises ConfigError
-    when roslaunch refuses the text."""
+    """Start the nodes of a launch text, and a master if none runs. Call it on the main thread. Raises ConfigError if
+    roslaunch rejects the text."""
     package_environment()
     if shutil.which("rosmaster") is None:
         raise ConfigError("there is no rosmaster: install ROS with 'scripts/demo' or the packages of apt.txt")
     try:
         parent = roslaunch.parent.ROSLaunchParent(
-            roslaunch.rlutil.get_or_generate_uuid(None, False),  # a master that runs has one, and insists on it
+            roslaunch.rlutil.get_or_generate_uuid(None, False),  # a running master already has one and accepts no other
             [],
             roslaunch_strs=[text],
             is_core=False,

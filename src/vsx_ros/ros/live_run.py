@@ -1,4 +1,4 @@
-"""The processes of a live run: a master when none runs, all nodes, a watch over them, and a stop before the end."""
+"""The processes of a live run: a master if none runs, all nodes, a monitor for them, and a stop at the end."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ from vsx_ros.ros.nodes.dashboard import prepare_view
 from vsx_ros.runs import process
 from vsx_ros.runs.process import SignalFlag
 
-READY_WAIT_S = 180.0  # for the nodes: kernels may have to be compiled
-_STOP_S = 0.6  # the robot is told to stand for so long
+READY_WAIT_S = 180.0  # for the nodes: they may have to compile kernels
+_STOP_S = 0.6  # zero commands are sent for this long
 _ESTOP_WAIT_S = 2.0  # for the base's answer
-_ANSWER_S = 1.0  # of a master that may be gone
+_ANSWER_S = 1.0  # for a master that may be gone
 _END_S = launch.SIGINT_TIMEOUT_S + launch.SIGTERM_TIMEOUT_S + 1.0
-"""Nodes, then the master; roslaunch has killed them by then, unless it hangs itself."""
+"""Nodes first, then the master. By then roslaunch has killed them, unless it hangs itself."""
 _ESTOPPED = "mobile_base/estopped"
-MASTER = "master"  # What roslaunch calls the process of the master that it started
+MASTER = "master"  # roslaunch's name for the master process that it started
 
 
 class LiveRun:
-    """Usable as a context manager: whatever happens inside, the robot is stopped and every process is ended."""
+    """A context manager: whatever happens inside, it stops the robot and ends every process."""
 
     def __init__(
         self, nodes: list[LaunchNode], config: Config, vital: tuple[str, ...], log: Path, *, view: bool, replayed: bool
     ) -> None:
-        """vital: names of nodes without which it cannot go on. log: folder of what they say. view: with the live view
-        at ``url``. replayed: a recording gives the time, and there is no robot to stop. Raises ConfigError when the
-        view cannot be shown."""
+        """vital: names of nodes without which the run cannot continue. log: folder for their output. view: with the
+        live view at ``url``. replayed: a recording gives the time, and there is no robot to stop. Raises ConfigError
+        when the view cannot be shown."""
         os.environ["ROS_LOG_DIR"] = str(log.resolve())
         log.mkdir(exist_ok=True)
         self.url = ""
@@ -72,11 +72,11 @@ class LiveRun:
 
     @property
     def dead(self) -> str:
-        """The first vital node that died, or the master that this run has started; or nothing."""
+        """The first vital node that died, or the master if this run started it; else an empty string."""
         return next((name for name in self._dead if name in (*self._vital, MASTER)), "")
 
     def __enter__(self) -> LiveRun:
-        """Start everything. Raises ConfigError when no master can be had, a robot runs already or roslaunch refuses."""
+        """Start everything. Raises ConfigError if there is no master, a robot already runs, or roslaunch fails."""
         os.environ[node.DIE_WITH_PARENT] = "1"
         launch.package_environment()
         choose_master()
@@ -108,19 +108,19 @@ class LiveRun:
         try:
             self._parent = launch.start(self._text, quiet=True)
         except Exception:
-            if self.interrupted:  # roslaunch complains about the processes that the signal ended
+            if self.interrupted:  # roslaunch complains about processes that the signal ended
                 raise KeyboardInterrupt from None
             raise
-        self._heard.listen()  # roslaunch has put its own answers before
+        self._heard.listen()  # roslaunch has replaced the signal handlers
         self._parent.runner.pm.add_process_listener(SimpleNamespace(process_died=self._remember_dead))
         rospy.init_node("run", disable_signals=True, anonymous=True)
         logs.log_without_master()
         master_watch().remember({param.key: param.value for param in self._parent.config.params.values()})
-        master_watch().keep({node.PARAMETERS_SET: True})  # written after all others
+        master_watch().keep({node.PARAMETERS_SET: True})  # written after all other parameters
         self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
 
     def _remember_dead(self, process_name: str, _: int) -> None:
-        self._dead.append(process_name.rsplit("-", 1)[0])  # roslaunch numbers its processes
+        self._dead.append(process_name.rsplit("-", 1)[0])  # roslaunch adds a number to process names
 
     def _end(self) -> None:
         _tried(_ANSWER_S, lambda: rospy.signal_shutdown("the run is over"), "the ROS master")
@@ -132,7 +132,7 @@ class LiveRun:
         self._redirected.close()
 
     def _silence(self) -> None:
-        """The words of roslaunch, at whatever moment, and of all nodes go to a file; ``progress`` is the terminal's."""
+        """Redirect all output of roslaunch and the nodes to a file; only ``progress`` uses the terminal."""
         file = Path(os.environ["ROS_LOG_DIR"]) / "terminal.log"
         log = process.lossy(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), close=True)
         self._redirected.enter_context(log)
@@ -141,7 +141,7 @@ class LiveRun:
         self._redirected.enter_context(contextlib.redirect_stdout(log))
 
     def stop_robot(self) -> None:
-        """Zero with the highest priority and the emergency stop; either one alone is enough."""
+        """Send zero at the highest priority, and the emergency stop; either one alone is enough."""
         deadline_s = time.monotonic() + _STOP_S
         while time.monotonic() < deadline_s:
             self._zero_pub.publish(Twist())
@@ -157,14 +157,14 @@ class LiveRun:
             self._to_release = rospy.resolve_name(_ESTOPPED)
 
     def _release(self) -> None:
-        """Once all processes have ended: a master that lives on shall not stop the next run, unless it was the operator
-        who stopped this one."""
+        """Remove the emergency stop after all processes have ended. A master that keeps running must not stop the next
+        run, unless the operator had pressed the stop."""
         if self._to_release:
             _tried(_ANSWER_S, lambda: rosgraph.Master("/vsx").deleteParam(self._to_release), "the ROS master")
 
 
 def _tried(seconds: float, last: Callable[[], object], whom: str) -> None:
-    """One of the last things of a run; the next is done all the same."""
+    """Do one of a run's last steps; a failure is only logged."""
     try:
         calls.within(seconds, last, whom)
     except Exception as error:
@@ -172,7 +172,7 @@ def _tried(seconds: float, last: Callable[[], object], whom: str) -> None:
 
 
 def _kill(started: Sequence[Any]) -> None:
-    """What roslaunch has left alive; each is the head of its own group."""
+    """Kill what roslaunch has left alive; each process leads its own group."""
     for each in started:
         child = each.popen
         if child is not None and child.poll() is None:
@@ -181,8 +181,8 @@ def _kill(started: Sequence[Any]) -> None:
 
 
 def choose_master() -> None:
-    """Use the master that runs; else let roslaunch start one at the usual port, or at a free one if that is taken.
-    Raises ConfigError when ROS_MASTER_URI names another machine where no master answers, or a name nobody knows."""
+    """Use the running master. Else let roslaunch start one, at the usual port or at a free one if that is taken. Raises
+    ConfigError when ROS_MASTER_URI names another machine without a master, or a name without an address."""
     uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
     if rosgraph.is_master_online(uri):
         return
@@ -206,8 +206,8 @@ def choose_master() -> None:
 
 
 def refuse_second_robot(names: Sequence[str]) -> None:
-    """Raises ConfigError where a node of ours runs in this namespace already: ROS would end it in favour of the new
-    one, in the middle of a drive. One that died without a word to the master is no hindrance."""
+    """Raises ConfigError if one of these nodes already runs in this namespace: ROS would end it in favour of the new
+    one, even while it drives. A node that died without unregistering does not count."""
     master = rosgraph.Master("/vsx")
     for name in names:
         full_name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), name)

@@ -1,4 +1,4 @@
-"""What a node says of itself: logs that never fail, wait for the master or repeat themselves, and /diagnostics."""
+"""A node's reports: /diagnostics, and logs that never raise, never wait for the master and do not repeat themselves."""
 
 import logging
 import math
@@ -21,7 +21,7 @@ from vsx_ros.runs import process
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 _OMITS_TOPICS = "/rosout_disable_topics_generation"
-_REPEAT_S = 30.0  # the same trouble at most so often
+_REPEAT_S = 30.0  # minimum time between equal errors
 
 logger = logging.getLogger(__name__)
 _said_s: dict[str, float] = {}
@@ -29,29 +29,29 @@ _saying = threading.Lock()
 
 
 def quiet_failures() -> None:
-    """What a node says never ends it, and what it asks the master never holds it for ever."""
+    """Errors while logging never end the node, and calls to the master never block it forever."""
     process.never_fail()
     os.environ.setdefault("ROS_PYTHON_LOG_CONFIG_FILE", str(Path(__file__).with_name("python_logging.conf")))
     calls.bound_master_calls()
 
 
 def bridge_logging() -> None:
-    """Send the loggers of the core and of the drivers to the screen and to /rosout, as rospy's own."""
+    """Send the loggers of the core and of the drivers to the screen and to /rosout, like rospy's own logger."""
     rosout = logging.getLogger("rosout")
     for name in ("vsx_ros", "vsx_hw"):
         logging.getLogger(name).parent = rosout
 
 
 def log_without_master() -> None:
-    """Once a node: rospy asks the master for this entry with every line that is logged, unless it is set; a master that
-    hangs would hold whoever logs, the driver of the wheels and the emergency stop among them."""
+    """Call once per node. Unless this entry is cached, rospy asks the master for it with every logged line. A hanging
+    master would then block the driver of the wheels and the emergency stop, too."""
     kept = rospy.impl.paramserver.get_param_server_cache()
     kept.set(_OMITS_TOPICS, bool(rospy.get_param(_OMITS_TOPICS, False)))
 
 
 def due(what: str, period_s: float) -> bool:
-    """Whether ``what`` was not due for so long: to say something now and then, also while ROS time stands, which
-    rospy's own throttle goes by."""
+    """Whether ``what`` was last due at least this long ago; limits repeated messages. Unlike rospy's throttle, it also
+    works while ROS time stands still."""
     now_s = time.monotonic()
     with _saying:
         is_due = now_s - _said_s.get(what, -math.inf) > period_s
@@ -61,7 +61,7 @@ def due(what: str, period_s: float) -> bool:
 
 
 def attempt(last: Callable[[], None]) -> None:
-    """Do one of the last things of a node; log what goes wrong, so that the next is done all the same."""
+    """Do one of the last steps of a node. Log its failure, so that the next step is still done."""
     try:
         last()
     except VsxError as error:
@@ -75,7 +75,7 @@ def attempt(last: Callable[[], None]) -> None:
 
 @contextmanager
 def log_errors() -> Iterator[None]:
-    """Log what goes wrong inside, now and then, and end nothing: for work the robot can do without."""
+    """Log a VsxError from inside, at most every 30 s, and continue: for work that the robot can do without."""
     try:
         yield
     except VsxError as error:
@@ -84,7 +84,7 @@ def log_errors() -> Iterator[None]:
 
 
 class Diagnostics:
-    """Publishes the last known condition of the node's components once a second (REP 107), an error at once."""
+    """Publishes the last known state of the node's components once a second (REP 107), and a new error at once."""
 
     def __init__(self, hardware_id: str = "") -> None:
         self._hardware_id = hardware_id or rospy.get_name()
@@ -94,7 +94,7 @@ class Diagnostics:
         threads.every(1.0, "diagnostics", self._publish)
 
     def set(self, component: str, level: int, message: str, **values: object) -> None:
-        """Replace what is known of a component; ``values`` become key-value strings."""
+        """Replace the state of a component; ``values`` become key-value strings."""
         with self._lock:
             before = self._components.get(component)
             self._components[component] = (level, message, {k: str(v) for k, v in values.items()})
@@ -102,7 +102,7 @@ class Diagnostics:
             self._publish({component})
 
     def device(self, component: str, status: LinkStatus, **values: object) -> None:
-        """The link to a device. Raises DeviceError, which ends the node, where the driver's thread has ended."""
+        """Report the link to a device. If the driver's thread has ended, raises DeviceError, which ends the node."""
         if not status.alive:
             raise DeviceError(f"{status.device}: the driver's thread has ended; the node begins again")
         level = OK if status.connected else ERROR

@@ -1,8 +1,8 @@
-"""Whether the ROS master that answers knows this node. Without it nobody can be found, stopped or replaced.
+"""Checks whether the ROS master knows this node. If not, nobody can find, stop or replace the node.
 
-A master that was started again knows nobody: connections between nodes outlive it, none of its answers says that it is
-another one, and rospy registers each name once, when it is offered. So each node asks whether all that it offers is
-still registered, and registers it again, with the parameters that it needs, where it is not."""
+A restarted master knows no nodes. Connections between nodes survive it, its answers do not show that it is new, and
+rospy registers each name only once. So each node checks whether all its topics and services are still registered. If
+not, it registers them again, together with the parameters that it needs."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from rospy.impl import registration
 
 from vsx_ros.ros.calls import answers_at, ask_master
 
-REGISTER_S = 5.0  # All nodes register at a new master at once
+REGISTER_S = 5.0  # All nodes register at a new master at the same time
 PERIOD_S = 0.5  # between questions to the master
 TOPICS_EVERY = 10
-"""Services are looked for in each period; topics, which only a list of the whole graph tells, in one of so many."""
-SILENT_AFTER_S = 0.3  # Beyond the period
+"""Services are checked every period; topics need a list of the whole graph, so only every so many periods."""
+SILENT_AFTER_S = 0.3  # after the period
 
 
 class Offers(NamedTuple):
@@ -38,12 +38,12 @@ class Offers(NamedTuple):
 
 @cache
 def master_watch() -> MasterWatch:
-    """The one watch of this process, which is one node. It begins with the first call, after init_node."""
+    """The only watch of this process, which is one node. The first call, after init_node, starts it."""
     return MasterWatch()
 
 
 class MasterWatch:
-    """Asks every ``period_s`` seconds on a thread of its own."""
+    """Asks the master every ``period_s`` seconds on its own thread."""
 
     def __init__(self) -> None:
         self.period_s = PERIOD_S
@@ -58,26 +58,26 @@ class MasterWatch:
 
     @property
     def answers(self) -> bool:
-        """Whether the master answered lately."""
+        """Whether the master answered recently."""
         return time.monotonic() - self._answered_s < self.period_s + SILENT_AFTER_S
 
     @property
     def trouble(self) -> str:
-        """Why nothing may move: the master is silent, or this node cannot be found there; else nothing."""
+        """Why nothing may move: the master is silent, or this node is not registered there; else an empty string."""
         return self._trouble if self.answers else "the ROS master does not answer; start it again"
 
     def keep(self, values: Mapping[str, Any]) -> None:
-        """These parameters are so, at this master and at all that follow. Waits for the master only a moment."""
+        """Set these parameters at this master and at every later one. Waits for the master only for a moment."""
         with self._lock:
             for name, value in values.items():
                 self._stated[rospy.resolve_name(name)] = value
                 self._unwritten.add(rospy.resolve_name(name))
         if not self._trouble:
-            with contextlib.suppress(Exception):  # no answer, or nonsense: the thread does it later
+            with contextlib.suppress(Exception):  # no answer or an invalid one: the thread writes them later
                 self._write()
 
     def remember(self, values: Mapping[str, Any]) -> None:
-        """Parameters that were set when all began: a master that follows gets those it lacks."""
+        """Parameters that were set at the start: a later master gets those that it lacks."""
         self._found.update(values)
 
     def _ask(self) -> None:
@@ -86,8 +86,8 @@ class MasterWatch:
                 self._tell(self._look())
                 self._answered_s = time.monotonic()
             except ConnectionRefusedError:
-                self._answered_s = -math.inf  # a master that is there and slow refuses nobody
-            except Exception:  # no answer, or what nobody can understand
+                self._answered_s = -math.inf  # a slow master would not refuse the connection
+            except Exception:  # no answer, or an invalid one
                 pass
             time.sleep(self.period_s)
 
@@ -98,7 +98,7 @@ class MasterWatch:
                 rospy.logwarn("%s", trouble)
 
     def _look(self) -> str:
-        """Ask, register what is missing, and say why nothing may move."""
+        """Ask, register what is missing, and return why nothing may move."""
         offered = offers()
         questions = [("lookupNode", rospy.get_name()), *(("lookupService", name) for name in offered.services)]
         answers = ask_master(questions)
@@ -116,7 +116,7 @@ class MasterWatch:
                 there = rosgraph.get_master_uri()
                 return f"another node is {what} at {there}; end it, or give this robot its own namespace or master"
         if rospy.core.is_shutdown_requested():
-            return "the node is ending"  # and has taken back what it offered
+            return "the node is ending"  # and has unregistered its topics and services
         self._tell("the ROS master does not know this node, which registers again")
         self._owing = True
         self._restore()
@@ -129,7 +129,7 @@ class MasterWatch:
         return ""
 
     def _settle(self) -> None:
-        """All is registered. Look up as they are now its own parameters, the configuration and whose time it is."""
+        """Everything is registered. Read the node's current parameters, the configuration and /use_sim_time."""
         self._told_all_s = time.monotonic()
         self._write()
         names = (rospy.get_name(), rospy.resolve_name("config"), "/use_sim_time")
@@ -137,7 +137,7 @@ class MasterWatch:
             self._found[name] = value if code == 1 else {}
 
     def _restore(self) -> None:
-        """Parameters that a new master lacks; whoever has set one there already is right."""
+        """Set parameters that a new master lacks; a value that is already there stays."""
         leaves = {leaf: value for name, tree in list(self._found.items()) for leaf, value in _leaves(name, tree)}
         there = ask_master([("hasParam", leaf) for leaf in leaves], REGISTER_S)
         lost = [leaf for leaf, (_, _, has) in zip(leaves, there) if not has]
@@ -147,7 +147,7 @@ class MasterWatch:
         self._write()
 
     def _write(self) -> None:
-        """Parameters that this node has stated and the master does not have yet."""
+        """Write the parameters of ``keep`` that the master does not have yet."""
         with self._lock:
             values = {name: self._stated[name] for name in self._unwritten}
             if values:
@@ -164,13 +164,13 @@ def _leaves(name: str, tree: Any) -> Iterator[tuple[str, Any]]:
 
 
 def offers() -> Offers:
-    """What this node offers now."""
+    """What this node offers or hears now."""
     topics, services = registration.get_topic_manager(), registration.get_service_manager()
     return Offers(*map(dict, (topics.get_publications(), topics.get_subscriptions(), services.get_services())))
 
 
 def missing(offered: Offers) -> list[str]:
-    """What the master does not have of this node's, but for what it has let go since."""
+    """Offers of this node that the master lacks, except those withdrawn since."""
     ((_, _, state),) = ask_master([("getSystemState",)])
     name, now = rospy.get_name(), offers()
     return [
@@ -181,7 +181,7 @@ def missing(offered: Offers) -> list[str]:
 
 
 def register(offered: Offers) -> None:
-    """All of it, services first: the emergency stop is one. Subscribers learn who publishes."""
+    """Register all, services first: the emergency stop is one. Subscribers get the publishers."""
     uri = rospy.core.get_node_uri()
     calls = [("registerService", name, address, uri) for name, address in offered.services.items()]
     calls += [("registerPublisher", name, kind, uri) for name, kind in offered.published.items()]

@@ -1,5 +1,4 @@
-"""What a mission says (state, choices, frontiers and views, as explore_lite does), where it sends the base and what it
-keeps of a run."""
+"""Output of a mission: state, choices, frontiers and views (as explore_lite), goals for the base, and stored state."""
 
 import json
 import threading
@@ -26,17 +25,17 @@ from vsx_ros.ros import convert, headers, logs, threads, topics
 from vsx_ros.ros.situation import LocalizationSubscriber
 from vsx_ros.runs.folder import RunFolder
 
-_STATUS_PERIOD_S = 1.0  # also when nothing has changed
+_STATUS_PERIOD_S = 1.0  # also without a change
 _BLUE = ColorRGBA(0.0, 0.0, 1.0, 1.0)  # frontiers
 _GREEN = ColorRGBA(0.0, 1.0, 0.0, 1.0)  # views
-_WHITE = ColorRGBA(1.0, 1.0, 1.0, 1.0)  # their utilities
-_SHOWN_VIEWS = 10  # the best
-_BIGGEST_BALL_M = 0.3  # of the best view
-_TEXT_M = 0.15  # height
-_LIFETIME_S = 10.0  # of markers that nobody renews
-_WRITE_PERIOD_S = 1.0  # a crash costs so much of what the mission remembers
+_WHITE = ColorRGBA(1.0, 1.0, 1.0, 1.0)  # their utility values
+_SHOWN_VIEWS = 10  # only the best
+_BIGGEST_BALL_M = 0.3  # diameter for the best view
+_TEXT_M = 0.15  # text height
+_LIFETIME_S = 10.0  # of markers that are not renewed
+_WRITE_PERIOD_S = 1.0  # a crash loses at most this much memory
 TAKEN_WITHIN_S = 2.0
-"""actionlib waits for ever for a goal that was lost on its way, as to a move_base that died at that moment."""
+"""actionlib waits forever for a goal that was lost, e.g. because move_base died at that moment."""
 
 
 class MissionTopics:
@@ -54,14 +53,14 @@ class MissionTopics:
         self._coverage_pub = rospy.Publisher(topics.COVERAGE, Float32, queue_size=1, latch=True)
 
     def events(self, events: Iterable[MissionEvent]) -> None:
-        """Changes of state and choices, in the log, too."""
+        """Publish and log changes of state and choices."""
         for event in events:
             rospy.loginfo("%s: %s", event.state, event.reason)
             self._events_pub.publish(json.dumps(event._asdict()))
 
     def report(self, decision: Decision, navigation: NavigationState, grid: OccupancyGrid | None) -> bool:
-        """The area of a new map; frontiers and views when these were ranked again; the status on change and once a
-        second. Whether the status was said."""
+        """Publish the area of a new map, newly ranked frontiers and views, and the status (on change and once a
+        second). Returns whether the status was published."""
         if grid is not None and grid is not self._grid:
             self._grid = grid
             self._coverage_pub.publish(grid.known_area_m2)
@@ -95,8 +94,8 @@ class MissionTopics:
 def frontier_markers(
     grid: OccupancyGrid, frontiers: Sequence[Frontier], views: Sequence[View], stamp_ns: int
 ) -> MarkerArray:
-    """A blue marker of points a frontier; for the best views a green ball as big as they are useful, and v, d (the stop
-    included) and U in words."""
+    """One blue marker of points per frontier. Each of the best views gets a green ball whose size shows its utility,
+    and a text with v, d (including the stop) and U."""
     about = {"header": headers.header(topics.MAP_FRAME, stamp_ns), "lifetime": rospy.Duration.from_sec(_LIFETIME_S)}
 
     def marker(namespace: str, number: int, kind: int, color: ColorRGBA, size_m: float, pose: SE2) -> Marker:
@@ -120,10 +119,10 @@ def frontier_markers(
 
 
 class MissionWriter:
-    """Writes once a second where ~run_dir is given, and restores what a session before has left there."""
+    """Writes once a second if ~run_dir is given, and restores what an earlier session stored there."""
 
     def __init__(self, mission: Mission, lock: threading.Lock, where: LocalizationSubscriber) -> None:
-        """lock: of the mission."""
+        """lock: the mission's lock."""
         self._mission, self._lock, self._where = mission, lock, where
         self._writing = threading.Lock()
         self._saved: SavedMission | None = None
@@ -135,13 +134,13 @@ class MissionWriter:
             threads.every(_WRITE_PERIOD_S, "memory", self.write)
 
     def restore(self, now_ns: int, T_odom_base: SE2 | None) -> None:
-        """Once, as soon as there is odometry; the caller holds the lock."""
+        """Restore once, as soon as there is odometry; the caller holds the lock."""
         if self._saved is not None and T_odom_base is not None:
             self._mission.restore(now_ns, self._saved, T_odom_base)
             self._saved = None
 
     def write(self) -> None:
-        """Write all of it now; may wait for the disk."""
+        """Write everything now; this may wait for the disk."""
         now_ns = headers.now_ns()
         T_odom_base = self._where.at(now_ns).T_odom_base
         if self._checkpoint is None or self._saved is not None or T_odom_base is None:
@@ -163,13 +162,13 @@ class GoalSender:
 
     @property
     def is_served(self) -> bool:
-        """Whether an action server is connected. The client's own wait for it goes by ROS time, which may stand."""
+        """Whether an action server is connected. The client's own wait uses ROS time, which may stand still."""
         ends = self._client.pub_goal, self._client.pub_cancel, self._client.result_sub, self._client.feedback_sub
         return all(end.get_num_connections() > 0 for end in ends)
 
     def act(self, now_ns: int, decision: Decision) -> None:
-        """Send the goal of a decision, or cancel the one under way; that one and no other: after a pause somebody else
-        may send one."""
+        """Send the goal of a decision, or cancel our current goal. Other goals stay: during a pause another client may
+        send one."""
         if decision.action is Action.GO and decision.goal is not None:
             goal = convert.pose_stamped(decision.frame, now_ns, decision.goal)
             self._goal = self._client.send_goal(MoveBaseGoal(goal))
@@ -179,8 +178,8 @@ class GoalSender:
             self._goal.cancel()
 
     def state(self) -> tuple[NavigationState, str]:
-        """What has become of the newest goal, and what move_base says of it; IDLE before the first. A goal that nobody
-        takes is cancelled."""
+        """State of the newest goal, and move_base's reason; IDLE before the first goal. Cancels a goal that is not
+        accepted in time."""
         if self._goal is None:
             return NavigationState.IDLE, ""
         reason, comm = str(self._goal.get_goal_status_text()), self._goal.get_comm_state()
@@ -195,5 +194,5 @@ class GoalSender:
         return NavigationState.SUCCEEDED if arrived else NavigationState.ABORTED, reason
 
     def cancel_all(self) -> None:
-        """Those of others, too: nobody wants to drive."""
+        """Cancel all goals, also those of other clients: nothing may drive."""
         self._client.cancel_all_goals()

@@ -1,6 +1,6 @@
-"""Watches a run from outside: what the stack says of itself, and what really happened where an emulator knows it.
+"""Watches a run from outside: the stack's reports, and the ground truth if there is an emulator.
 
-The monitor is the evaluator, not a part of the stack: it alone may listen to the ground truth, and publishes nothing.
+The monitor evaluates the run and is no part of the stack. Only it may hear the ground truth; it publishes nothing.
 """
 
 import math
@@ -32,24 +32,23 @@ from vsx_ros.ros.logs import ERROR
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import ClockLine, Journal, Line, RunEvent, TruthLine, flat, read_journal, unflat
 
-_JITTER_M = 0.002  # between two poses; less is no way
+_JITTER_M = 0.002  # between two poses; smaller steps are noise
 _LINKS = ("mobile_base: link", "camera: stream")
-_TIMES = 3  # a link that is being made is without images, or not yet there, for a moment
-# rospy's own remarks on connections that come and go while nodes start and end.
+_TIMES = 3  # a new link is briefly without images or not connected
+# rospy's messages about connections that open and close while nodes start and end.
 _TRANSPORT_FILES = ("tcpros_base.py", "tcpros_service.py", "registration.py")
 
 
 class DeviceTrouble:
-    """Which device keeps a robot from starting, from what base and camera say of their links each second. A warning on
-    /rosout is said once, and lost where nobody listened yet; diagnostics are said again."""
+    """Finds the device that keeps a robot from starting, from the link diagnostics of base and camera. A warning on
+    /rosout comes only once and may be missed; diagnostics repeat."""
 
     def __init__(self, namespace: str) -> None:
         self._names = {f"{namespace.strip('/')}/{link}".lstrip("/") for link in _LINKS}
         self._said: dict[str, tuple[str, int]] = {}
 
     def heard(self, status: DiagnosticStatus) -> str | None:
-        """The node and the sentence it would have written to /rosout, when it says the same trouble for the third
-        time."""
+        """Returns the node and its warning, in the form of /rosout, when the same error comes for the third time."""
         if status.name not in self._names:
             return None
         before, times = self._said.get(status.name, ("", 0))
@@ -68,7 +67,7 @@ class Monitor:
     emulator.
 
     events: every change of state. truth: true camera poses in the emulated world. plan_ms: time of each plan. error_m:
-    distance to the reference while following. These only grow."""
+    distance to the reference while following. These lists only grow."""
 
     def __init__(self, *, emulated: bool) -> None:
         self._lock = threading.Lock()
@@ -108,13 +107,13 @@ class Monitor:
             subscribe(topics.TRUTH_CLEARANCE, Float32, lambda msg: self._set(min_clearance_m=msg.data), queue_size=5)
 
     def new_warnings(self) -> list[str]:
-        """What nodes warned of since the last call, each sentence once."""
+        """Warnings of the nodes since the last call, each sentence once."""
         with self._lock:
             fresh, self._warnings = self._warnings, []
         return fresh
 
     def last_words(self, node: str) -> str:
-        """What a node of the run said before it ended itself; nothing where it had no time to."""
+        """The fatal message of a node before it ended; empty if there was none."""
         return self._last_words.get(rospy.resolve_name(node), "")
 
     def _on_log(self, msg: Log) -> None:
@@ -180,8 +179,8 @@ class Monitor:
 def progress_line(
     monitor: Monitor, coverage: float | None, elapsed_s: float, limit_s: float | None, missing: Iterable[str] = ()
 ) -> str:
-    """State, coverage, keyframes, tracked ratio, distance, time, and the reason of the state. missing: nodes known to
-    be without their device."""
+    """State, coverage, keyframes, tracked ratio, distance, time, and the reason of the state. missing: nodes that are
+    known to lack their device."""
     stats, status = monitor.stats, monitor.status
     area = monitor.grid.known_area_m2 if monitor.grid is not None else 0.0
     covered = f"{100 * coverage:.0f} % covered" if coverage is not None else f"{area:.1f} m2 known"
@@ -199,10 +198,10 @@ def progress_line(
 
 
 class MonitorJournal:
-    """What the monitor saw, kept as it happens, for the session that goes on after an interruption.
+    """Stores what the monitor sees as it happens, for a session that resumes after an interruption.
 
-    ``keep`` a few times a second. before: what the sessions before kept. clock: how far they had come. so_far: what is
-    counted up to now. T_cam_base: as mounted. failure: why not all of it is kept, or nothing; the run goes on without.
+    Call ``keep`` a few times a second. before: what earlier sessions stored. clock: how far they came. so_far: counts
+    up to now. T_cam_base: as mounted. failure: why something was not stored, or empty; the run goes on.
     """
 
     def __init__(self, folder: RunFolder, mount: MountConfig) -> None:
@@ -219,20 +218,20 @@ class MonitorJournal:
 
     @property
     def T_world_base(self) -> SE2 | None:
-        """Where the emulated robot stood when the session before ended; None where that is not known."""
+        """Where the emulated robot stood when the previous session ended; None if unknown."""
         last = [line for line in self.before if isinstance(line, TruthLine)][-1:]
         return SE2(*last[0].T_world_base) if last else None
 
     def truth(self) -> list[StampedPose]:
-        """True camera poses of the sessions before."""
+        """True camera poses of the earlier sessions."""
         return [StampedPose(x.stamp_ns, unflat(x.T_world_cam)) for x in self.before if isinstance(x, TruthLine)]
 
     def events(self) -> list[RunEvent]:
-        """Events of the sessions before."""
+        """Events of the earlier sessions."""
         return [line for line in self.before if isinstance(line, RunEvent)]
 
     def keep(self, monitor: Monitor, now_ns: int, elapsed_s: float) -> None:
-        """Write down what is new. elapsed_s: of all sessions."""
+        """Append what is new. elapsed_s: over all sessions."""
         truths, events = monitor.truth[self._truths :], monitor.events[self._events :]
         self._truths, self._events = self._truths + len(truths), self._events + len(events)
         collisions = self.clock.collisions + monitor.collisions

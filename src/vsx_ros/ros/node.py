@@ -21,26 +21,26 @@ from vsx_ros.ros import headers, logs
 from vsx_ros.ros.master_watch import master_watch
 
 _LOOK_S = 0.05  # rospy.spin would sleep for half a second
-_LET_GO_S = 5.0  # for a thread to end after the node
+_LET_GO_S = 5.0  # for a thread to finish after the node
 
 DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"  # Environment variable: a node started by a run ends when the run is killed
-PARAMETERS_SET = "live_run/parameters_set"  # Parameter: the run has put those of all nodes to this master
-_PARAMETERS_S = 10.0  # roslaunch sets them before, other masters late
+PARAMETERS_SET = "live_run/parameters_set"  # Parameter: the run has set all nodes' parameters at this master
+_PARAMETERS_S = 10.0  # roslaunch sets them before the start, a new master later
 _MALLOC = {"M_TRIM_THRESHOLD": (-1, 2**18), "M_MMAP_THRESHOLD": (-3, 2**18), "M_ARENA_MAX": (-8, 1)}
-"""Settings of glibc's malloc (mallopt(3)), bytes: maps and images are larger than this, messages are not."""
+"""Settings of glibc's malloc (mallopt(3)), in bytes: maps and images are larger than this, messages are smaller."""
 
 
 class Node(Protocol):
-    """What ``run`` needs: advertise and subscribe on construction, let go in ``close``."""
+    """What ``run`` needs: advertise and subscribe in the constructor, release everything in ``close``."""
 
     def close(self) -> None:
-        """Stop threads, write what must be written. Called once, when ROS shuts down."""
+        """Stop threads and write results. Called once, when ROS shuts down."""
 
 
 def run(name: str, build: Callable[[Config], Node]) -> None:
-    """Be the node ``name`` until ROS shuts down. ``build`` makes it of the configuration in the parameter
-    ``~config``; whatever it must compile it compiles before it advertises. A broken promise (configuration,
-    calibration, device) is logged as one sentence and ends the process with exit code 1, 2 for a device."""
+    """Run the node ``name`` until ROS shuts down. ``build`` makes it from the configuration in the parameter
+    ``~config`` and compiles everything before it advertises. A VsxError is logged as one sentence and ends the process
+    with exit code 1; a DeviceError does the same with exit code 2."""
     _die_with_parent()
     return_freed_memory()
     logs.quiet_failures()
@@ -66,7 +66,7 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
     unclosed = threading.Lock()
 
     def close() -> None:
-        """Once: what is added while ROS shuts down is never called by it."""
+        """Close once. ROS skips hooks added during shutdown, so ``run`` calls this, too."""
         if unclosed.acquire(blocking=False):
             node.close()
 
@@ -90,8 +90,8 @@ def _start(name: str, build: Callable[[Config], Node]) -> Node:
 
 
 def _await_parameters() -> None:
-    """A node of a live run that is started again may be quicker at a new master than the run, which puts the
-    parameters of all nodes there."""
+    """Wait for the parameters of all nodes. A restarted node of a live run may reach a new master before the run has
+    set them there."""
     deadline_s = time.monotonic() + _PARAMETERS_S
     while os.environ.get(DIE_WITH_PARENT) and not rospy.has_param(PARAMETERS_SET) and time.monotonic() < deadline_s:
         time.sleep(0.05)
@@ -104,10 +104,10 @@ def _fail(name: str, reason: str, exit_code: int) -> NoReturn:
 
 
 def _close_on_signals() -> Callable[[], None]:
-    """Shut down on SIGINT, SIGTERM and SIGHUP, on a thread; what waits until that is done, if a signal came.
+    """Shut down on SIGINT, SIGTERM and SIGHUP, on a thread. Returns a function that waits for the end if a signal came.
 
-    rospy does it in the handler, on top of whatever the main thread is at: if that is a question to the master, the
-    handler waits for the question's lock for ever."""
+    rospy shuts down inside the signal handler, which interrupts the main thread. If that thread is calling the master,
+    the handler waits for the lock of that call forever."""
     heard, told = os.pipe()
     os.set_blocking(told, False)
     signal.set_wakeup_fd(told)
@@ -127,7 +127,7 @@ def _close_on_signals() -> Callable[[], None]:
 
 
 def configuration() -> Config:
-    """The configuration: the tree ``config`` of the namespace, entries of the node's own ``~config`` first. Raises
+    """The configuration: the tree ``config`` of the namespace; the node's own ``~config`` takes precedence. Raises
     ConfigError naming the entry."""
     tree: dict[str, Any] = {}
     for name in ("config", "~config"):
@@ -147,15 +147,15 @@ def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 
 
 def _die_with_parent() -> None:
-    """Ask the kernel for SIGINT when the run that started this node is gone, however it went."""
+    """Ask the kernel to send SIGINT when the parent run has ended for any reason."""
     if os.environ.get(DIE_WITH_PARENT) and sys.platform == "linux":
         pr_set_pdeathsig = 1
         ctypes.CDLL(None, use_errno=True).prctl(pr_set_pdeathsig, signal.SIGINT)
 
 
 def return_freed_memory() -> None:
-    """Let every freed map and image go back to the system. By itself malloc keeps them between small ones, one heap for
-    each thread, so that a node that hears maps grows by tens of MB in its first half hour."""
+    """Return the memory of freed maps and images to the system. By default malloc keeps it between small blocks, with
+    one heap per thread. A node that receives maps then grows by tens of MB in its first half hour."""
     if sys.platform == "linux":
         for parameter, value in _MALLOC.values():
             ctypes.CDLL(None).mallopt(parameter, value)

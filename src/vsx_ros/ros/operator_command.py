@@ -1,4 +1,4 @@
-"""Commands of the operator join a running ROS graph for a moment and leave it as it was. The shortest of them."""
+"""The operator's commands join a running ROS graph briefly and leave it unchanged. The shortest ones are here."""
 
 import contextlib
 import functools
@@ -23,14 +23,14 @@ from vsx_ros.runs.process import DONE
 
 P = ParamSpec("P")
 
-_LEAVE_S = 3.0  # to take leave of the master
-_STOP_S, _STAND_S = 6.0, 2.0  # for the emergency stop to be answered; for the base to stand then
-_STANDING_M_S, _STANDING_RAD_S = 0.01, 0.02  # as vsx_ros.robot has it
+_LEAVE_S = 3.0  # to unregister from the master
+_STOP_S, _STAND_S = 6.0, 2.0  # for the answer to the emergency stop; then for the base to stand still
+_STANDING_M_S, _STANDING_RAD_S = 0.01, 0.02  # as in vsx_ros.robot
 _OFFERED_S, _SAVED_S = 5.0, 120.0  # The map of a large building is 120 MB, and its disk may be slow
 
 
 def join(name: str) -> None:
-    """Be a node whose name nobody else has. Ctrl-C stays what it is in Python. Raises ConfigError when no master
+    """Become a node with a unique name. Ctrl-C keeps its usual Python behaviour. Raises ConfigError if no master
     answers."""
     export_ros_address()
     uri = os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
@@ -44,7 +44,7 @@ def join(name: str) -> None:
 
 
 def command(work: Callable[P, int]) -> Callable[P, int]:
-    """``work``, which joins, and leaves at its end. Ctrl-C is how these commands are ended, hence no failure."""
+    """Wraps ``work``, which joins; leaves at its end. Ctrl-C is the normal end of these commands, no failure."""
 
     @functools.wraps(work)
     def joining(*args: P.args, **options: P.kwargs) -> int:
@@ -62,8 +62,8 @@ def command(work: Callable[P, int]) -> Callable[P, int]:
 
 @command
 def stop(*, release: bool) -> int:
-    """The emergency stop of ``vsx stop``: set or release it, and see that the wheels stand. Raises ConfigError when
-    there is no master or no base, DeviceError when the base does not answer or rolls on."""
+    """The emergency stop of ``vsx stop``: set or release it. After setting it, check that the wheels stand. Raises
+    ConfigError without a master or base, DeviceError when the base does not answer or rolls on."""
 
     def call() -> None:
         join("stop")
@@ -87,7 +87,7 @@ def stop(*, release: bool) -> int:
 
 
 def _see_it_stand() -> None:
-    """Wait for odometry that says so. Raises DeviceError when the wheels still turn, or nobody knows."""
+    """Wait until odometry reports standstill. Raises DeviceError if the wheels still turn or no odometry comes."""
     said = "it sends no odometry"
     deadline_s = time.monotonic() + _STAND_S
     while (left_s := deadline_s - time.monotonic()) > 0.0:
@@ -103,8 +103,8 @@ def _see_it_stand() -> None:
 
 @command
 def save_map(out: Path | None) -> int:
-    """``vsx map save`` of a running robot: vslam saves its map. out: where, else where the node finds best. Raises
-    ConfigError when no robot maps, MapFileError when the map cannot be saved."""
+    """``vsx map save`` of a running robot: vslam saves its map. out: the file, or None for the node's default. Raises
+    ConfigError if vslam does not run, MapFileError if the map cannot be saved."""
     join("save_map")
     try:
         rospy.wait_for_service(topics.SAVE_MAP, timeout=_OFFERED_S)

@@ -1,5 +1,5 @@
-"""Plans are made on a thread of their own, so that who drives is watched meanwhile; how slowly and how carefully they
-are driven may be changed while the node runs, by any client of dynamic_reconfigure."""
+"""Makes plans on a separate thread, so that the drive is monitored meanwhile. Any client of dynamic_reconfigure may
+change speed limits and the view bound of the plans while the node runs."""
 
 import math
 import queue
@@ -34,7 +34,7 @@ class PlanningThread:
     """Subscribers: map, vslam/map_points. Publishers: move_base/stats/plan_ms. Services: move_base/make_plan."""
 
     def __init__(self, config: Config, diagnostics: Diagnostics) -> None:
-        """Raises ConfigError for a ~planner that there is not."""
+        """Raises ConfigError for an unknown ~planner."""
         kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
         self._planner, self._diagnostics = GoalPlanner(config, kind, seed), diagnostics
         warm_up()
@@ -54,13 +54,13 @@ class PlanningThread:
         return self._planner.grid
 
     def ask(self, request: PlanRequest) -> None:
-        """Begin with this plan when the one under way is made; others that wait are not wanted any longer."""
+        """Make this plan after the current one; other waiting requests are dropped."""
         if request.again:
             rospy.logwarn("planning again: %s", request.again)
         self._requests.put(request)
 
     def answers(self) -> list[tuple[int, TimedPlan | Refusal]]:
-        """What was found since the last call, each with the number of its request."""
+        """Results since the last call, each with the number of its request."""
         return [self._answers.get() for _ in range(self._answers.qsize())]
 
     def _work(self) -> None:
@@ -71,7 +71,7 @@ class PlanningThread:
             self.make(request)
 
     def make(self, request: PlanRequest) -> None:
-        """Make a plan, here."""
+        """Plan on this thread."""
         began_s = time.monotonic()
         with self._lock:
             answer = self._planner.timed(request.start, request.goal, request.frame)
@@ -91,7 +91,7 @@ class PlanningThread:
         self._planner.take_landmarks(convert.cloud_points(msg), msg.header.stamp.to_nsec())
 
     def _on_make_plan(self, request: GetPlanRequest) -> GetPlanResponse:
-        """Without poses where there is no plan; the log says why."""
+        """Answers without poses if there is no plan; the log gives the reason."""
         try:
             ends = request.start, request.goal
             start, goal = ((headers.bare(end.header.frame_id), convert.se2(end.pose)) for end in ends)
@@ -107,7 +107,7 @@ class PlanningThread:
 
 
 class Adjustable(NamedTuple):
-    """One number. entry: its dotted name in the configuration; value: as configured."""
+    """One adjustable number. entry: its dotted name in the configuration; value: as configured."""
 
     entry: str
     value: float
@@ -117,12 +117,12 @@ class Adjustable(NamedTuple):
 
     @property
     def name(self) -> str:
-        """What clients call it, and the private parameter that remembers it across a restart of the node."""
+        """Its name for clients, and the private parameter that keeps it across a restart of the node."""
         return self.entry.rpartition(".")[2]
 
 
 def adjustable_of_plans(config: Config) -> list[Adjustable]:
-    """What move_base lets be changed for the plans to come: slower than configured, but never faster."""
+    """What clients may change for later plans. Speeds can be lower than configured, never higher."""
     v, omega, phi = config.limits.v_m_s, config.limits.omega_rad_s, config.planner.phi_rad_m
     return [
         Adjustable("limits.v_m_s", v, 0.05, v, "speed [m/s]"),
@@ -134,9 +134,9 @@ def adjustable_of_plans(config: Config) -> list[Adjustable]:
 def serve_adjustable(config: Config, on_change: Callable[[Config], None]) -> Server:
     """Services: ~set_parameters. Publishers: ~parameter_descriptions, ~parameter_updates (latched).
 
-    ``on_change`` gets the whole configuration, on a thread of its own: at once when a private parameter was set
-    before, and whenever a client asks. Values beyond the bounds are clamped. Raises ConfigError for a private
-    parameter that is no number."""
+    Calls ``on_change`` with the whole configuration on a separate thread: at once if a private parameter was set
+    before, and at each change by a client. Values beyond the bounds are clamped. Raises ConfigError for a private
+    parameter that is not a number."""
     numbers = adjustable_of_plans(config)
     applied = {number.name: number.value for number in numbers}
     for number in numbers:
@@ -161,7 +161,7 @@ def serve_adjustable(config: Config, on_change: Callable[[Config], None]) -> Ser
 
 
 def _described(numbers: Sequence[Adjustable]) -> SimpleNamespace:
-    """What a module generated from a .cfg file would hold."""
+    """The content of a module generated from a .cfg file."""
     about = {"type": "double", "level": 1, "edit_method": ""}
     parameters = [{"name": number.name, "description": number.meaning, **about} for number in numbers]
     group = {"name": "Default", "type": "", "id": 0, "parent": 0, "parameters": parameters, "groups": []}

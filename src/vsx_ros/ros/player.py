@@ -1,4 +1,4 @@
-"""A recording in place of a robot's camera, odometry and clock."""
+"""Plays a recording in place of a robot's camera, odometry and clock."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from vsx_ros.io.recording import Recording
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import base_messages, headers, images, topics
 
-_TICK_S = 0.01  # so that a stop is heard at once
+_TICK_S = 0.01  # so that a stop takes effect at once
 _NEVER_NS = 2**62  # later than any stamp
 _LEAD_NS = 1_000_000_000  # odometry before the first image
-_HOLD_NS = 100_000_000  # odometry may be recorded so much later than the image it belongs to
-_FIRST_ANSWER_S, _ANSWER_S = 30.0, 10.0  # kernels are loaded first; a frame takes far less
+_HOLD_NS = 100_000_000  # odometry may be recorded this much later than its image
+_FIRST_ANSWER_S, _ANSWER_S = 30.0, 10.0  # kernels are loaded first; one frame takes far less
 _CALIBRATION_LEAD_S = 0.5
-"""It comes by a connection of its own, as odometry does, and an image that overtakes it is lost."""
+"""Calibration and odometry use separate connections; an image that arrives before them is lost."""
 SLAM_NODE = "vslam"
-_END_NS = 3_000_000_000  # So long time goes on after the last image, for maps that are made once a second
+_END_NS = 3_000_000_000  # Time continues this long after the last image, for maps that are made once a second
 
 
 class Player:
-    """Publishers: /clock, camera/rgb/image_raw (mono8), camera/rgb/camera_info and shutter (latched), odom, /tf odom
-    -> base_footprint. Subscribers: vslam/stats/latency_ms, which comes once an image."""
+    """Publishers: /clock, camera/rgb/image_raw (mono8), camera/rgb/camera_info and shutter (latched), odom, /tf odom ->
+    base_footprint. Subscribers: vslam/stats/latency_ms, which comes once per image."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
@@ -52,7 +52,7 @@ class Player:
 
     @property
     def ready(self) -> bool:
-        """Whether the SLAM listens and will be heard; that others listen says nothing."""
+        """Whether the SLAM listens and its answers are received; other listeners do not count."""
         slam = rospy.resolve_name(SLAM_NODE)
         listeners = [
             {name for _, name, *_ in publisher.impl.get_stats_info()}
@@ -61,10 +61,10 @@ class Player:
         return self._answers.get_num_connections() > 0 and all(slam in names for names in listeners)
 
     def play(self, rate: float, goes_on: Callable[[], bool]) -> None:
-        """Everything in its order until the end, or until not ``goes_on()``.
+        """Play all messages in order, until the end or until ``goes_on()`` is false.
 
-        rate: recorded seconds a second; 0: as fast as the SLAM answers, and no image is left out. The first image is
-        waited for, whatever the rate: by then everybody has found everybody."""
+        rate: recorded seconds per second; 0: as fast as the SLAM answers, without dropping images. At every rate it
+        waits for the answer to the first image: by then all connections exist."""
         messages = _deliveries(self._recording)
         first = next(messages, None)
         if first is None:
@@ -85,7 +85,7 @@ class Player:
         self._wait_until(self._now_ns + _END_NS, _Stopwatch(self._now_ns, 1.0), goes_on)
 
     def _wait_until(self, stamp_ns: int, played: _Stopwatch, goes_on: Callable[[], bool]) -> bool:
-        """Let the clock run to the stamp, never back. False when it does not go on."""
+        """Run the clock up to the stamp, never backwards. False if ``goes_on()`` is false."""
         while goes_on():
             now_ns = played.now_ns
             self._set_clock(max(self._now_ns, min(now_ns, stamp_ns)))
@@ -119,16 +119,16 @@ class Player:
             self._answer.notify_all()
 
     def _wait_for_answer(self, seconds: float, goes_on: Callable[[], bool]) -> None:
-        """Until the SLAM has looked at every image sent; not for ever, for it may have dropped one."""
+        """Wait until the SLAM has processed every image sent. The wait is limited, because it may have dropped one."""
         deadline_s = time.monotonic() + seconds
         with self._answer:
             while self._answered < self.sent and time.monotonic() < deadline_s and goes_on():
                 self._answer.wait(_TICK_S)
-            self._answered = self.sent  # what was not answered by now was dropped
+            self._answered = self.sent  # unanswered images were dropped
 
 
 class _Stopwatch:
-    """The recording's time, running from ``begin_ns`` on; at rate 0 it is over at once."""
+    """The recording's time, running from ``begin_ns``; at rate 0 it is at the end at once."""
 
     def __init__(self, begin_ns: int, rate: float) -> None:
         self.rate = rate
@@ -142,8 +142,8 @@ class _Stopwatch:
 
 
 def _deliveries(recording: Recording) -> Iterator[Frame | Odometry]:
-    """Messages by stamp, but an image after the first odometry that is not older, as from a real camera. Left out are
-    images before odometry was heard, which have no pose, and odometry long before the first image."""
+    """Messages by stamp. As with a real camera, an image comes after the first odometry that is not older. Leaves out
+    images before the first odometry, which have no pose, and odometry long before the first image."""
     odometry, waiting = recording.odometry, deque[Frame]()
     first = next(recording.frames(), None)
     if first is None:

@@ -1,4 +1,4 @@
-"""The recorder behind ``vsx record``: a ROS 1 bag that grows message by message; whole or named .active."""
+"""The recorder behind ``vsx record``: writes a ROS 1 bag message by message, named .active until it is complete."""
 
 import argparse
 import io
@@ -36,16 +36,16 @@ _TOPICS = (
 )  # fmt: skip
 _NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
 _WARN_AFTER_S = 3.0  # without a message
-_TICK_S = 0.1  # so that Ctrl-C is heard at once
+_TICK_S = 0.1  # so that Ctrl-C takes effect at once
 _JPEG_QUALITY = 90  # of 100
 _ENCODING = {"png": [cv2.IMWRITE_PNG_COMPRESSION, 1], "jpeg": [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]}
 _WAITING = 500  # Messages that may wait for the disk: 150 MB of raw images
-_STUCK_S = 30.0  # A disk that took nothing for so long is not waited for
+_STUCK_S = 30.0  # After this long without progress, stop waiting for the disk
 _OVERHEAD_BYTES = 64  # of a record's header and index, about
 
 
 class Serialized(NamedTuple):
-    """A message as it came over the wire. said: by its publisher, the header of the connection."""
+    """A message in its serialized form. said: the connection header sent by its publisher."""
 
     topic: str
     stamp_ns: int
@@ -54,8 +54,8 @@ class Serialized(NamedTuple):
 
 
 class BagWriter:
-    """Writes on a thread of its own. ``put`` never waits; ``close`` writes the index and gives the bag its name. Raises
-    InputError when the file cannot be made. ``failure`` says, later, why writing ended early."""
+    """Writes on its own thread. ``put`` never waits; ``close`` writes the index and renames the bag. Raises InputError
+    if the file cannot be created. ``failure`` gives the reason if writing ended early."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._active = path, path.with_name(f"{path.name}.active")
@@ -72,14 +72,14 @@ class BagWriter:
         self._thread.start()
 
     def put(self, message: Serialized) -> None:
-        """Write it soon; when the disk is too slow it is dropped and counted."""
+        """Queue the message for writing; if the queue is full, drop and count it."""
         try:
             self._queue.put_nowait(message)
         except queue.Full:
             self.dropped += 1
 
     def close(self) -> Path:
-        """Finish; the path of the bag. An empty one is not left behind."""
+        """Finish and return the bag's path. An empty bag is deleted."""
         with suppress(queue.Full):
             self._queue.put(None, timeout=_STUCK_S)
         seen = -1
@@ -105,7 +105,7 @@ class BagWriter:
                 continue
             try:
                 self._writer.write(self._connection(message), message.stamp_ns, message.data)  # type: ignore[arg-type]  # bytes will do
-            except Exception as error:  # whatever it is: without this thread close would wait for ever
+            except Exception as error:  # catch everything: without this thread, close would wait forever
                 self.failure = str(error) or repr(error)
                 continue
             self.counts[message.topic] += 1
@@ -116,7 +116,7 @@ class BagWriter:
             self.failure = self.failure or str(error)
 
     def _connection(self, message: Serialized) -> object:
-        """That of the topic and publisher, made when it speaks first."""
+        """The connection for this topic and publisher, made at its first message."""
         said = message.said
         key = message.topic, said["type"], said.get("callerid", "")
         if key not in self._connections:
@@ -132,7 +132,7 @@ class BagWriter:
 
 
 class Recorder:
-    """Subscribes to everything and hands it to the writer as it came; images as they are wanted."""
+    """Subscribes to all topics and passes messages to the writer unchanged; images in the chosen format."""
 
     def __init__(self, writer: BagWriter, how: str, more: list[str]) -> None:
         self._writer, self._how = writer, how
@@ -146,7 +146,7 @@ class Recorder:
         self._writer.put(Serialized(topic, headers.now_ns(), msg._connection_header, msg._buff))
 
     def _on_image(self, msg: Image) -> None:
-        """Grey, as the SLAM sees it. Raises InputError for an image that cannot be used."""
+        """Store it grey, as the SLAM sees it. Raises InputError for an unusable image."""
         gray = images.frame(msg).image
         good, content = cv2.imencode(".png" if self._how == "png" else ".jpg", gray, _ENCODING[self._how])
         if not good:
@@ -160,7 +160,7 @@ class Recorder:
 
 @operator_command.command
 def record(args: argparse.Namespace) -> int:
-    """Record until Ctrl-C or a limit; say what the bag is called and what is in it. args: options of ``vsx record``."""
+    """Record until Ctrl-C or a limit; print the bag's name and contents. args: options of ``vsx record``."""
     path: Path = args.out or Path(f"{datetime.now():%Y-%m-%d_%H-%M-%S}.bag")
     if full := _full(args, path):
         raise InputError(f"not begun with {full}; make room, or give another --out or a smaller --keep-free")
@@ -188,7 +188,7 @@ def record(args: argparse.Namespace) -> int:
 
 
 def _limit(args: argparse.Namespace, writer: BagWriter, elapsed_s: float, path: Path) -> str:
-    """Why it must end now, or nothing."""
+    """Why recording must end now, or empty."""
     if writer.failure:
         return f"the disk took no more: {writer.failure}"
     if args.time is not None and elapsed_s >= args.time:
@@ -201,7 +201,7 @@ def _limit(args: argparse.Namespace, writer: BagWriter, elapsed_s: float, path: 
 
 
 def _full(args: argparse.Namespace, path: Path) -> str:
-    """What is left on the disk when that is less than wanted, or nothing."""
+    """The free disk space if it is less than required, else empty."""
     try:
         free = shutil.disk_usage(path.resolve().parent).free
     except OSError as error:
@@ -216,7 +216,7 @@ def _heard(writer: BagWriter, topic: str = topics.IMAGE) -> int:
 
 
 def _say(writer: BagWriter, path: Path, elapsed_s: float) -> int:
-    """The result in words; a bag without images is no success."""
+    """Print the result. A bag without images counts as failure."""
     if not writer.counts:
         sys.stderr.write("vsx: nothing was heard, so there is no bag; is a robot running? 'vsx status' tells\n")
         return FAILED

@@ -1,4 +1,4 @@
-"""The recording behind ``vsx replay --ros``: the node vslam hears it as a robot's, and time is the recording's."""
+"""``vsx replay --ros``: plays a recording to the node vslam in place of a robot, in the recording's time."""
 
 import argparse
 import time
@@ -28,7 +28,7 @@ from vsx_ros.slam.state import TrackingState
 
 
 def replay(args: argparse.Namespace) -> int:
-    """Play it all, write the run folder, say what happened; its exit code. args: the options of ``vsx replay``."""
+    """Play everything, write the run folder, print the result; the exit code. args: options of ``vsx replay``."""
     logs.quiet_failures()
     config, recording = load(args.config, args.set), opened_recording(args)
     _refuse_company()
@@ -43,7 +43,7 @@ def replay(args: argparse.Namespace) -> int:
 
 
 def _refuse_company() -> None:
-    """Raises ConfigError where a robot, or another replay, already speaks at the master."""
+    """Raises ConfigError if a robot or another replay already publishes at the master."""
     if not rosgraph.is_master_online():
         return
     published = dict(rosgraph.Master("/vsx_replay").getSystemState()[0])
@@ -65,7 +65,7 @@ def _slam(args: argparse.Namespace, recording: Recording, folder: RunFolder) -> 
 
 
 def _play(live: LiveRun, monitor: Monitor, player: Player, rate: float) -> None:
-    """Wait for the SLAM and play. Raises ConfigError when it never gets ready."""
+    """Wait for the SLAM, then play. Raises ConfigError if the SLAM does not get ready."""
     deadline_s = time.monotonic() + READY_WAIT_S
 
     def goes_on() -> bool:
@@ -87,7 +87,7 @@ def _gather(
     folder: RunFolder, recording: Recording, monitor: Monitor, args: argparse.Namespace, failure: str,
     interrupted: bool, T_base_cam: SE3,
 ) -> int:  # fmt: skip
-    """Complete what vslam wrote, and tell it."""
+    """Complete and report what vslam wrote."""
     known, missing = results_of_slam(folder, T_base_cam)
     looked_at = folder.read_frames()
     ending = TrackingState(looked_at[-1].state) if looked_at else TrackingState.NOT_INITIALISED

@@ -1,4 +1,4 @@
-"""The live run behind ``vsx explore``: all nodes, an emulated robot where a world is given, a run folder at the end."""
+"""The live run behind ``vsx explore``: all nodes, an emulated robot if a world is given, a run folder at the end."""
 
 import argparse
 import tempfile
@@ -34,13 +34,13 @@ from vsx_ros.sim.world import Start, World
 from vsx_ros.sim.world_file import save_world
 from vsx_ros.slam.state import TrackingState
 
-_COVERAGE_PERIOD_S = 2.0  # between looks at the truth
+_COVERAGE_PERIOD_S = 2.0  # between comparisons with the truth
 _VITAL = "mobile_base", "vslam", "explore", "emulator"
-_TICK_S = 0.1  # so that Ctrl-C is heard at once
+_TICK_S = 0.1  # so that Ctrl-C takes effect at once
 
 
 class Ending(NamedTuple):
-    """Why a run is over, and the exit code that says so."""
+    """Why a run ended, and its exit code."""
 
     reason: str
     code: int
@@ -51,8 +51,8 @@ _CODES = {outcome.name: code for outcome, code in EXIT_CODES.items()}
 
 
 class Coverage:
-    """Share of the emulated world that the map covers; computed now and then, None on a real robot. until: the share
-    known and right that is enough."""
+    """Share of the emulated world that the map covers, updated now and then; None on a real robot. until: the correctly
+    known share at which the run may end."""
 
     def __init__(self, judge: MapJudge | None, until: float | None = None) -> None:
         self._judge, self.until = judge, until
@@ -61,14 +61,14 @@ class Coverage:
         self._judged_s = -1e9
 
     def is_enough(self, monitor: Monitor) -> bool:
-        """Whether the run may end: as much is known as was asked for, and the camera is tracked."""
+        """Whether the run may end: enough is known, and the camera is tracked."""
         if self.until is None:
             return False
         self.of(monitor)
         return self._right >= self.until and monitor.slam_state in _TRACKED
 
     def of(self, monitor: Monitor) -> float | None:
-        """The share now, or a moment ago."""
+        """The share, at most a few seconds old."""
         due = time.monotonic() - self._judged_s > _COVERAGE_PERIOD_S
         if self._judge is not None and monitor.grid is not None and due:
             self._judged_s = time.monotonic()
@@ -78,11 +78,11 @@ class Coverage:
 
 
 def explore(args: argparse.Namespace) -> int:
-    """One live run, or the rest of one that was interrupted; its exit code. args: the options of ``vsx explore``."""
+    """One live run, or the rest of an interrupted one; returns the exit code. args: the options of ``vsx explore``."""
     logs.quiet_failures()
     refuse_second_robot([node.name for node in (*launch.bringup(), *launch.exploration())])
     folder, config, world = begin(args)
-    # Where a loaded map lies in the world is not known.
+    # The position of a loaded map in the world is unknown.
     judge = MapJudge(world, config) if world is not None and not args.load_map else None
     journal = MonitorJournal(folder, config.robot.mount)
     if args.time is not None and journal.clock.elapsed_s >= args.time:
@@ -116,8 +116,8 @@ def _nodes(
 def _watch(
     live: LiveRun, monitor: Monitor, journal: MonitorJournal, coverage: Coverage, limit_s: float | None
 ) -> Ending:
-    """Until the mission, the time, the operator or a failure ends it. Time counts from the mission's first word, and
-    from where an earlier session was interrupted."""
+    """Wait until the mission, the time limit, the operator or a failure ends the run. Time counts from the mission's
+    first status, and continues that of interrupted sessions."""
     started_s = time.monotonic()
     began_s: float | None = None
     trouble: dict[str, str] = {}
@@ -137,7 +137,7 @@ def _watch(
         if ending is not None:
             return ending
         warnings = monitor.new_warnings()
-        if began_s is not None or not monitor.emulated:  # emulated devices appear while their drivers already look
+        if began_s is not None or not monitor.emulated:  # emulated devices may appear after their drivers start looking
             for warning in warnings:
                 live.progress.say(warning)
                 if (node := warning.partition(":")[0]) in ("mobile_base", "camera"):
@@ -168,7 +168,7 @@ def _gather(
     folder: RunFolder, config: Config, monitor: Monitor, journal: MonitorJournal, judge: MapJudge | None,
     ending: Ending, args: argparse.Namespace,
 ) -> int:  # fmt: skip
-    """Complete what vslam wrote with what the monitor saw, and tell it; the exit code."""
+    """Complete vslam's results with the monitor's data and report them; returns the exit code."""
     known, missing = results_of_slam(folder, mounted(config.robot.mount))
     truth, so_far = [*journal.truth(), *monitor.truth], journal.so_far
     summary = with_accuracy(known, *folder.read_trajectories(), truth, "yaw")
@@ -195,7 +195,7 @@ def _gather(
 
 
 def _told_by_truth(monitor: Monitor, journal: MonitorJournal, truth: Sequence[StampedPose]) -> dict[str, float | None]:
-    """How the emulated body fared; its way and clearance where no session was before."""
+    """What the truth says of the emulated body; path and clearance only without earlier sessions."""
     if not truth or journal.before:
         return {"collisions": journal.so_far.collisions if monitor.emulated else None}
     return {
@@ -206,7 +206,7 @@ def _told_by_truth(monitor: Monitor, journal: MonitorJournal, truth: Sequence[St
 
 
 def all_events(folder: RunFolder, journal: MonitorJournal, monitor: Monitor) -> list[RunEvent]:
-    """SLAM's from the folder, all else from who watched: where SLAM never began again, the folder still holds both from
-    the session before."""
+    """SLAM events from the folder, all others from the monitor: if SLAM never started again, the folder still holds
+    both kinds from the previous session."""
     slam = [event for event in folder.read_events() if event.source == "slam"]
     return [*slam, *journal.events(), *monitor.events]

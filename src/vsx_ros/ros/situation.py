@@ -1,4 +1,4 @@
-"""Where the robot is and what is around it, as the topics tell every node but vslam."""
+"""Where the robot is and what is around it, from topics, for every node except vslam."""
 
 import math
 import threading
@@ -55,7 +55,7 @@ class LocalizationSubscriber:
 
     @property
     def odometry_age_s(self) -> float:
-        """For how long no odometry came that could be used [s], on the monotonic clock; infinite before the first."""
+        """Time since the last usable odometry [s], on the monotonic clock; infinite before the first."""
         return time.monotonic() - self._taken_s
 
 
@@ -82,7 +82,7 @@ class HeardSituation:
         self._hazards = msg.data
 
     def at(self, now_ns: int, navigation: NavigationState, navigation_reason: str) -> Situation:
-        """With what has become of the goal."""
+        """The situation, with the goal's state."""
         where = self.where.at(now_ns)
         return Situation(
             slam_state=where.slam_state, slam_reason=where.slam_reason, T_map_base=where.T_map_base,

@@ -1,4 +1,4 @@
-"""What the node vslam hears: images with the odometry of their instant, and the camera's calibration."""
+"""Inputs of the node vslam: images with the odometry at their time, and the camera's calibration."""
 
 import threading
 import time
@@ -22,17 +22,17 @@ from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.slam.preprocessing import STILL_M, STILL_RAD
 from vsx_ros.slam.state import TrackingResult
 
-_SILENCE_S = 3.0  # without images: told
-_SHUTTER_WAIT_S = 1.0  # cameras with drivers of their own do not tell it
-_CLOCK_BACK_S = 1.0  # a clock set back, or a recording begun again
+_SILENCE_S = 3.0  # without images: reported
+_SHUTTER_WAIT_S = 1.0  # cameras with other drivers do not publish it
+_CLOCK_BACK_S = 1.0  # a clock that was set back, or a recording that started again
 _KEEP_ODOMETRY = 300  # readings: 6 s at 50 Hz
-# Odometry comes 30 to 50 times a second: a reading later than the image arrives within this time, or not at all.
+# Odometry comes 30 to 50 times a second: a reading after the image arrives within this time, or not at all.
 _WAIT_FOR_ODOMETRY_S = 0.06
 
 
 class SlamInput:
-    """``next`` frame on the thread that tracks. What does not come is told to ``status``. Subscribers:
-    camera/rgb/image_raw, camera/rgb/camera_info, camera/rgb/shutter, odom, mobile_base/hazards."""
+    """The tracking thread calls ``next``. Missing inputs are reported to ``status``. Subscribers: camera/rgb/image_raw,
+    camera/rgb/camera_info, camera/rgb/shutter, odom, mobile_base/hazards."""
 
     def __init__(self, run: SlamRun, status: SlamStatus) -> None:
         self._run, self._session = run, run.session
@@ -54,7 +54,7 @@ class SlamInput:
 
     def _on_odometry(self, odometry: Odometry) -> None:
         if self._odometry is None and self._session.slam_map is None:
-            self._session.ground.start = odometry.T_odom_base  # the map frame begins as the odometry frame
+            self._session.ground.start = odometry.T_odom_base  # the map frame starts equal to the odometry frame
         self._odometry = odometry
         self._run.odometry(odometry)
         self._sync.add_odometry(odometry)
@@ -69,7 +69,7 @@ class SlamInput:
         self._shutter_heard.set()
 
     def camera(self) -> PinholeCamera:
-        """The calibration, which comes with the images; until then say what is missing."""
+        """Wait for the calibration, which comes with the images; meanwhile report what is missing."""
         while True:
             try:
                 camera = images.camera(rospy.wait_for_message(topics.CAMERA_INFO, CameraInfo, timeout=_SILENCE_S))
@@ -84,7 +84,7 @@ class SlamInput:
                 self._status.waiting_for(topics.CAMERA_INFO)
 
     def next(self) -> tuple[Frame, Odometry | None] | None:
-        """The newest image and its odometry; None when there is none for now."""
+        """The newest image and its odometry; None if there is no new image now."""
         taken = self._sync.take(timeout_s=0.2)
         if taken is not None:
             return taken
@@ -98,20 +98,20 @@ class SlamInput:
         return None
 
     def used(self, result: TrackingResult) -> None:
-        """The last frame was tracked."""
+        """Report that the last frame was tracked."""
         before_s, self._used_s = self._used_s, time.monotonic()
         self._status.frame(result, self._used_s - before_s, self._sync.dropped)
 
     def refused(self, reason: str) -> None:
-        """The last frame could not be used, which is as if it had never come."""
+        """Report that the last frame was unusable; it counts as missing."""
         self._status.refused(reason)
         if time.monotonic() - self._used_s > LEASE_S:
             self._status.without_images("no image comes that fits")
 
 
 class SensorSync:
-    """Two callbacks put in, one thread takes out. Images that nobody took in time are dropped and counted.
-    ``behind_s``: by how much the last image was older than one already taken, which is why it was dropped; else 0."""
+    """Two callbacks write, one thread reads. Images that are replaced before they are read are dropped and counted.
+    ``behind_s``: how much older the last image was than the one read before it; it was then dropped; else 0."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -122,14 +122,14 @@ class SensorSync:
         self.behind_s = 0.0
 
     def add_odometry(self, odometry: Odometry) -> None:
-        """Remember a reading; readings out of order are left out."""
+        """Store a reading; readings out of order are ignored."""
         with self._changed:
             if not self._odometry or odometry.stamp_ns > self._odometry[-1].stamp_ns:
                 self._odometry.append(odometry)
                 self._changed.notify_all()
 
     def add_frame(self, frame: Frame) -> None:
-        """Offer an image; it replaces one that was not yet taken."""
+        """Offer an image; it replaces one that was not read yet."""
         with self._changed:
             if self._frame is not None:
                 self.dropped += 1
@@ -137,8 +137,7 @@ class SensorSync:
             self._changed.notify_all()
 
     def take(self, timeout_s: float) -> tuple[Frame, Odometry | None] | None:
-        """The newest image and the odometry at its stamp; None when no newer image came in time. The odometry is as
-        ``odometry_at`` says."""
+        """The newest image and the odometry at its stamp (see ``odometry_at``). None if no newer image came in time."""
         with self._changed:
             if not self._changed.wait_for(lambda: self._frame is not None, timeout_s) or self._frame is None:
                 return None
@@ -154,14 +153,14 @@ class SensorSync:
 
 
 class RepeatedImageDetector:
-    """Noise makes every picture of a living camera differ; a perfect one repeats itself only where the base stands. It
-    stops a drive by the first old picture; the drivers' ``FrozenImageDetector`` has to see several before it tells."""
+    """Noise makes every real image differ; a noise-free image repeats only while the base stands still. This check
+    stops a drive at the first repeated image; the drivers' ``FrozenImageDetector`` needs several."""
 
     def __init__(self) -> None:
         self._first: tuple[GrayImage, Odometry] | None = None
 
     def is_new(self, image: GrayImage, odometry: Odometry | None) -> bool:
-        """Whether the picture differs from the one before, or the base stands where that one was first shown."""
+        """Whether the image differs from the previous one, or the base still stands where that one was first seen."""
         if self._first is None or odometry is None or not np.array_equal(image, self._first[0]):
             self._first = None if odometry is None else (image, odometry)
             return True

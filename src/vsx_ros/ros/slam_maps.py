@@ -1,4 +1,4 @@
-"""The maps that the node vslam makes of the SLAM's: ground map, points, planes and surfaces."""
+"""The maps that the node vslam makes from the SLAM's map: ground map, points, planes and surfaces."""
 
 import math
 import time
@@ -34,7 +34,7 @@ from vsx_ros.slam.slam import ThreadedSlam
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.slam.snapshot import snapshot as snapshot_of
 
-_PERIOD_S = 1.0  # of the ground map: it grows by a keyframe or two
+_PERIOD_S = 1.0  # of the ground map: meanwhile it gains one or two keyframes
 _COLORS = {
     PlaneKind.WALL: ColorRGBA(0.2, 0.5, 1.0, 0.4),
     PlaneKind.FLOOR: ColorRGBA(0.5, 0.5, 0.5, 0.2),
@@ -45,7 +45,7 @@ _SCAN_BEARINGS = 720  # every half degree
 
 
 class SlamMaps:
-    """Maps the ground on one thread and densifies beside it. Publishers: map, map_metadata, vslam/map_points,
+    """Makes the ground map on one thread and the dense map on another. Publishers: map, map_metadata, vslam/map_points,
     vslam/keyframes, vslam/path (all latched), and those of ``DenseMapping``. Services: static_map.
 
     driven: the newest state of the session's ground."""
@@ -69,7 +69,7 @@ class SlamMaps:
         threads.every(UPDATE_EVERY_S, "dense map", self._densify)
 
     def begin(self, slam: ThreadedSlam, camera: PinholeCamera, seed: int, *, metric: bool) -> None:
-        """The SLAM whose maps they are. metric: whether it knows metres and a floor."""
+        """Set the SLAM whose maps are made. metric: whether its map has a metric scale and a floor."""
         self._slam, self._metric = slam, metric
         self._dense.start(camera, self._session.T_base_cam if metric else None, seed)
 
@@ -82,7 +82,7 @@ class SlamMaps:
         self.driven = session.ground.state()
 
     def _ground(self, snapshot: MapSnapshot) -> OccupancyGrid:
-        """Build and publish again what changed; without keyframes the map is the strip assumed free at the start."""
+        """Build and publish what changed. Without keyframes the map is the strip assumed free at the start."""
         ground, spots = self._session.ground, self._dense.spots
         made_of = snapshot.version, ground.start, ground.counts
         if self._grid is not None and made_of == self._built and spots is ground.dense:
@@ -104,8 +104,8 @@ class SlamMaps:
             self._dense.refresh(self._slam.snapshot())
 
     def close(self) -> tuple[Points3 | None, OccupancyGrid | None]:
-        """The last spots of surface (N, 3) [m] and the last ground map. ``driven`` then says also what was driven and
-        bumped after it."""
+        """The last surface points (N, 3) [m] and the last ground map. ``driven`` then includes paths and bumps after
+        that map."""
         if threads.join(self._mapping, 2.0):
             self.driven = self._session.ground.state()
         surface = None if self._slam is None else self._dense.points(self._slam.snapshot())
@@ -113,8 +113,8 @@ class SlamMaps:
 
 
 class DenseMapping:
-    """Publishers: vslam/planes, vslam/dense_points, scan; each is made only while someone listens. ``refresh`` from one
-    thread, every UPDATE_EVERY_S, ``publish`` from any."""
+    """Publishers: vslam/planes, vslam/dense_points, scan; each only while someone listens. Call ``refresh`` from one
+    thread, every UPDATE_EVERY_S, and ``publish`` from any."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
@@ -127,17 +127,17 @@ class DenseMapping:
         self._scan_pub = rospy.Publisher(topics.SCAN, LaserScan, queue_size=1)
 
     def start(self, camera: PinholeCamera, T_base_cam: SE3 | None, seed: int) -> None:
-        """Begin, now that the camera is known; without metres and a floor, or not enabled, there is nothing to do."""
+        """Start once the camera is known. Does nothing without metric scale and floor, or if not enabled."""
         if self._config.dense.enabled and T_base_cam is not None:
             self._process = DenseProcess(camera, T_base_cam, self._config.dense, seed)
 
     def refresh(self, snapshot: MapSnapshot) -> None:
-        """Densify when there is a new keyframe, or work left from the last one; the larger the map, the less often."""
+        """Update the dense map if there is a new keyframe or unfinished work; less often for a larger map."""
         if self._process is None or not len(snapshot.keyframe_ids) or time.monotonic() < self._due_s:
             return
         if self._map is not None and not self._map.is_due(snapshot):
             return
-        # To the nearest of the calls, which come every UPDATE_EVERY_S.
+        # Rounds to the nearest call, which come every UPDATE_EVERY_S.
         self._due_s = time.monotonic() + update_every_s(len(snapshot.keyframe_ids)) - 0.5 * UPDATE_EVERY_S
         try:
             self._map, self.spots = self._process.update(snapshot)
@@ -147,7 +147,7 @@ class DenseMapping:
                 rospy.logerr("%s", error)
 
     def publish(self, snapshot: MapSnapshot, grid: OccupancyGrid, T_map_base: SE2) -> None:
-        """Show what is known, to those who look."""
+        """Publish the maps that have subscribers."""
         stamp_ns = headers.now_ns()
         if self._scan_pub.get_num_connections():
             self._scan_pub.publish(scan_msg(grid, T_map_base, self._config.ground_map.max_range_m, stamp_ns))
@@ -157,12 +157,12 @@ class DenseMapping:
             self._points_pub.publish(convert.cloud_msg(self.points(snapshot), topics.MAP_FRAME, stamp_ns))
 
     def points(self, snapshot: MapSnapshot) -> Points3:
-        """(N, 3) spots of surface in the map of a snapshot [m]; none while nothing is known."""
+        """(N, 3) surface points in the map of a snapshot [m]; empty before the first update."""
         return self.spots.surfaces(snapshot).points if self.spots is not None else np.zeros((0, 3))
 
 
 def plane_markers(planes: tuple[Plane, ...], frame_id: str, stamp_ns: int) -> MarkerArray:
-    """A translucent rectangle for each plane's extent; its number is the plane's id."""
+    """A translucent rectangle per plane, of the plane's extent; the marker number is the plane's id."""
     header, pose, scale = headers.header(frame_id, stamp_ns), convert.pose_msg(SE2()), Vector3(1.0, 1.0, 1.0)
     markers = [Marker(header=header, action=Marker.DELETEALL)]
     for plane in planes:
@@ -176,7 +176,7 @@ def plane_markers(planes: tuple[Plane, ...], frame_id: str, stamp_ns: int) -> Ma
 
 
 def scan_msg(grid: OccupancyGrid, T_map_base: SE2, max_range_m: float, stamp_ns: int) -> LaserScan:
-    """The virtual laser scan of the paper: the map's obstacles around the base, all around; infinite where none."""
+    """The paper's virtual laser scan: the map's obstacles all around the base; infinite where there is none."""
     ranges = laser_scan(grid, T_map_base, _SCAN_BEARINGS, max_range_m)
     return LaserScan(
         header=headers.header(topics.BASE_FRAME, stamp_ns),

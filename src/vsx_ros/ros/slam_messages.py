@@ -1,4 +1,4 @@
-"""What the SLAM says: its state, numbers a user may want to plot, where it puts the base, and the picture it sees."""
+"""Output of the SLAM: its state, numbers to plot, the pose of the base, and the camera picture with features."""
 
 import threading
 import time
@@ -23,11 +23,11 @@ from vsx_ros.slam.snapshot import MapSnapshot, TrackedFeatures
 from vsx_ros.slam.state import TrackingResult, TrackingState
 from vsx_ros.slam.uncertainty import carried
 
-_FPS_MEMORY = 0.1  # share of the newest frame in the mean
-_AGAIN_S = 10.0  # the same words at most so often
+_FPS_MEMORY = 0.1  # weight of the newest frame in the mean
+_AGAIN_S = 10.0  # minimum time between equal messages
 _TF_PERIOD_S = 0.05  # with the tolerance, listeners never wait for it
-_TF_TOLERANCE_NS = 100_000_000  # transforms are stamped so far ahead, as with amcl
-_DISTRUST = 10.0  # times the standard deviations, where odometry alone is the source and nobody vouches for it
+_TF_TOLERANCE_NS = 100_000_000  # transforms are stamped this far ahead, as in amcl
+_DISTRUST = 10.0  # factor on the standard deviations when only untrusted odometry gives the pose
 _PREVIEW_PERIOD_S = 0.1
 _QUALITY_PERCENT = 70
 _FOUND_BGR, _MISSED_BGR = (90, 220, 60), (60, 60, 235)
@@ -49,7 +49,7 @@ class SlamStatus:
         self._announce()
 
     def waiting_for(self, topic: str) -> None:
-        """No message on a topic the node cannot do without."""
+        """Report a missing message on a required topic."""
         name = rospy.resolve_name(topic)
         reason = f"no message on {name}; 'rostopic info {name}' shows who publishes it"
         self._diagnostics.set("input", ERROR, reason)
@@ -57,24 +57,24 @@ class SlamStatus:
             rospy.logwarn("%s", reason)
 
     def without_images(self, reason: str = "no image comes") -> None:
-        """No image came for a while: nobody knows any more where the camera is, though nothing is lost yet."""
+        """No image came for a while: the camera's pose is not known now, but tracking is not lost yet."""
         self._change(TrackingState.DUBIOUS if self._state is TrackingState.GOOD else self._state, reason)
 
     def clock_set_back(self, seconds: float) -> None:
-        """Images come, but with stamps from before those already seen, so they cannot be used."""
+        """Images are older than those already seen, so they are unusable."""
         self.without_images("the clock was set back")
         self.refused(
             f"images are stamped {seconds:.1f} s before those seen already: the clock was set back; start vslam anew"
         )
 
     def refused(self, reason: str) -> None:
-        """An image came that cannot be used."""
+        """Report an unusable image."""
         self._diagnostics.set("input", ERROR, reason)
         if logs.due("refused", _AGAIN_S):
             rospy.logerr("%s", reason)
 
     def frame(self, result: TrackingResult, period_s: float, dropped: int) -> None:
-        """One frame was tracked, ``period_s`` after the one before; ``dropped`` counts those never looked at."""
+        """Report a tracked frame, ``period_s`` after the previous one; ``dropped`` counts the skipped frames."""
         self._fps += _FPS_MEMORY * (1.0 / max(period_s, 1e-3) - self._fps)
         self._change(result.state, result.reason)
         self._diagnostics.set("input", OK, f"{self._fps:.0f} images a second", dropped=dropped)
@@ -88,7 +88,7 @@ class SlamStatus:
         )
 
     def map(self, snapshot: MapSnapshot | None) -> None:
-        """Once a second: the state again, and the size of the map."""
+        """Publish the state and the map size; called once a second."""
         self._announce()
         if snapshot is not None:
             self._publish(keyframes=len(snapshot.T_world_cams), points=len(snapshot.points_world))
@@ -112,7 +112,7 @@ class SlamStatus:
 
 class PosePublisher:
     """Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera, gyro).
-    Parameters: ~publish_tf (bool, true; false: somebody else, an EKF, says where odom is in map)."""
+    Parameters: ~publish_tf (bool, true; false: another node, e.g. an EKF, publishes odom in map)."""
 
     def __init__(self, session: SlamSession, mount: MountConfig) -> None:
         self._session = session
@@ -125,7 +125,7 @@ class PosePublisher:
         self._tf_static_pub.publish(convert.mount_transforms(mount, headers.now_ns()))
 
     def publish(self, result: TrackingResult, odometry: Odometry | None) -> None:
-        """The pose of a tracked frame."""
+        """Publish the pose of a tracked frame."""
         if result.T_world_cam is None or result.covariance is None or not result.state.tracked:
             return
         T_map_base = (result.T_world_cam @ self._T_cam_base).to_se2()
@@ -140,8 +140,8 @@ class PosePublisher:
 
 
 def located(stamp_ns: int, T_map_base: SE2, covariance: FloatArray) -> PoseWithCovarianceStamped:
-    """A pose on the floor. covariance (6, 6): of translation and rotation in the base's axes; height and tilt, of which
-    a robot on the floor has none, are told as unknown."""
+    """A pose on the floor. covariance (6, 6): of translation and rotation in the base's axes. Height and tilt are
+    marked unknown."""
     msg = PoseWithCovarianceStamped(header=headers.header(topics.MAP_FRAME, stamp_ns))
     msg.pose.pose = convert.pose_msg(T_map_base)
     msg.pose.covariance = convert.floor_covariance(T_map_base, covariance)
@@ -159,7 +159,7 @@ class Preview:
         threads.worker("preview", self._draw)
 
     def show(self, frame: Frame, features: Callable[[], TrackedFeatures | None]) -> None:
-        """Hand over a picture if someone looks and has waited long enough; it is drawn on another thread."""
+        """Pass on a picture if someone listens and the period is over; another thread draws it."""
         if time.monotonic() - self._shown_s >= _PREVIEW_PERIOD_S and self._publisher.get_num_connections() > 0:
             self._shown_s = time.monotonic()
             self._newest = frame, features()
@@ -178,7 +178,7 @@ class Preview:
 
 
 def drawn(frame: Frame, features: TrackedFeatures | None) -> ColorImage:
-    """The (H, W, 3) picture in BGR: a green circle where a point was found, a red cross where one was missed."""
+    """The (H, W, 3) BGR picture: a green circle at each found point, a red cross at each missed one."""
     picture: ColorImage = cv2.cvtColor(frame.image, cv2.COLOR_GRAY2BGR)
     if features is not None:
         for u, v in _pixels(features.missed):

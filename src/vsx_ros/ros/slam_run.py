@@ -1,4 +1,4 @@
-"""The run of the node vslam: what it goes on from, what it keeps on the way and what it leaves."""
+"""The run of the node vslam: how it resumes, what it stores while running and what it writes at the end."""
 
 import tempfile
 from collections.abc import Mapping
@@ -23,17 +23,17 @@ from vsx_ros.slam.slam import ThreadedSlam
 from vsx_ros.slam.state import TrackingResult
 
 State: TypeAlias = Mapping[str, FloatArray]
-_REST = 4.0  # So many times as long as writing took nothing is written: 120 MB each time in a building of 40 m x 25 m
+_REST = 4.0  # Pause after writing, as a multiple of the writing time: the map of a 40 m x 25 m building has 120 MB
 
 
 class SlamRun:
-    """session: new, in the map of ~load_map, or gone on with from ~run_dir, in the odometry's epoch ``first_epoch``.
-    Raises MapFileError or InputError when one of these holds something damaged."""
+    """session: new, or in the map of ~load_map, or resumed from ~run_dir. first_epoch: the odometry's epoch at the
+    start. Raises MapFileError or InputError for damaged files."""
 
     def __init__(self, config: Config) -> None:
         self._known_odometry = config.robot.odometry
         T_base_cam, run_dir = mounted(config.robot.mount), str(rospy.get_param("~run_dir", ""))
-        self._save_map = str(rospy.get_param("~save_map", ""))  # the master may be gone before the end
+        self._save_map = str(rospy.get_param("~save_map", ""))  # read now: the master may be gone at the end
         self._save_map_to = Path(run_dir or tempfile.gettempdir()) / "map.vsxmap"
         self._folder = RunFolder(Path(run_dir)) if run_dir else None
         before = PreviousSessions.of(self._folder) if self._folder is not None else None
@@ -46,19 +46,19 @@ class SlamRun:
         self.first_epoch = 1 + self._keeper.record.odom_epoch
 
     def odometry(self, odometry: Odometry) -> None:
-        """A reading; from any thread."""
+        """Store a reading; any thread."""
         if self._folder is not None:
             self._keeper.record.add_odometry(odometry)
 
     def frame(self, slam: ThreadedSlam, result: TrackingResult, odometry: Odometry | None, track_s: float) -> None:
-        """A frame was tracked, in so many seconds; from the thread that tracks."""
+        """A frame was tracked, in ``track_s`` seconds; from the tracking thread."""
         events = slam.drain_events()
         if self._folder is not None:
             self._keeper.frame(result, odometry, track_s, slam.statistics().u2_frames, events)
             self._keeper.note(slam, result.stamp_ns)
 
     def save_map(self, slam: ThreadedSlam | None) -> str:
-        """Save the map as it is now, while the SLAM goes on; where. Raises InputError or MapFileError."""
+        """Save the map as it is now, while the SLAM goes on; returns the path. Raises InputError or MapFileError."""
         slam_map = slam.slam_map() if slam is not None else None
         if slam_map is None:
             raise InputError("there is no map yet: it starts with the first straight drive")
@@ -67,8 +67,8 @@ class SlamRun:
         return str(path)
 
     def end(self, slam: ThreadedSlam, driven: State, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
-        """Write the results, the last map to go on from and the map of ~save_map; one that cannot be written keeps no
-        other from it."""
+        """Write the results, the last checkpoint and the map of ~save_map; if one fails, the others are still
+        written."""
         logs.attempt(lambda: self._write_results(slam, surface, grid))
         logs.attempt(lambda: self.write(driven))
         logs.attempt(lambda: self._write_map(slam))

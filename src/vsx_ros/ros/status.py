@@ -1,4 +1,4 @@
-"""The one screen behind ``vsx status``."""
+"""Collects and prints ``vsx status``."""
 
 import json
 import sys
@@ -16,8 +16,8 @@ from vsx_ros.ros.callbacks import json_object, subscribe
 from vsx_ros.runs import process
 from vsx_ros.runs.process import DONE, FAILED
 
-_LISTEN_S, _PERIOD_S = 2.0, 1.0  # over which rates are taken; between two lines
-_PATIENCE_S = 4.0  # So long is waited for what nobody has said yet
+_LISTEN_S, _PERIOD_S = 2.0, 1.0  # measuring time for rates; time between two outputs
+_PATIENCE_S = 4.0  # Longest wait for values that nobody has published yet
 
 
 class StatusBoard:
@@ -41,7 +41,7 @@ class StatusBoard:
         subscribe(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
 
     def facts(self) -> dict[str, Any]:
-        """What is known now; None for what nobody said."""
+        """What is known now; None for unknown values."""
         recent = [s for s in list(self._images_s) if time.monotonic() - s < _LISTEN_S]
         rate_hz = 0.0 if self._images_s else None
         if len(recent) > 1:
@@ -70,7 +70,7 @@ class StatusBoard:
 
 
 def screen(facts: dict[str, Any]) -> str:
-    """The facts as lines for people."""
+    """The facts as readable lines."""
 
     def shown(name: str, form: str = "{}", unknown: str = "-") -> str:
         return unknown if facts[name] is None else form.format(facts[name])

@@ -1,4 +1,4 @@
-"""Threads of a node: one that fails ends the node, and each ends with it."""
+"""Threads of a node: if one fails, the node ends; when the node ends, all of them end."""
 
 import logging
 import threading
@@ -15,13 +15,13 @@ logger = logging.getLogger(__name__)
 
 
 def is_ending() -> bool:
-    """Whether the node is about to end: topics close, and refuse to publish, before ``rospy.is_shutdown`` is true."""
+    """Whether the node is about to end: topics close and reject messages before ``rospy.is_shutdown`` is true."""
     return bool(rospy.core.is_shutdown_requested())
 
 
 def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
-    """Run ``loop`` on a thread; if it raises, the whole node ends and says why. A node with a dead thread looks alive
-    to everybody else, which is worse than a dead node."""
+    """Run ``loop`` on a thread. If it raises, the node logs the reason and ends: a node with a dead thread looks alive
+    to all others, which is worse than a dead node."""
 
     def guarded() -> None:
         try:
@@ -41,21 +41,21 @@ def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
 
 
 def every(period_s: float, name: str, step: Callable[[], None]) -> threading.Thread:
-    """Call ``step`` on a thread of its own every ``period_s`` seconds until ROS shuts down. On the monotonic clock: ROS
-    time may stand, and all that keeps the robot safe would stand with it."""
+    """Call ``step`` on a new thread every ``period_s`` seconds until ROS shuts down. Uses the monotonic clock: ROS time
+    may stand still, and the safety checks would then stop, too."""
 
     def loop() -> None:
         due_s = time.monotonic()
         while not is_ending():
             step()
-            due_s = max(due_s + period_s, time.monotonic())  # what was missed is not made up for
+            due_s = max(due_s + period_s, time.monotonic())  # missed steps are skipped
             time.sleep(max(0.0, due_s - time.monotonic()))
 
     return worker(name, loop)
 
 
 def join(thread: threading.Thread, within_s: float) -> bool:
-    """Wait for a thread of the node; whether it ended. A thread that calls this for itself, as it failed, has."""
+    """Wait for a thread of the node; whether it ended. True at once if the thread calls this for itself."""
     if thread is threading.current_thread():
         return True
     thread.join(within_s)

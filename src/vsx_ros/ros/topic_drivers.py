@@ -1,9 +1,9 @@
-"""Bases and cameras with ROS drivers of their own, by their topics.
+"""Bases and cameras that have their own ROS drivers, used through their topics.
 
-Such a base tells its odometry on one topic and obeys a Twist on another. Mux, limits, time-outs and the emergency stop
-of ``mobile_base`` stand before it as before any other. What it cannot be asked for (bumpers, cliffs, battery) nobody
-knows; and when ``mobile_base`` itself is killed, only the base's own driver can stop the wheels, as every driver should
-where commands cease."""
+Such a base publishes odometry on one topic and obeys a Twist on another. As for every base, commands first pass the
+mux, limits, time-outs and emergency stop of ``mobile_base``. Bumpers, cliffs and battery are unknown. If
+``mobile_base`` itself is killed, only the base's own driver can stop the wheels; every driver should do so when
+commands cease."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from vsx_ros.ros import convert, headers, images, threads, topics
 from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, hear_odometry, subscribe
 
 _PERIOD_S = 0.05  # commands are repeated: a base stops without new ones
-_ZERO_FOR_S = 0.5  # then the topic is left to others
-_ODOMETRY_WITHIN_S = 0.5  # Slow drivers tell their odometry ten times a second
-_IMAGE_WITHIN_S = 1.0  # longer without one is told
+_ZERO_FOR_S = 0.5  # after that, other nodes may use the topic
+_ODOMETRY_WITHIN_S = 0.5  # Slow drivers publish odometry ten times a second
+_IMAGE_WITHIN_S = 1.0  # longer gaps are reported
 _UNKNOWN_BATTERY = BatteryReading(float("nan"), float("nan"), False, "unknown")
 _TYPES: dict[str, type[Image] | type[CompressedImage]] = {
     "sensor_msgs/Image": Image,
@@ -40,15 +40,15 @@ _TYPES: dict[str, type[Image] | type[CompressedImage]] = {
 
 
 class TopicNames(NamedTuple):
-    """What the base's own driver calls its odometry (nav_msgs/Odometry) and its command (geometry_msgs/Twist)."""
+    """The driver's topics for odometry (nav_msgs/Odometry) and commands (geometry_msgs/Twist)."""
 
     odometry: str = topics.ODOM
     command: str = "cmd_vel"
 
 
 def topic_names(robot_type: str) -> TopicNames | None:
-    """The topics of ``ros``, with the usual names, or ``ros:ODOMETRY,COMMAND``; None for other kinds of base. Raises
-    ConfigError for anything else behind the colon."""
+    """The topics of ``ros`` (default names) or ``ros:ODOMETRY,COMMAND``; None for other kinds of base. Raises
+    ConfigError for anything else after the colon."""
     kind, _, text = robot_type.partition(":")
     if kind != "ros":
         return None
@@ -59,7 +59,7 @@ def topic_names(robot_type: str) -> TopicNames | None:
 
 
 class TopicBase:
-    """The verbs of a driver (``base_drivers.Base``), over topics."""
+    """The methods of a driver (``base_drivers.Base``), over topics."""
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class TopicBase:
         self._command_pub = rospy.Publisher(names.command, Twist, queue_size=1, tcp_nodelay=True)
 
     def start(self) -> None:
-        """Listen and obey from now on."""
+        """Start listening and sending."""
         hear_odometry(self._on_odometry, self._names.odometry)
         threads.every(_PERIOD_S, "command", self._send)
 
@@ -91,10 +91,10 @@ class TopicBase:
         self._send()
 
     def show(self, signal: Signal) -> None:
-        """It has no lamp that we know of."""
+        """Does nothing: no lamp is known."""
 
     def reset_odometry(self) -> None:
-        """Raises DeviceError: the counting is the base's own."""
+        """Raises DeviceError: the base's own driver counts the odometry."""
         raise DeviceError(f"{self._names.odometry} is told by the base's own driver; reset it there")
 
     def status(self) -> LinkStatus:
@@ -103,14 +103,14 @@ class TopicBase:
         return LinkStatus(not silence, silence or "connected", self._names.odometry, {"readings": self._readings})
 
     def close(self) -> bool:
-        """Tell the wheels to stand; whether they surely do, nobody says."""
+        """Send zero; returns True, although nothing confirms that the wheels stand."""
         with self._lock:
             self._closed = True
         self._command_pub.publish(Twist())
         return True
 
     def _silence(self) -> str:
-        """What is wrong while no odometry comes; empty while it does."""
+        """Why the base is silent; empty while odometry comes."""
         if time.monotonic() - self._heard_s < _ODOMETRY_WITHIN_S:
             return ""
         said = f"no odometry on {rospy.resolve_name(self._names.odometry)} for {_ODOMETRY_WITHIN_S:g} s"
@@ -132,7 +132,7 @@ class TopicBase:
             self._on_link(self._connected, silence or "connected")
 
     def _send(self) -> None:
-        """The command while it is good, zero for a moment after it, then nothing: others may command the base, too."""
+        """Send the command while valid, then zero for a moment, then nothing: others may command the base, too."""
         now_s, silence = time.monotonic(), self._silence()
         if silence:
             self._link(silence)
@@ -148,11 +148,11 @@ class TopicBase:
 
 
 class TopicCamera:
-    """Images of ``topic`` to ``on_image``, grey, with the stamps of their own driver. calibration: of the topic
-    camera_info beside the images, as told last; None before."""
+    """Passes images of ``topic`` to ``on_image``, grey, with their driver's stamps. calibration: the newest one from
+    the topic camera_info beside the images; None before."""
 
     def __init__(self, topic: str, on_image: Callable[[ImageReading], None]) -> None:
-        """Raises ConfigError where no topic is named, or that of our own node camera."""
+        """Raises ConfigError if the topic is empty or is that of our own camera node."""
         if not topic or rospy.resolve_name(topic) == rospy.resolve_name(topics.IMAGE):
             raise ConfigError(
                 f"camera 'ros:{topic}': give the topic of another driver, e.g. ros:/usb_cam/image_raw; images that "
@@ -166,7 +166,7 @@ class TopicCamera:
         self._frozen, self._watch = False, FrozenImageDetector()
 
     def start(self) -> None:
-        """Listen from now on."""
+        """Subscribe."""
         subscribe(info_topic(self._topic), CameraInfo, self._on_info, queue_size=1)
         subscribe(self._topic, rospy.AnyMsg, self._on_any, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
 
@@ -181,7 +181,7 @@ class TopicCamera:
         return LinkStatus(message == "streaming", message, topic, dict(self._counters))
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Nothing to release."""
 
     def _on_info(self, msg: CameraInfo) -> None:
         self.calibration = images.camera(msg)
@@ -199,12 +199,12 @@ class TopicCamera:
 
 
 def info_topic(image_topic: str) -> str:
-    """Where drivers tell the calibration of their images (image_transport's convention)."""
+    """The topic on which drivers publish the calibration of their images (image_transport's convention)."""
     return f"{image_topic.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
 
 
 def image_of(kind: str, data: bytes, topic: str) -> tuple[int, GrayImage]:
-    """Stamp [ns] and (H, W) uint8 of a serialized message. Raises InputError for another kind, or a damaged one."""
+    """Stamp [ns] and (H, W) uint8 of a serialized message. Raises InputError for another type or a damaged message."""
     if kind not in _TYPES:
         raise InputError(f"{topic} carries {kind}; give a topic of {' or '.join(_TYPES)}")
     msg = _TYPES[kind]()

@@ -1,6 +1,6 @@
-"""Every topic, service, frame and parameter name, once. Names are relative, so a namespace gives a second robot.
+"""Every topic, service, frame and parameter name, once. Names are relative, so a second robot only needs a namespace.
 
-``PUBLISHED`` and ``SERVICES`` are the node graph: documentation and tests read it from here."""
+``PUBLISHED`` and ``SERVICES`` are the node graph; documentation and tests read it from here."""
 
 _NODES = "camera", "mobile_base", "vslam", "move_base", "follower", "explore", "teleop", "emulator", "dashboard"
 PUBLISHED: dict[str, dict[str, str]] = {node: {} for node in _NODES}
@@ -33,7 +33,7 @@ CAMERA_LINK_FRAME = "camera_link"
 CAMERA_FRAME = "camera_rgb_frame"
 OPTICAL_FRAME = "camera_rgb_optical_frame"
 
-# tf is global by its own convention.
+# tf is global by convention.
 TF = _topic("/tf", "tf2_msgs/TFMessage", "mobile_base", "vslam")
 TF_STATIC = _topic("/tf_static", "tf2_msgs/TFMessage", "vslam")
 DIAGNOSTICS = "/diagnostics"
@@ -124,7 +124,7 @@ EXPLORE_RESUME = _service("explore/resume", "std_srvs/Trigger", "explore")
 EXPLORE_STOP = _service("explore/stop", "std_srvs/Trigger", "explore")
 EXPLORE_HOME = _service("explore/home", "std_srvs/Trigger", "explore")
 
-# emulator: what only an evaluator may hear
+# emulator: only for evaluation
 TRUTH_ODOMETRY = _topic("emulator/ground_truth/odometry", "nav_msgs/Odometry", "emulator")
 TRUTH_CAMERA = _topic("emulator/ground_truth/camera_pose", "geometry_msgs/PoseStamped", "emulator")
 TRUTH_COLLISIONS = _topic("emulator/ground_truth/collisions", "std_msgs/UInt32", "emulator")

@@ -1,1 +1,1 @@
-"""A run from its first file to its last: folder, checkpoint, journal, record, report, and how it ends."""
+"""A run from its first file to its last: folder, checkpoint, journal, record, report and exit code."""

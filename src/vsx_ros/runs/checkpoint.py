@@ -1,8 +1,8 @@
-"""What a run needs to go on after it was killed: its map and what was counted, written every few seconds.
+"""The state with which a killed run can be resumed: its map and counters, written every few seconds.
 
-A folder: keyframes/<index>_<stamp>.png and pieces/<hash>.npy (corners, and what points look like), each written once;
-map.zip, sealed, with all that changes. Whatever the moment the program dies or the power goes, map.zip is the old or
-the new one, and the files it names are there, as are the lines that the journals beside it (*.jsonl) held before."""
+A folder: keyframes/<index>_<stamp>.png and pieces/<hash>.npy (corners and point patches), each written once; map.zip,
+sealed, with everything that changes. Even if the program or the power fails, map.zip is either the old or the new one.
+The files it names exist, and so do the earlier lines of the journals beside it (*.jsonl)."""
 
 import json
 from collections.abc import Mapping
@@ -24,12 +24,12 @@ from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.snapshot import SlamMap
 
 _STATE, _NOTES = "state/", "checkpoint.json"
-_KEYFRAMES, _PATCHES = 64, 4096  # The corners of so many keyframes, and so many patches, make a piece: some megabytes
+_KEYFRAMES, _PATCHES = 64, 4096  # Keyframes whose corners form one piece, and patches in one piece: some megabytes
 
 
 class CheckpointData(NamedTuple):
-    """What a checkpoint holds. stamp_ns: when it was made. state: arrays of whoever wants to go on, by name; mission:
-    what the mission remembers, as JSON has it."""
+    """Contents of a checkpoint. stamp_ns: its time. state: named arrays for the resumed run; mission: the mission's
+    memory, as JSON."""
 
     slam_map: SlamMap
     stamp_ns: int
@@ -46,7 +46,7 @@ class Checkpoint:
 
     @property
     def exists(self) -> bool:
-        """Whether there is a map to go on in."""
+        """Whether there is a map to resume."""
         return (self.path / "map.zip").exists()
 
     def write(self, saved: CheckpointData) -> None:
@@ -103,14 +103,14 @@ class Checkpoint:
             return CheckpointData(slam_map_of_entries(entries), int(tree["stamp_ns"]), state, dict(tree["mission"]))
 
     def write_mission(self, memory: Mapping[str, Any], stamp_ns: int) -> None:
-        """What a mission in a process of its own remembers at this stamp, apart from the map, in one step. Raises
-        InputError when it cannot be written."""
+        """Write the memory of a mission in a separate process, apart from the map, in one step. stamp_ns: its time.
+        Raises InputError if it cannot be written."""
         with self._writing():
             self.path.mkdir(parents=True, exist_ok=True)
             write_text(self.path / "mission.json", json.dumps({**memory, "stamp_ns": stamp_ns}), durable=True)
 
     def read_mission(self) -> dict[str, Any] | None:
-        """What the mission of an interrupted run remembered, and "stamp_ns"; None without a map to use it in. Raises
+        """The mission's memory of an interrupted run, and "stamp_ns"; None if there is no map or no memory. Raises
         InputError when damaged."""
         path = self.path / "mission.json"
         if not (self.exists and path.exists()):
@@ -121,7 +121,7 @@ class Checkpoint:
 
 
 def _cuts(arrays: Arrays) -> dict[str, NDArray[np.int64]]:
-    """Where the arrays whose rows hardly ever change, and that are most of a map, are cut."""
+    """Where to cut the two largest arrays of a map, whose rows hardly ever change."""
     corners = np.cumsum(arrays["corner_count"].sum(axis=1))
     patches = np.arange(_PATCHES, len(arrays["template_patch"]), _PATCHES)
     return {"corner": corners[_KEYFRAMES - 1 : -1 : _KEYFRAMES], "template_patch": patches}

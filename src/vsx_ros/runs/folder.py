@@ -1,4 +1,4 @@
-"""The folder that a run leaves behind: what happened, with which settings, and what came of it."""
+"""The folder of a run: its events, settings and results."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ FILES = (
     "map.pgm", "map.yaml", "sparse.ply", "dense.ply", "planes.json", "events.jsonl", "frames.csv", "report.html",
     "map.vsxmap", "odometry_calibration.yaml",
 )  # fmt: skip
-_FRAME_COLUMNS_ONCE = 6  # older versions kept no u2_frames
-_MOST = 1e12  # of anything that is counted or measured in a frame
+_FRAME_COLUMNS_ONCE = 6  # older versions stored no u2_frames
+_MOST = 1e12  # limit of all numbers in a frame
 _EVENT = msgspec.json.Decoder(RunEvent)
 _PACKAGES = ("numpy", "numba", "opencv-python-headless", "scipy", "daqp", "ruckig", "rosbags", "msgspec")
 
 
 class FrameRecord(NamedTuple):
-    """One frame as frames.csv keeps it. state: value of the tracking state. track_ms: None where not measured.
-    u2_frames: U2 of the run so far; None before there is any, and in folders that older versions left."""
+    """One frame in frames.csv. state: value of the tracking state. track_ms: None if not measured. u2_frames: U2 of the
+    run so far; None if there is none yet, and in folders of older versions."""
 
     stamp_ns: int
     state: str
@@ -58,13 +58,13 @@ class FrameRecord(NamedTuple):
 
 @dataclass(frozen=True)
 class RunFolder:
-    """Reads and writes the files of one run; each file appears whole or not at all."""
+    """Reads and writes the files of one run; each file appears complete or not at all."""
 
     path: Path
 
     @staticmethod
     def create(path: Path) -> RunFolder:
-        """Make the folder, or empty that of an earlier run. Raises InputError where something else is in the way."""
+        """Make the folder, or empty that of an earlier run. Raises InputError if something else has this path."""
         if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not _is_run(path))):
             raise InputError(f"{path} exists and is not a run folder; choose another with --out, or remove it")
         with _making(path):
@@ -76,8 +76,7 @@ class RunFolder:
 
     @staticmethod
     def create_dated(name: str) -> RunFolder:
-        """Make runs/<date>_<name>, with _2, _3, ... behind it where that is taken. Raises InputError where it cannot be
-        made."""
+        """Make runs/<date>_<name>, with _2, _3, ... appended if it exists. Raises InputError if it cannot be made."""
         first = Path("runs") / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{name}"
         path, number = first, 1
         with _making(first):
@@ -91,14 +90,14 @@ class RunFolder:
 
     @staticmethod
     def open(path: Path) -> RunFolder:
-        """An existing run. Raises InputError when it is none."""
+        """An existing run. Raises InputError if the path is no run folder."""
         if not _is_run(path):
             raise InputError(f"{path} is not a run folder (no config.yaml or summary.json in it); give one")
         return RunFolder(path)
 
     def write_what_fits(self, *writes: Callable[[], object]) -> str:
-        """Try each, in a new folder where it was deleted meanwhile; what kept the first one that failed from it in a
-        sentence, nothing when all is written."""
+        """Try each write; remake a folder that was deleted meanwhile. Returns the reason of the first failure as a
+        sentence; empty if everything is written."""
         said = ""
         for write in writes:
             try:
@@ -112,27 +111,27 @@ class RunFolder:
 
     @property
     def checkpoint(self) -> Checkpoint:
-        """What the run needs to go on after it was interrupted."""
+        """The state with which an interrupted run is resumed."""
         return Checkpoint(self.path / "resume")
 
     @property
     def journal(self) -> Path:
-        """The journal of the run, see ``journal``."""
+        """The path of the journal, see ``journal``."""
         return self.path / "resume" / "journal.jsonl"
 
     def write_config(self, config: Config, command: Sequence[str], **facts: Any) -> None:
-        """The exact configuration, the versions of all that computes, the command line, and facts such as the seed."""
+        """Write configuration, versions of the computing packages, command line, and facts such as the seed."""
         tree = {"command": " ".join(command), **facts, "versions": installed_versions(), "config": to_dict(config)}
         write_text(self.path / "config.yaml", yaml.safe_dump(tree, sort_keys=False), durable=True)
 
     def read_config(self) -> tuple[Config, dict[str, Any]]:
-        """The configuration, and all else that config.yaml says (command, versions, seed). Raises InputError or
+        """The configuration, and the other entries of config.yaml (command, versions, seed). Raises InputError or
         ConfigError when the file is missing or damaged."""
         tree = self._parsed("config.yaml", yaml_tree)
         return from_dict(tree.pop("config", {})), tree
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
-        """The numbers of the run, one key a line; absent knowledge is null."""
+        """The numbers of the run, one key per line; unknown values are null."""
         write_text(self.path / "summary.json", json.dumps(dict(summary), indent=1, allow_nan=False) + "\n")
 
     def read_summary(self) -> dict[str, Any]:
@@ -140,12 +139,12 @@ class RunFolder:
         return self._parsed("summary.json", json_tree)
 
     def write_events(self, events: Iterable[RunEvent]) -> None:
-        """Every change of state with its reason, by time, one JSON object a line."""
+        """Every change of state with its reason, by time, one JSON object per line."""
         ordered = sorted(events, key=lambda event: event.stamp_ns)
         write_text(self.path / "events.jsonl", "".join(json.dumps(structs.asdict(event)) + "\n" for event in ordered))
 
     def read_events(self) -> list[RunEvent]:
-        """What ``write_events`` wrote; none where there is no file. Raises InputError when damaged."""
+        """What ``write_events`` wrote; empty without a file. Raises InputError when damaged."""
         if not (self.path / "events.jsonl").exists():
             return []
         with self._reading("events.jsonl", (RecursionError, ValueError)):
@@ -163,7 +162,7 @@ class RunFolder:
         write_text(self.path / "frames.csv", text.getvalue())
 
     def read_frames(self) -> list[FrameRecord]:
-        """What ``write_frames`` wrote; none where there is no file. Raises InputError when damaged."""
+        """What ``write_frames`` wrote; empty without a file. Raises InputError when damaged."""
         if not (self.path / "frames.csv").exists():
             return []
         with self._reading("frames.csv", (csv.Error, OverflowError, ValueError)):
@@ -175,7 +174,7 @@ class RunFolder:
         write_trajectory(self.path / f"{name}.txt", poses)
 
     def read_poses(self, name: str) -> list[StampedPose]:
-        """What ``write_poses`` wrote; none where there is no file."""
+        """What ``write_poses`` wrote; empty without a file."""
         path = self.path / f"{name}.txt"
         return read_trajectory(path) if path.exists() else []
 
@@ -188,7 +187,7 @@ class RunFolder:
         save_map(grid, self.path / "map.yaml")
 
     def read_map(self) -> OccupancyGrid | None:
-        """The map, None where there is none."""
+        """The map, or None."""
         return load_map(self.path / "map.yaml") if (self.path / "map.yaml").exists() else None
 
     def _text(self, name: str, most: int = TEXT_BYTES) -> str:
@@ -228,7 +227,7 @@ def _frame_record(row: Sequence[str]) -> FrameRecord:
 
 
 def installed_versions() -> dict[str, str]:
-    """Versions of this package, Python and whatever computes."""
+    """Versions of this package, Python and the computing packages."""
     versions = {"vsx_ros": __version__, "python": platform.python_version(), "machine": platform.machine()}
     versions |= dict.fromkeys(_PACKAGES, "not installed")
     for name in _PACKAGES:

@@ -1,4 +1,4 @@
-"""What happens in a run, a line each as it happens, so that a killed run is remembered to its last moment."""
+"""Events and frames of a run, one line each, written at once, so that a killed run is known to its last moment."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ _AS_TRACKED = ("stamp_ns", "state", "searched", "found", "keyframe_added", "corr
 
 
 class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
-    """A tracked frame. T_world_cam: translation and quaternion. T_odom_base: x, y, theta, in the
-    odometry's epoch. u2_frames: U2 so far. anchor: what carries the pose when the map changes, see ``Anchor``; None
-    without a pose and in runs of older versions."""
+    """A tracked frame. T_world_cam: translation and quaternion. T_odom_base: x, y, theta, in the odometry's epoch.
+    u2_frames: U2 so far. anchor: moves the pose when the map changes, see ``Anchor``; None without a pose and in runs
+    of older versions."""
 
     stamp_ns: Stamp
     state: TrackingState
@@ -52,7 +52,7 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
 
     @staticmethod
     def of(result: TrackingResult, odometry: Odometry | None, track_ms: float, u2_frames: float | None) -> FrameLine:
-        """The line of a frame, its odometry, how long it took, and U2 so far."""
+        """The line of a frame, its odometry, its tracking time, and U2 so far."""
         T_world_cam, T_odom_base = result.T_world_cam, None if odometry is None else odometry.T_odom_base
         held = result.anchor
         return FrameLine(
@@ -73,7 +73,7 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
         return Odometry(self.stamp_ns, SE2(*self.T_odom_base), odom_epoch=self.odom_epoch)
 
     def result(self) -> TrackingResult:
-        """The frame as it was tracked, but for its place in maps not joined with the first."""
+        """The frame as it was tracked, without its place in maps that are not joined with the first."""
         T = None if self.T_world_cam is None else unflat(self.T_world_cam)
         anchor = None if self.anchor is None else Anchor(self.anchor[0], unflat(self.anchor[1]), self.anchor[2])
         return TrackingResult(
@@ -83,7 +83,7 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
 
 
 class TruthLine(Struct, frozen=True, tag="truth"):
-    """What really happened up to a stamp, where an emulator knows it."""
+    """The true state at a stamp, from an emulator."""
 
     stamp_ns: Stamp
     T_world_cam: Pose3
@@ -92,7 +92,7 @@ class TruthLine(Struct, frozen=True, tag="truth"):
 
 
 class RunEvent(Struct, frozen=True, tag="event"):
-    """A change of state. source: who changed (slam, mission, navigation, safety). state: to what. reason: why."""
+    """A change of state. source: what changed (slam, mission, navigation, safety, odometry, emulator)."""
 
     stamp_ns: Stamp
     source: str
@@ -101,7 +101,7 @@ class RunEvent(Struct, frozen=True, tag="event"):
 
 
 class ClockLine(Struct, frozen=True, kw_only=True, tag="clock"):
-    """How long the run has lasted so far, and what was counted in it."""
+    """How long the run has lasted so far, and its counters."""
 
     stamp_ns: Stamp
     elapsed_s: float
@@ -114,10 +114,10 @@ _ENCODE, _DECODE = msgspec.json.Encoder(), msgspec.json.Decoder(Line)
 
 
 class Journal:
-    """``add`` lines as they come; each is with the operating system before ``add`` returns."""
+    """Writes lines; each one has reached the operating system when ``add`` returns."""
 
     def __init__(self, path: Path, known: Sequence[Line] = ()) -> None:
-        """Begin with the lines that are known already. Raises InputError when the file cannot be written."""
+        """Start with these known lines. Raises InputError when the file cannot be written."""
         with explained(InputError, f"journal {path} cannot be written", "choose another --out", OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(path, _text(known), durable=True)
@@ -125,13 +125,13 @@ class Journal:
             self._file = path.open("ab", buffering=0)
 
     def add(self, *lines: Line) -> None:
-        """Append lines, all or none. Raises InputError when the disk takes no more."""
+        """Append all lines or none. Raises InputError when the disk is full."""
         text = _text(lines)
         left = memoryview(text)
         try:
-            if os.fstat(self._file.fileno()).st_size > self._whole:  # half a line that could not be taken back then
+            if os.fstat(self._file.fileno()).st_size > self._whole:  # half a line of a failed write
                 os.ftruncate(self._file.fileno(), self._whole)
-            while left:  # a disk that is nearly full takes a part, and says so only when asked to take the rest
+            while left:  # a nearly full disk writes only a part, and fails at the next write
                 left = left[self._file.write(left) :]
             self._whole += len(text)
         except OSError as error:
@@ -142,7 +142,7 @@ class Journal:
 
 
 def read_journal(path: Path) -> list[Line]:
-    """All lines but a last one that was cut off. Raises InputError when the file is damaged elsewhere."""
+    """All lines, without an incomplete last one. Raises InputError when the file is damaged elsewhere."""
     if not path.exists():
         return []
     with explained(InputError, f"journal {path} is damaged", "start a new run", (OSError, RecursionError, ValueError)):
@@ -167,7 +167,7 @@ def flat(T: SE3) -> Pose3:
 
 
 def unflat(pose: Pose3) -> SE3:
-    """The pose of ``flat``."""
+    """The inverse of ``flat``."""
     return SE3.from_quaternion(np.array(pose[:3]), pose[3:])
 
 

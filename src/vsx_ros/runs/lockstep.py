@@ -30,21 +30,21 @@ from vsx_ros.slam.state import TrackingState
 from vsx_ros.system import ExplorationSystem
 
 STOPPED_BY_OPERATOR = "stopped by the operator"
-_DEFAULT_TIME_S = 600.0  # emulated; a lab takes less
-_JUDGED_EVERY_NS = 2_000_000_000  # coverage, for --until; judging costs more than a frame
+_DEFAULT_TIME_S = 600.0  # emulated time; a lab takes less
+_JUDGED_EVERY_NS = 2_000_000_000  # coverage, for --until; judging takes longer than a frame
 
 
 class FastRun:
-    """One lock-step run: the robot, the system and what they leave behind."""
+    """One lock-step run: the robot, the system and their results."""
 
     def __init__(
         self, world: World, seed: int, planner: str, config: Config, before: PreviousSessions | None = None,
         slam_map: SlamMap | None = None, folder: RunFolder | None = None,
     ) -> None:  # fmt: skip
-        """before: an interrupted run to go on with, in the same world with the same seed; the robot stands where it
-        stood when the power went. slam_map: a map to go on in. folder: where to keep what another one needs."""
+        """before: an interrupted run to resume, in the same world with the same seed; the robot starts where it stood
+        at the end. slam_map: a map to continue. folder: where to store the state for a later resume."""
         self.world, self._config = world, config
-        # Compares maps with the world; where a loaded map lies in it is not known.
+        # Compares maps with the world; the position of a loaded map in the world is unknown.
         self.judge = MapJudge(world, config) if slam_map is None else None
         self._before, self._truth_before = before, before.truth if before is not None else None
         if self._truth_before is not None:
@@ -60,25 +60,25 @@ class FastRun:
             known = [line for line in before.lines if isinstance(line, TruthLine)]
             self.truth += [StampedPose(line.stamp_ns, unflat(line.T_world_cam)) for line in known]
             self._errors_m += before.saved.state["errors_m"].tolist()
-        # Last: as long as it is not ready to drive, what the interrupted run left stays as it is.
+        # Last: until everything is ready, the files of the interrupted run stay unchanged.
         self.keeper = RunWriter(mount, folder, before, config=config.runs)
         self.record = self.keeper.record
 
     @property
     def collisions(self) -> int:
-        """So far, of all sessions."""
+        """Total of all sessions so far."""
         earlier = self._truth_before.collisions if self._truth_before is not None else 0
         return self.robot.truth.collisions + earlier
 
     @property
     def plans(self) -> int:
-        """So far, of all sessions."""
+        """Total of all sessions so far."""
         earlier = int(self._before.saved.state["plans"].sum()) if self._before is not None else 0
         return self.system.navigator.plans + earlier
 
     def run(self, limit_s: float, watch: Callable[[int], str | None] | None = None) -> str:
-        """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; why it ended. watch: told the
-        stamp after each step; what it answers ends the run, and is why."""
+        """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; returns why it ended. watch:
+        called with the stamp after each step; a text that it returns ends the run and is the reason."""
         mission, command, progress = self.system.mission, STOP, Progress(sys.stderr, plain=False)
         seen: Observation | None = None
         reason = STOPPED_BY_OPERATOR
@@ -104,8 +104,8 @@ class FastRun:
         return next(event.reason for event in reversed(self.record.events) if event.source == "mission")
 
     def until(self, share: float) -> Callable[[int], str | None]:
-        """A watch that ends the run when this share of what can be seen is known and right, and the camera tracked: a
-        run that ends lost would end too early to be judged."""
+        """A watch that ends the run when this share of the observable cells is known correctly and the camera is
+        tracked: a run that ends while lost would be judged too early."""
         due_ns = 0
 
         def watch(now_ns: int) -> str | None:
@@ -127,7 +127,7 @@ class FastRun:
             self.keeper.write({**system.ground.state(), **pursued}, mission.tree())
 
     def _observe(self, command: VelocityCommand) -> Observation:
-        """What the robot's sensors say; time and odometry go on from where an earlier session left them."""
+        """The robot's sensor readings; time and odometry continue from an earlier session."""
         frame, odometry = self.robot.step(command)
         if self._before is None:
             return Observation(frame, odometry)
@@ -162,7 +162,7 @@ class FastRun:
         )
 
     def exit_code(self, reason: str) -> int:
-        """That of the command; reason: why the run ended."""
+        """The command's exit code; reason: why the run ended."""
         if reason == STOPPED_BY_OPERATOR:
             return STOPPED
         if self.system.mission.outcome is not None:
@@ -171,7 +171,7 @@ class FastRun:
         return LOST if results and results[-1].state is TrackingState.LOST else DONE
 
     def summary(self, reason: str, **facts: str | int | None) -> Summary:
-        """The numbers of the run. reason: why it ended; facts: what else the summary shall say."""
+        """The numbers of the run. reason: why it ended; facts: further entries."""
         system, errors = self.system, np.array(self._errors_m)
         summary, final = self.record.summary(system.slam.statistics()), self.record.final(system.slam.slam_map())
         summary = with_accuracy(summary, self.record.estimate(), final, self.truth, "yaw")
@@ -188,7 +188,7 @@ class FastRun:
         )  # fmt: skip
 
     def write(self, folder: RunFolder, summary: Summary) -> str:
-        """Every file of the run folder but config and world; why not all of it could be written, or nothing."""
+        """Write all files of the run folder except config and world; returns why one is missing, or empty."""
         system, surface = self.system, self.system.surface_points()
         calibration, known = system.session.calibration, self._config.robot.odometry
         more: list[Callable[[], object]] = [
@@ -200,7 +200,7 @@ class FastRun:
 
 
 def explore_fast(args: argparse.Namespace) -> int:
-    """One lock-step exploration; its exit code."""
+    """One lock-step exploration; returns the exit code."""
     folder, config, world = begin(args)
     assert world is not None
     before = PreviousSessions.of(folder) if args.resume is not None else None
@@ -208,7 +208,7 @@ def explore_fast(args: argparse.Namespace) -> int:
     if before is not None and before.ended_ns * 1e-9 >= limit_s:
         raise ConfigError(f"{folder.path} has lasted {before.ended_ns * 1e-9:.0f} s; to go on give more with --time")
     slam_map = None
-    if args.load_map:  # it may be gone by now: what became of it is in the checkpoint
+    if args.load_map:  # the file may be gone by now; the checkpoint holds the newer map
         slam_map = load_slam_map(Path(args.load_map)) if before is None else before.saved.slam_map
     run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder)
     reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)

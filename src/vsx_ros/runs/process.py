@@ -1,8 +1,8 @@
-"""What a process says and hears: exit codes, signals that wait for the end of a step, a line that tells how far it is,
-output that never fails.
+"""Input and output of a process: exit codes, signals handled at the end of a step, a progress line, streams that never
+fail.
 
-Where a disk is full or a reader gone, words are lost and work goes on. Python's own streams raise in whoever prints,
-logs or shows a traceback, and once more at the end of the program; under rospy's logging that is in the midst of
+If a disk is full or a reader has gone, output is lost and work continues. Python's own streams would raise in code that
+prints, logs or shows a traceback, and again at the end of the program. Under rospy's logging that would happen inside
 callbacks and services."""
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ from vsx_ros.errors import disk_trouble
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-_TERMINAL_PERIOD_S, _PLAIN_PERIOD_S = 0.5, 5.0  # Between two lines of progress: for eyes, and in a file
+_TERMINAL_PERIOD_S, _PLAIN_PERIOD_S = 0.5, 5.0  # Between two lines of progress: on a terminal, and in a file
 
 DONE, FAILED, HARDWARE, LOST, STOPPED, INTERNAL = range(6)
-"""The job is done; wrong usage, unusable input or a failed check; a device is missing or misbehaves; tracking was lost
-for good; the operator stopped it; a mistake in this program."""
+"""Done; wrong usage, unusable input or a failed check; a device is missing or misbehaves; tracking was lost for good;
+the operator stopped it; an error in this program."""
 
 
 def ended_well(code: int) -> bool:
-    """Whether a run that ended with this code went as it should."""
+    """Whether a run with this exit code ended as it should."""
     return code in (DONE, STOPPED)
 
 
 class SignalFlag:
-    """Whether one of some signals came. It takes no lock (threading.Event does): a second signal, in the midst of the
-    answer to the first one, would wait for it for ever."""
+    """Whether one of the signals came. It uses no lock (threading.Event does): a second signal inside the handler of
+    the first would wait for the lock forever."""
 
     def __init__(self, *numbers: int) -> None:
-        """numbers: e.g. signal.SIGTERM. Only for the main thread, which alone hears signals."""
+        """numbers: e.g. signal.SIGTERM. Only for the main thread, which alone receives signals."""
         self.came, self._numbers = False, numbers
         self.listen()
 
     def listen(self) -> None:
-        """Answer the signals, also where someone else began to answer them since."""
+        """Install the handlers, also if other code has replaced them since."""
         for number in self._numbers:
             signal.signal(number, self._on_signal)
 
@@ -58,8 +58,8 @@ class SignalFlag:
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C was pressed: asked between two frames, because a half tracked one would spoil the map. A second
-    Ctrl-C ends the program at once. Off the main thread, which alone hears it, nothing is changed."""
+    """Whether Ctrl-C was pressed. Check it between two frames, because a half tracked frame would spoil the map. A
+    second Ctrl-C ends the program at once. Outside the main thread, which alone receives it, nothing changes."""
     pressed = False
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False
@@ -78,10 +78,10 @@ def interruptible() -> Iterator[Callable[[], bool]]:
 
 
 class Progress:
-    """One line that tells how a run is going: rewritten on a terminal, else a plain line now and then."""
+    """A progress line: rewritten on a terminal, else a new line now and then."""
 
     def __init__(self, out: TextIO, *, plain: bool = True) -> None:
-        """plain: whether anything is shown where there is no terminal."""
+        """plain: whether to write lines if there is no terminal."""
         self._out, self._rewrites = out, out.isatty()
         self._period_s = _TERMINAL_PERIOD_S if self._rewrites else _PLAIN_PERIOD_S if plain else math.inf
         self._shown_s = -1e9
@@ -98,11 +98,11 @@ class Progress:
         self._write(line[: width - 1] if self._rewrites else line + "\n")
 
     def say(self, line: str) -> None:
-        """A line that stays."""
+        """Write a line that stays."""
         self._write(line + "\n")
 
     def clear(self) -> None:
-        """Leave the terminal to others."""
+        """Clear the progress line."""
         self._write("")
 
     def _write(self, text: str) -> None:
@@ -111,7 +111,7 @@ class Progress:
 
 
 class _Lossy(io.FileIO):
-    """lost: why words were lost first."""
+    """lost: the first write error, if any."""
 
     lost: OSError | None = None
 
@@ -125,19 +125,19 @@ class _Lossy(io.FileIO):
 
 
 def lossy(descriptor: int, *, close: bool = False) -> TextIO:
-    """A text stream, a line at a time; writing, flushing and closing never raise. close: the descriptor, too."""
+    """A line-buffered text stream; writing, flushing and closing never raise. close: also close the descriptor."""
     raw = _Lossy(descriptor, "w", closefd=close)
     return io.TextIOWrapper(io.BufferedWriter(raw), "utf-8", "backslashreplace", line_buffering=True)
 
 
 def never_fail() -> None:
-    """Make this process's standard output and error, and the files of its logging, such streams."""
+    """Replace standard output and error by such streams, and let logging never raise."""
     logging.raiseExceptions = False
     for number, name in ((1, "stdout"), (2, "stderr")):
         stream = getattr(sys, name)
-        if stream is None:  # closed by who started us: the next file to be opened would take its place
+        if stream is None:  # closed by the parent process: the next opened file would get its number
             os.dup2(os.open(os.devnull, os.O_WRONLY), number)
-        elif stream is not getattr(sys, f"__{name}__"):  # already done, or a test listens
+        elif stream is not getattr(sys, f"__{name}__"):  # already replaced, or captured by a test
             continue
         else:
             stream.flush()
@@ -145,15 +145,15 @@ def never_fail() -> None:
 
 
 def lost() -> OSError | None:
-    """Why standard output has lost words, if it has."""
+    """The error by which standard output lost text, or None."""
     sys.stdout.flush()
     raw = getattr(getattr(sys.stdout, "buffer", None), "raw", None)
     return raw.lost if isinstance(raw, _Lossy) else None
 
 
 def ended(code: int) -> int:
-    """The exit code of a command that would have ended with this one; a reader who has gone wants no more, but what a
-    disk did not take is told."""
+    """The exit code of a command that returns this one. A closed reader is fine; output that a disk did not take is an
+    error."""
     error = lost()
     if error is None or error.errno == errno.EPIPE:
         return code

@@ -1,4 +1,4 @@
-"""What a run leaves behind, collected while it goes on, and the judgement of its map against the emulated world."""
+"""Collects the data of a run for its results, and compares its map with the emulated world."""
 
 from collections.abc import Callable, Iterable, Iterator
 
@@ -25,11 +25,11 @@ from vsx_ros.slam.state import SlamStatistics, TrackingResult, TrackingState
 
 
 class RunRecord:
-    """The SLAM of a run, frame by frame."""
+    """The SLAM's results of a run, frame by frame."""
 
     def __init__(self, T_base_cam: SE3) -> None:
         self._T_base_cam = T_base_cam
-        # Of an hour's frames and readings: odometry at each, three numbers instead of twelve.
+        # For an hour of frames and readings: three numbers per odometry pose instead of twelve.
         self._T_odom_bases: list[SE2 | None] = []
         self._epochs: list[int] = []
         self._odometry: list[tuple[int, SE2]] = []
@@ -39,13 +39,13 @@ class RunRecord:
         self.events: list[RunEvent] = []
 
     def add_odometry(self, odometry: Odometry) -> None:
-        """An odometry reading."""
+        """Add an odometry reading."""
         self._odometry.append((odometry.stamp_ns, odometry.T_odom_base))
 
     def add_frame(
         self, result: TrackingResult, odometry: Odometry | None, track_s: float, u2_frames: float | None
     ) -> None:
-        """A frame the tracker has seen, the odometry of its instant, how long it took [s], and U2 after it."""
+        """Add a tracked frame, the odometry at its time, its tracking time [s], and U2 after it."""
         self.results.append(result)
         self._T_odom_bases.append(odometry.T_odom_base if odometry is not None else None)
         self._epochs.append(odometry.odom_epoch if odometry is not None else self.odom_epoch)
@@ -53,7 +53,7 @@ class RunRecord:
         self.u2_frames.append(u2_frames)
 
     def restore(self, lines: Iterable[Line]) -> None:
-        """Go on from the journal of the sessions before."""
+        """Restore from the journal of the earlier sessions."""
         for line in lines:
             if isinstance(line, FrameLine):
                 self.add_frame(line.result(), line.odometry, 1e-3 * line.track_ms, line.u2_frames)
@@ -64,18 +64,18 @@ class RunRecord:
 
     @property
     def odom_epoch(self) -> int:
-        """The odometry's epoch in the last frame, -1 before the first."""
+        """The odometry's epoch in the last frame; -1 before the first."""
         return self._epochs[-1] if self._epochs else -1
 
     def estimate(self) -> list[StampedPose]:
-        """T_world_cam of every frame tracked from the map; of a map that was begun again, since then."""
+        """T_world_cam of every tracked frame; if the map was started again, only of frames since then."""
         states = [result.state for result in self.results]
         begun = len(states) - [*reversed(states), TrackingState.NOT_INITIALISED].index(TrackingState.NOT_INITIALISED)
         known = ((r.stamp_ns, r.T_world_cam) for r in self.results[begun:] if r.state.tracked)
         return [StampedPose(stamp_ns, T) for stamp_ns, T in known if T is not None]
 
     def final(self, slam_map: SlamMap | None) -> list[StampedPose]:
-        """The same frames where the keyframes they were tracked from put them now, culled ones where their heirs do."""
+        """The same frames, moved with their keyframes' current poses; the heir stands for a culled keyframe."""
         keyframes = () if slam_map is None else slam_map.view.keyframes
         held = {r.stamp_ns: r.anchor for r in self.results if r.anchor and r.anchor.keyframe < len(keyframes)}
         return [
@@ -84,12 +84,12 @@ class RunRecord:
         ]
 
     def summary(self, statistics: SlamStatistics) -> Summary:
-        """What is known without any truth."""
+        """The numbers that need no ground truth."""
         breaks, jumps = self._breaks(), len(find_odometry_jumps(self.results, self._cameras(), self._epochs))
         return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks, odometry_jumps=jumps)
 
     def counted(self) -> Summary:
-        """What the frames alone tell, without the SLAM that tracked them."""
+        """The numbers that the frames alone give, without the SLAM."""
         if not self.results:
             return Summary()
         states = [result.state for result in self.results]
@@ -100,20 +100,20 @@ class RunRecord:
         return len(find_breaks(self.results, self._cameras(), self._epochs))
 
     def _cameras(self) -> list[SE3 | None]:
-        """By odometry, in its own frame."""
+        """Poses by odometry, in its frame."""
         return [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._T_odom_bases]
 
     def _told(self) -> list[RunEvent]:
-        """All events, and what only the whole run shows."""
+        """All events, and those that only the whole run shows."""
         jumps = find_odometry_jumps(self.results, self._cameras(), self._epochs)
         return [*self.events, *(RunEvent(jump.stamp_ns, "odometry", "jumped", jump.reason) for jump in jumps)]
 
     def writes(
         self, folder: RunFolder, slam: TrackerAndMapper | None = None, surface: Points3 | None = None
     ) -> Iterator[Callable[[], None]]:
-        """How to write events.jsonl, trajectory.txt (camera in the map, as tracked), trajectory_final.txt, frames.csv,
-        odometry.txt and sparse.ply; with spots of surface (N, 3), dense.ply too. What matters most where there is
-        little room is first."""
+        """Functions that write events.jsonl, trajectory.txt (camera in the map, as tracked), trajectory_final.txt,
+        frames.csv, odometry.txt and sparse.ply; with surface points (N, 3), dense.ply too. The most important files
+        come first, in case the disk gets full."""
         yield lambda: folder.write_events(self._told())
         yield lambda: folder.write_poses("trajectory", self.estimate())
         if slam is not None:
@@ -141,7 +141,7 @@ class RunRecord:
 
 
 class MapJudge:
-    """Compares maps with an emulated world, whose base begins to count where it starts: there the map's origin is."""
+    """Compares maps with an emulated world. The map's origin is the base's start pose in the world."""
 
     def __init__(self, world: World, config: Config) -> None:
         ground = config.ground_map
@@ -156,10 +156,10 @@ class MapJudge:
         return map_quality(grid, self._truth, self._observable, self._start)
 
     def picture(self, grid: OccupancyGrid) -> NDArray[np.uint8]:
-        """The map as ``map_on_truth_picture`` draws it, with what it lacks of the obstacles that can be seen."""
+        """The map as ``map_on_truth_picture`` draws it, with the visible obstacles that it lacks."""
         faces = self._observable & (self._truth.data == OCCUPIED)
         return map_on_truth_picture(grid, self._truth, faces, self._start)
 
     def judged(self, summary: Summary, grid: OccupancyGrid | None) -> Summary:
-        """The summary with the quality of the map."""
+        """The summary with the map's quality added."""
         return summary if grid is None else summary.with_values(**self.quality(grid)._asdict())

@@ -1,4 +1,4 @@
-"""What a run tells at its end: its exit code, its page, and the facts that people want first."""
+"""The end of a run: its exit code, its report page, and the most important facts."""
 
 import sys
 from collections.abc import Mapping
@@ -18,18 +18,18 @@ from vsx_ros.runs.parameters import commented_yaml
 from vsx_ros.runs.process import DONE, FAILED, LOST, STOPPED
 
 _OTHERS = {Outcome.EXPLORED: DONE, Outcome.HOME: DONE, Outcome.STOPPED: STOPPED, Outcome.LOST: LOST}
-EXIT_CODES = dict.fromkeys(Outcome, FAILED) | _OTHERS  # Of each way an exploration ends, live or in lock-step
+EXIT_CODES = dict.fromkeys(Outcome, FAILED) | _OTHERS  # For each outcome of an exploration, live or in lock-step
 
 
 def write_report(folder: RunFolder) -> Path:
-    """Write report.html of a run; its path."""
+    """Write report.html of a run; returns its path."""
     path = folder.path / "report.html"
     write_text(path, render(report_data(folder)))
     return path
 
 
 def report_data(folder: RunFolder) -> ReportData:
-    """What a page shows of a run."""
+    """The data for the report page of a run."""
     config, facts = folder.read_config()
     points = folder.path / "sparse.ply"
     return ReportData(
@@ -49,7 +49,7 @@ def report_data(folder: RunFolder) -> ReportData:
 
 
 def tell_the_end(folder: RunFolder, summary: Mapping[str, Any], code: int, failure: str) -> int:
-    """Say how a run ended; the exit code. failure: why not all of the run folder could be written, or nothing."""
+    """Print how a run ended; returns the exit code. failure: why a file of the run folder is missing, or empty."""
     page = [] if failure else [f"report: {folder.path / 'report.html'}"]
     sys.stdout.write("\n  ".join([str(summary["stop_reason"]), *one_line_facts(summary), *page]) + "\n")
     if failure:
@@ -58,7 +58,7 @@ def tell_the_end(folder: RunFolder, summary: Mapping[str, Any], code: int, failu
 
 
 def one_line_facts(summary: Mapping[str, Any]) -> list[str]:
-    """What people want to know first, a line each; what is unknown is left out."""
+    """The most important facts, one per line; unknown ones are left out."""
 
     def known(*keys: str) -> bool:
         return all(summary.get(key) is not None for key in keys)

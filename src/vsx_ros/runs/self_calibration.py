@@ -1,4 +1,4 @@
-"""What a run found out about its wheels and gyro, kept in its folder as 'vsx calibrate odometry' takes it."""
+"""Writes the wheel and gyro calibration found during a run to its folder, for 'vsx calibrate odometry'."""
 
 import math
 from pathlib import Path
@@ -11,8 +11,8 @@ FILE = "odometry_calibration.yaml"
 
 
 def write_self_calibration(folder: Path, calibration: DrivingCalibration | None, known: OdometryConfig) -> None:
-    """known: what the base multiplied by during the run. What was refused stays as it was, with the reason on top;
-    nothing is written where nothing was found. Raises ConfigError when the file cannot be written."""
+    """known: the factors in use during the run. Refused factors keep their value, with the reason in the remark. Writes
+    nothing if nothing was found. Raises ConfigError when the file cannot be written."""
     found = calibration.found if calibration is not None else None
     if found is None or (found.linear is None and found.angular is None):
         return

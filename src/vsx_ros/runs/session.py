@@ -1,4 +1,4 @@
-"""A run that may be killed at any moment, and the next session that goes on with it (``vsx explore --resume``)."""
+"""A run that may be killed at any moment, and the next session that resumes it (``vsx explore --resume``)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _USUAL = RunsConfig()
 
 
 class PreviousSessions:
-    """What is known of the sessions before: the checkpoint, and the journal, which tells more. lines: of the journal,
+    """Data of the earlier sessions: the checkpoint, and the journal, which reaches further. lines: of the journal;
     frames and events up to the checkpoint, the truth up to the last moment."""
 
     def __init__(self, folder: RunFolder) -> None:
@@ -45,41 +45,41 @@ class PreviousSessions:
 
     @staticmethod
     def of(folder: RunFolder) -> PreviousSessions | None:
-        """None where the run was interrupted before it had a map. Raises MapFileError or InputError when damaged."""
+        """None if the run was interrupted before it had a map. Raises MapFileError or InputError when damaged."""
         return PreviousSessions(folder) if folder.checkpoint.exists else None
 
     @property
     def ended_ns(self) -> int:
-        """The last moment that is known."""
+        """The last known moment."""
         return max([self.saved.stamp_ns, *(line.stamp_ns for line in self._journal)])
 
     @property
     def truth(self) -> TruthLine | None:
-        """Where the emulated robot stood last."""
+        """The last true state of the emulated robot."""
         return next((line for line in reversed(self._journal) if isinstance(line, TruthLine)), None)
 
     @property
     def T_odom_base(self) -> SE2:
-        """The base in the odometry frame at the last moment."""
+        """The base in the odometry frame at the last known moment."""
         return _driven(self._journal)[-1][1]
 
     @cached_property
     def system(self) -> SavedSystem:
-        """Of a run in lock-step. Raises InputError where the checkpoint or the journal lacks some of it."""
+        """Of a lock-step run. Raises InputError if the checkpoint or the journal lacks a part of it."""
         saved, driven = self.saved, _driven(self._journal)
         if not driven or not {"errors_m", "plans"} <= saved.state.keys():
             raise InputError(f"{self._path} holds a map but not how it came about; start a new run")
         since = [T for stamp_ns, T in driven if stamp_ns >= saved.stamp_ns]
         mission = SavedMission.of(saved.mission, self._path)
-        # A journal that ends before the checkpoint: the robot stands where it did then, and not where its trail ends.
+        # If the journal ends before the checkpoint, the robot does not stand at the end of its trail.
         mission = mission.carried([since[0].inverse() @ T for T in since]) if since else mission.moved()
         return SavedSystem(saved.slam_map, saved.state, mission)
 
 
 def end_trail(folder: RunFolder, moved: bool) -> None:
-    """Let the trail that a live mission remembers end where the base stood last: what it drove after the mission's last
-    word is in the journal. moved: it has been put elsewhere since, and the way it came is not behind it. Raises
-    InputError when one of them is damaged."""
+    """Extend the stored trail of a live mission to the last place of the base; the journal holds this last part. moved:
+    the robot was carried elsewhere, so the trail does not end at its place. Raises InputError when one of the files is
+    damaged."""
     remembered = folder.checkpoint.read_mission()
     if remembered is None:
         return
@@ -97,8 +97,8 @@ def end_trail(folder: RunFolder, moved: bool) -> None:
 
 
 def results_of_slam(folder: RunFolder, T_base_cam: SE3) -> tuple[Summary, str]:
-    """The summary that the node vslam left in a run folder. Where it was ended before it could write, what its journal
-    knows instead, with the trajectory, and a sentence that says so."""
+    """The summary that the node vslam left in a run folder. If vslam ended before writing it: the numbers from its
+    journal (the trajectory is written, too), and a sentence that says so."""
     if (folder.path / "summary.json").exists():
         return Summary(**folder.read_summary()), ""
     record = RunRecord(T_base_cam)
@@ -111,24 +111,24 @@ def results_of_slam(folder: RunFolder, T_base_cam: SE3) -> tuple[Summary, str]:
 
 
 def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
-    """Stamp and T_odom_base of every frame that has both, in the last epoch of the odometry."""
+    """Stamp and T_odom_base of each frame that has odometry, in the odometry's last epoch."""
     readings = [line.odometry for line in lines if isinstance(line, FrameLine) and line.odometry is not None]
     return [(r.stamp_ns, r.T_odom_base) for r in readings if r.odom_epoch == readings[-1].odom_epoch]
 
 
 class RunWriter:
-    """What a run keeps: every frame and event, for its results, and in its folder as it happens, with the map every few
-    seconds, so that another session can go on with it. Lock-step, replays and the node vslam have one. ``frame`` and
-    ``note`` on the thread that tracks; ``write`` on any, which may wait for the disk for seconds. A disk that takes no
-    more ends nothing: ``failure`` says what could not be kept, and the run could not be gone on with from there."""
+    """Stores a run. Frames and events are kept for the results and written to the folder at once, with the map every
+    few seconds, so that another session can resume it. Used by lock-step runs, replays and the node vslam. Call
+    ``frame`` and ``note`` on the tracking thread, ``write`` on any; it may wait seconds for the disk. A full disk does
+    not end the run: ``failure`` names what is not stored, and the run cannot be resumed from there."""
 
     def __init__(
         self, T_base_cam: SE3, folder: RunFolder | None = None, before: PreviousSessions | None = None,
         kept: Callable[[], AbstractContextManager[None]] | None = None, rest: float = 0.0, config: RunsConfig = _USUAL,
     ) -> None:  # fmt: skip
-        """folder: where to keep what another session needs; nothing is kept there without. kept: around what is
-        written, to tell an InputError; without, the first is said on stderr, and one at the beginning is raised. rest:
-        so many times as long as writing the map took nothing is written, nor before config.checkpoint_s is over."""
+        """folder: where to store data for a resume; None stores nothing. kept: context around each write, to report an
+        InputError; without it, the first error goes to stderr, and one at the start is raised. rest: pause after
+        writing a map, as a multiple of the writing time; the pause is at least config.checkpoint_s."""
         self.record = RunRecord(T_base_cam)
         lines = before.lines if before is not None else []
         self.record.restore(lines)
@@ -148,7 +148,7 @@ class RunWriter:
         self, result: TrackingResult, odometry: Odometry | None, track_s: float, u2_frames: float | None,
         events: Sequence[SlamEvent], mission: Sequence[MissionEvent] = (), *more: Line,
     ) -> None:  # fmt: skip
-        """A frame was tracked, U2 after it, and what SLAM and mission told. more: other lines for the journal."""
+        """Store a frame, U2 after it, and the events of SLAM and mission. more: other lines for the journal."""
         record, told = self.record, len(self.record.events)
         record.add_frame(result, odometry, track_s, u2_frames)
         record.events += [RunEvent(event.stamp_ns, "slam", event.kind, event.reason) for event in events]
@@ -159,7 +159,7 @@ class RunWriter:
                 self._journal.add(*record.events[told:], line, *more)
 
     def note(self, slam: TrackerAndMapper, stamp_ns: int, *, now: bool = False) -> bool:
-        """Remember the map as it is, every few seconds, to be written; whether it was time for that."""
+        """Every few seconds, note the current map for writing; returns whether it was noted."""
         is_due = self._checkpoint is not None and (now or stamp_ns >= self._due_ns)
         slam_map = slam.slam_map() if is_due else None
         if slam_map is None:
@@ -170,8 +170,8 @@ class RunWriter:
         return True
 
     def write(self, state: Mapping[str, NDArray[Any]], mission: dict[str, Any] | None = None) -> None:
-        """Write the map noted last, with what is driven and bumped, and what the mission remembers; nothing where none
-        was noted since."""
+        """Write the last noted map, with the state of the ground and the mission's memory; does nothing if no map was
+        noted since."""
         with self._writing:
             with self._lock:
                 noted, self._noted = self._noted, None
@@ -187,8 +187,8 @@ class RunWriter:
         self, folder: RunFolder, slam: TrackerAndMapper, summary: Summary | None = None, surface: Points3 | None = None,
         grid: OccupancyGrid | None = None, *more: Callable[[], object],
     ) -> str:  # fmt: skip
-        """Write the results, with what there is of spots of surface (N, 3) [m] and ground map, then ``more``. Why not
-        all of them, or not all that another session needs, could be written; empty where all is well."""
+        """Write the results, including surface points (N, 3) [m] and ground map if given, then ``more``. Returns why a
+        result or the data for a resume could not be written; empty if all is well."""
         record = self.record
         told = (summary or record.summary(slam.statistics())).as_dict()
         writes: list[Callable[[], object]] = [lambda: folder.write_summary(told)]

@@ -1,4 +1,4 @@
-"""The start of an exploration, of the rest of one, or of a replay: options made complete, folder, world, recording."""
+"""The start of an exploration, of a resumed one, or of a replay: complete options, folder, world, recording."""
 
 import argparse
 import dataclasses
@@ -29,9 +29,9 @@ REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "tim
 
 
 def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
-    """The run folder, its configuration, and the emulated world if there is one; what was not said becomes the default,
-    or what the run to resume had. Nothing is written before all of it is known to be right. Raises InputError,
-    ConfigError or MapFileError when there is no such run, world or map, or an option contradicts it."""
+    """The run folder, its configuration, and the emulated world or None. Missing options get the default, or the value
+    of the run to resume. Checks everything before it writes. Raises InputError, ConfigError or MapFileError if the run,
+    world or map does not exist, or an option contradicts it."""
     if args.resume is not None:
         return _begin_again(args, RunFolder.open(args.resume))
     if args.moved:
@@ -60,7 +60,7 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
 
 
 def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
-    """Give the options that were not given these values."""
+    """Set the missing options to these values."""
     for name, value in values.items():
         if getattr(args, name) is None:
             setattr(args, name, value)
@@ -88,8 +88,8 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
 
 
 def opened_recording(args: argparse.Namespace) -> Recording:
-    """The recording of the options, with a camera; what is wrong with it is said. Raises InputError when it cannot be
-    used as wished, CalibrationError for a calibration that cannot be read."""
+    """The recording of the options, with a camera; damage is reported. Raises InputError if it cannot be used as
+    requested, CalibrationError for an unreadable calibration."""
     recording = open_recording(args.input, args.image_topic, args.odometry_topic)
     if recording.damage:
         print(f"vsx: {recording.damage}", file=sys.stderr)
@@ -99,14 +99,14 @@ def opened_recording(args: argparse.Namespace) -> Recording:
 
 
 def replay_folder(args: argparse.Namespace, config: Config) -> RunFolder:
-    """The run folder, with the configuration in it. Raises InputError where something else is in the way."""
+    """The run folder, with the configuration in it. Raises InputError if something else has this path."""
     folder = RunFolder.create(args.out) if args.out else RunFolder.create_dated(args.input.stem)
     folder.write_config(config, args.line, seed=args.seed, input=str(args.input.resolve()))
     return folder
 
 
 def replay_code(ending: TrackingState) -> int:
-    """What the state after the last image means."""
+    """The exit code for the state after the last image."""
     return {TrackingState.NOT_INITIALISED: FAILED, TrackingState.LOST: LOST}.get(ending, DONE)
 
 

@@ -10,9 +10,9 @@ from vsx_ros.sim.world_file import load_world
 
 
 def open_world(name: str, seed: int) -> World:
-    """A generator's world by name and seed, or that of a world.yaml, or of a map (walls drawn by seed): a map_server
-    map.yaml, or a floor plan alone, .png or .pgm with 5 cm a pixel. Raises ConfigError for an unknown name or a
-    malformed world file, MapFileError for an unusable map."""
+    """A generator's world by name and seed, or a world.yaml, or a map (wall pictures by seed): a map_server map.yaml,
+    or only a floor plan, .png or .pgm with 5 cm per pixel. Raises ConfigError for an unknown name or a malformed world
+    file, MapFileError for an unusable map."""
     if name in GENERATORS:
         return generate_world(name, seed)
     path = Path(name)

@@ -1,1 +1,1 @@
-"""Fourth floor: the emulated world, camera and body."""
+"""The emulated world, camera and body."""

@@ -12,7 +12,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2, body_twist, integrate, wrap_angle
 
 SUBSTEP_NS = 5_000_000  # 1.5 mm at full speed
-HISTORY = 512  # substeps, 2.5 s: more than an image waits for its motion
+HISTORY = 512  # substeps, 2.5 s: longer than an image needs the body's motion
 FREE_AGAIN_M = 0.003  # play of a bumper between pressed and released
 BUMPER_CENTRE_RAD = math.radians(25.0)  # of the middle one of three, to each side
 BUMPER_SIDE_RAD = math.radians(90.0)  # the bumper is the front half
@@ -22,8 +22,8 @@ NonNegative = Annotated[float, Meta(ge=0)]
 
 class BodySettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A Kobuki by default: wheel base, encoder step and gyro step are its own; errors are half-widths or deviations.
-    true_way, true_track: how many times as far the wheels really roll, and stand apart, as the driver takes them to;
-    gyro_scale, gyro_zero_rad_s: what the gyro reads of one turn, and while it stands."""
+    true_way, true_track: true distance rolled and true wheel distance, relative to the driver's. gyro_scale: read turn
+    / true turn. gyro_zero_rad_s: reading at standstill."""
 
     wheel_base_m: Positive = 0.230
     tick_m: Positive = 0.000085292
@@ -49,7 +49,7 @@ class Bumper(NamedTuple):
 
 
 class Body:
-    """A disc of the given radius [m] among wall segments (N, 4) [m]; not thread-safe: one owner advances it. Public
+    """A disc of the given radius [m] among wall segments (N, 4) [m]. Not thread-safe: one owner advances it. Public
     state: time_ns, T_world_base, path_length_m, collisions, min_clearance_m, bumper."""
 
     def __init__(
@@ -97,12 +97,12 @@ class Body:
 
     @property
     def gyro_angle_rad(self) -> float:
-        """Heading by the gyro, zero at the start, drifting, in its steps, not wrapped."""
+        """Heading by the gyro, zero at the start, with drift, quantised in its steps, not wrapped."""
         step = self._settings.gyro_step_rad
         return math.floor(self._gyro / step + 0.5) * step
 
     def clearance(self, x: float, y: float) -> float:
-        """Gap between the body, were it at x, y, and the nearest wall [m]; negative inside one's reach."""
+        """Gap between a body at x, y and the nearest wall [m]; negative if they overlap."""
         return self._nearest(x, y)[0] - self._radius
 
     def poses_at(self, stamps_ns: IntArray) -> FloatArray:
@@ -151,7 +151,7 @@ class Body:
         self._remember()
 
     def _move(self, distance: float, turn: float) -> None:
-        """Follow the arc, or only turn where a wall is in the way."""
+        """Follow the arc, or only turn if a wall is in the way."""
         before = self.T_world_base
         after = integrate(before, distance, turn)
         gap, dx, dy = self._nearest(after.x, after.y)

@@ -34,12 +34,12 @@ KINECT = PinholeCamera(
 )
 """Colour camera of one Kinect (TUM RGB-D benchmark, sequence family fr1)."""
 
-VIBRATION_WAVES_PER_M = np.array([7.0, 13.0, 23.0, 41.0])  # incommensurable: joints of a floor, treads, wheels
+VIBRATION_WAVES_PER_M = np.array([7.0, 13.0, 23.0, 41.0])  # without a common period: floor joints, treads, wheels
 
 
 class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A Kinect's colour camera: rolling shutter of 26 ms, indoor exposure, noise of its small pixels. lens: any other
-    in its place."""
+    """A Kinect's colour camera: rolling shutter of 26 ms, indoor exposure, noise of its small pixels. lens: may be
+    replaced by any other."""
 
     lens: PinholeCamera = KINECT
     readout_ns: Annotated[int, Meta(ge=0)] = 26_000_000
@@ -58,7 +58,7 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
 
 def perturbed_calibration(camera: PinholeCamera, settings: CameraSettings, rng: np.random.Generator) -> PinholeCamera:
-    """The calibration a user would have: focal lengths and centre slightly wrong, distortion right."""
+    """A user's calibration: focal lengths and centre slightly wrong, distortion right."""
     off = rng.uniform(-1.0, 1.0, 4).tolist()
     fx, fy = camera.fx * (1.0 + settings.focal_error * off[0]), camera.fy * (1.0 + settings.focal_error * off[1])
     cx, cy = camera.cx + settings.centre_error_px * off[2], camera.cy + settings.centre_error_px * off[3]
@@ -66,7 +66,7 @@ def perturbed_calibration(camera: PinholeCamera, settings: CameraSettings, rng: 
 
 
 class EmulatedCamera:
-    """Pictures from a moving base. camera_true and T_base_cam_true are the truth; the stack gets the _given ones."""
+    """Images from a moving base. camera_true and T_base_cam_true are the truth; the stack gets the _given ones."""
 
     def __init__(
         self, scene: Scene, mount: MountConfig, settings: CameraSettings, rng: np.random.Generator, threads: int = 1
@@ -85,12 +85,12 @@ class EmulatedCamera:
 
     @property
     def span_ns(self) -> int:
-        """Time from the stamp until the last row is exposed [ns]; the body must have moved on that far."""
+        """Time from the stamp until the last row is exposed [ns]; the body must have advanced that far."""
         overhang = float(self._renderer.border_rows[-1]) / self.camera_true.height
         return self._settings.exposure_ns + math.ceil(self._settings.readout_ns * overhang) + 1
 
     def render_gray(self, stamp_ns: int, poses_at: PosesAt) -> GrayImage:
-        """(H, W) uint8 luminance; stamp_ns: start of exposure of the first row."""
+        """(H, W) uint8 luminance. stamp_ns: start of the first row's exposure."""
         return self._sensor.develop(self.picture(stamp_ns, poses_at, bayer=False).radiance)
 
     def render_bayer(self, stamp_ns: int, poses_at: PosesAt) -> GrayImage:
@@ -110,7 +110,7 @@ class EmulatedCamera:
         return self._renderer.render(R, t, bayer, want_depth)
 
     def poses_cam(self, base: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rotations (N, 3, 3), positions (N, 3) of the camera on base poses (N, 4): the true mount, and its rattle."""
+        """Rotations (N, 3, 3), positions (N, 3) of the camera on base poses (N, 4), with true mount and vibration."""
         c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
         zero, one = np.zeros_like(c), np.ones_like(c)
         yaw = np.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)
@@ -123,12 +123,12 @@ class EmulatedCamera:
         return rotations, positions
 
 
-NOISE_DRAWS = 1 << 18  # drawn once; rows begin anywhere among them
+NOISE_DRAWS = 1 << 18  # drawn once; each row starts at a random one
 GAIN_MIN, GAIN_MAX = 0.3, 6.0  # of the automatic exposure
 
 
 class Sensor:
-    """Turns radiance into 8-bit pictures; remembers the gain its automatic exposure has reached."""
+    """Turns radiance into 8-bit images; stores the gain of its automatic exposure."""
 
     def __init__(self, camera: PinholeCamera, settings: CameraSettings, rng: np.random.Generator) -> None:
         self._settings = settings
@@ -144,7 +144,7 @@ class Sensor:
         self._metered = False
 
     def develop(self, radiance: NDArray[np.float32]) -> GrayImage:
-        """(H, W) uint8 of (H, W) radiance. The first picture meets the target at once, later ones approach it."""
+        """(H, W) uint8 of (H, W) radiance. The first image meets the target at once, later ones approach it."""
         settings = self._settings
         ratio = settings.target_signal / max(float(radiance[4::8, 4::8].mean()), 1e-4)
         ramp = settings.exposure_ramp if self._metered else 1.0

@@ -1,6 +1,6 @@
 """Seeded buildings: lab (12 m x 8 m), office, corridor, and building (40 m x 25 m, 24 to 34 rooms); and any building
-from its map, extruded to walls. Same name or map and seed, same world. Nothing is tuned by the worlds made of maps of
-real buildings."""
+from its map, extruded to walls. The same name or map and seed give the same world. Nothing is tuned on the worlds made
+from maps of real buildings."""
 
 import cv2
 import numpy as np
@@ -16,13 +16,13 @@ from vsx_ros.sim.world import Light, Origin, Outline, Point, Start, Wall, World
 Rng = np.random.Generator
 
 HEIGHT_M = 2.6  # of a storey
-# The building: two corridors with rooms on both sides, joined by a third; where its walls run across.
+# The building: two corridors with rooms on both sides, joined by a third; coordinates of its walls.
 _BUILDING_M = (40.0, 25.0)
 _CORRIDORS_M = ((5.6, 7.8), (17.2, 19.4))
 _CROSSING_M = (19.0, 21.2)
 _MIDDLE_M = 12.5
-TOLERANCE_M = 0.06  # by which outlines are simplified: about a cell
-MAX_OBSTACLES, MAX_SIDES = 5000, 20_000  # A robot's own map of a building has some hundreds and some thousands
+TOLERANCE_M = 0.06  # of simplified outlines: about a cell
+MAX_OBSTACLES, MAX_SIDES = 5000, 20_000  # a robot's own map of a building has some hundreds and some thousands
 
 
 def _partition(rng: Rng, x: float, depth: float, gaps: int) -> list[Wall]:
@@ -99,7 +99,7 @@ def _building(rng: Rng, seed: int) -> World:
 
 
 def _room_row(rng: Rng, y: float, y_back: float, x0: float, x1: float) -> list[Wall]:
-    """Rooms from x0 to x1 between a corridor's wall at y, with a door for each, and their back at y_back."""
+    """Walls of rooms from x0 to x1 between a corridor's wall at y, with one door per room, and their back at y_back."""
     count = int(rng.integers(round((x1 - x0) / 6.5), round((x1 - x0) / 4.5) + 1))
     widths = rng.uniform(0.8, 1.2, count)
     edges = x0 + (x1 - x0) * np.concatenate([[0.0], np.cumsum(widths / widths.sum())])
@@ -131,8 +131,8 @@ def generate_world(name: str, seed: int) -> World:
 
 
 def world_from_grid(grid: OccupancyGrid, name: str, seed: int) -> World:
-    """The largest free region of a map as a building whose surfaces are drawn by seed. Raises MapFileError when there
-    is no free region of a square metre."""
+    """The largest free region of a map as a building with random surfaces by seed. Raises MapFileError when there is no
+    free region of a square metre."""
     rng = np.random.default_rng([seed, 1000])
     corners: list[list[Point]] = [[(x, y) for x, y in loop.tolist()] for loop in free_space_outlines(grid)]
     world = shell(rng, Origin(name=name, seed=seed), corners, _open_spot(grid))
@@ -140,7 +140,7 @@ def world_from_grid(grid: OccupancyGrid, name: str, seed: int) -> World:
 
 
 def _largest_free_region(grid: OccupancyGrid) -> BoolArray:
-    """(H, W) Raises MapFileError when there is none of a square metre."""
+    """(H, W) mask. Raises MapFileError when there is no free region of a square metre."""
     free = (grid.data == FREE).astype(np.uint8)
     count, labels, statistics, _ = cv2.connectedComponentsWithStats(free, connectivity=4)
     areas = statistics[1:, cv2.CC_STAT_AREA] * grid.resolution**2
@@ -158,8 +158,8 @@ def _open_spot(grid: OccupancyGrid) -> Point:
 
 
 def free_space_outlines(grid: OccupancyGrid) -> list[Points2]:
-    """Borders of the largest free region as closed polygons [m], free space to the left, simplified by 6 cm. Raises
-    MapFileError when there is no free region of a square metre, or its borders are too many."""
+    """Borders of the largest free region as closed polygons [m], free space to the left, simplified to 6 cm. Raises
+    MapFileError when there is no free region of a square metre, or it has too many borders."""
     region = _largest_free_region(grid).astype(np.uint8)
     pieces = cv2.connectedComponents(np.pad(1 - region, 1, constant_values=1), connectivity=8)[0] - 2
     if pieces > MAX_OBSTACLES:

@@ -1,5 +1,5 @@
-"""What is in the rooms of an emulated world, drawn by seed: furniture that leaves every passage open, what hangs on
-walls, and what surfaces are made of."""
+"""The contents of an emulated world's rooms, drawn by seed: furniture that leaves every passage open, posters on walls,
+and the materials of surfaces."""
 
 import math
 from typing import NamedTuple
@@ -11,14 +11,14 @@ from vsx_ros.sim.truth import is_connected
 from vsx_ros.sim.world import Box, Cylinder, Material, Point, Poster, Table, TextureKind, Tint, Wall, World
 
 Rng = np.random.Generator
-TRIES = 40  # places drawn for a thing, before it is left out
+TRIES = 40  # places drawn for a thing before it is left out
 JAMB_GAP_M = 0.6  # from a door's jambs, so that the base gets through
 POSTERS = 12  # different ones
 # RGB: of paint and floors, and of prints.
 WARM: list[Tint] = [(1.0, 0.95, 0.85), (0.9, 0.95, 1.0), (1.0, 1.0, 0.96), (0.93, 1.0, 0.92), (1.0, 0.9, 0.88)]
 VIVID: list[Tint] = [(1.0, 0.8, 0.6), (0.7, 0.85, 1.0), (0.9, 1.0, 0.75), (1.0, 0.75, 0.8), (1.0, 1.0, 1.0)]
 
-Stretches = list[tuple[Point, Point]]  # Straight stretches of wall to hang things on; the free side is to the left
+Stretches = list[tuple[Point, Point]]  # straight parts of walls to hang things on; the free side is to the left
 
 
 def _box(rng: Rng, x: float, y: float) -> Box:
@@ -71,7 +71,7 @@ def _in_partition(wall: Wall, x: float, y: float, r: float) -> bool:
 
 
 def furnished(rng: Rng, world: World, boxes: int, tables: int, cylinders: int) -> World:
-    """Add furniture where the passages stay open; what does not fit after many tries is left out."""
+    """Add furniture so that the passages stay open; a piece that does not fit after many tries is left out."""
     x0, y0, x1, y1 = world.bounds
     for kind, make in [("boxes", _box)] * boxes + [("tables", _table)] * tables + [("cylinders", _pillar)] * cylinders:
         for _ in range(TRIES):
@@ -133,9 +133,9 @@ def _stretches(world: World) -> Stretches:
 
 
 class _Hanging(NamedTuple):
-    """Least and greatest of what is drawn [m]: of the first one's way from the corner, of width, height, middle above
-    the floor, and way to the next one as a share of the spacing. end: nothing nearer to the far corner; raised: by so
-    much of its height a thing hangs higher."""
+    """Ranges of random values [m]. first: distance of the first thing from the corner. width, height. middle: height of
+    its centre. spacing: distance to the next, as a share of the spacing. end: least distance to the far corner. raised:
+    share of its height by which a thing hangs higher."""
 
     first: tuple[float, float]
     width: tuple[float, float]

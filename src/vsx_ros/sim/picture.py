@@ -1,4 +1,4 @@
-"""A picture of a world, for people."""
+"""A picture of a world for the user."""
 
 import math
 from pathlib import Path

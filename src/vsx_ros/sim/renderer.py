@@ -20,14 +20,14 @@ from vsx_ros.kernels.sim.raycast_render import render_tile_rows
 from vsx_ros.kernels.sim.raycast_shade import TILE
 
 BLUR_STEP_PX = 1.2  # between sub-frames, so that blur looks even
-MAX_SUB_FRAMES = 16  # for time
+MAX_SUB_FRAMES = 16  # to save time
 MOST_OFF_AXIS_RAD = math.radians(85.0)  # rays lie on the plane z = 1; beyond, the picture is black
 
 
 class Picture(NamedTuple):
     """Radiance before the sensor. radiance: (H, W) float32, 1 = white paper at unit irradiance. depth: (H, W) float32
-    distance along the optical axis [m], 0 where nothing is hit, and ident: (H, W) int32 quad, -1 for nothing; both
-    empty unless asked for."""
+    distance along the optical axis [m], 0 where nothing is hit. ident: (H, W) int32 quad, -1 for nothing. Both are
+    empty unless requested."""
 
     radiance: NDArray[np.float32]
     depth: NDArray[np.float32]
@@ -36,7 +36,7 @@ class Picture(NamedTuple):
 
 def lit(camera: PinholeCamera, pixels: FloatArray) -> BoolArray:
     """(N,) whether light falls on the (N, 2) pixels: up to ``MOST_OFF_AXIS_RAD`` off the axis. Raises CalibrationError
-    when the distortion cannot be inverted at all of these."""
+    when the distortion cannot be inverted for all of these."""
     known, array = (camera.model, camera.distortion), kernel_camera(camera)
     holds = lens.FOLD_SHARE * lens.fold_angle(*known)
     within = (holds, min(holds, MOST_OFF_AXIS_RAD))
@@ -47,14 +47,14 @@ def lit(camera: PinholeCamera, pixels: FloatArray) -> BoolArray:
 
 
 def _nearer(array: FloatArray, pixels: FloatArray, radius: float) -> BoolArray:
-    """Which pixels are nearer to the centre than so many focal lengths."""
+    """Which pixels are nearer to the centre than ``radius`` focal lengths."""
     array[PICTURE_R2] = radius**2
     return usable(array, pixels)
 
 
 def exact_rays(camera: PinholeCamera, pixels: FloatArray) -> Points3:
-    """(N, 3) rays with z = 1 through (N, 2) pixels, to rounding error; where no light falls, those of the rim. Raises
-    CalibrationError when the distortion cannot be inverted where some does."""
+    """(N, 3) rays with z = 1 through (N, 2) pixels, exact to rounding; pixels without light get the rim's rays. Raises
+    CalibrationError when the distortion cannot be inverted for pixels with light."""
     array, inside = kernel_camera(camera), lit(camera, pixels)
     array[PLANE_R2] = math.tan(MOST_OFF_AXIS_RAD) ** 2
     plane = unproject_pixels(array, pixels)
@@ -65,7 +65,7 @@ def exact_rays(camera: PinholeCamera, pixels: FloatArray) -> Points3:
 
 
 class Renderer:
-    """Pictures of a scene through a camera; ``threads`` share the rows, with the same bits for any number."""
+    """Images of a scene through a camera. ``threads`` share the rows; any number gives the same bits."""
 
     def __init__(self, scene: Scene, camera: PinholeCamera, threads: int = 1) -> None:
         self.camera = camera
@@ -84,7 +84,7 @@ class Renderer:
     def _ray_tables(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         height, width = self.tile_rows * TILE + 3, math.ceil(self.camera.width / TILE) * TILE + 3
         v, u = np.mgrid[0:height, 0:width]
-        # Padding beyond the sensor repeats its border's slope: the polynomial need not be invertible there.
+        # Padding beyond the sensor repeats its border's slope: the polynomial may not be invertible there.
         inner_u = np.clip(u - 1, 0, self.camera.width - 1)
         inner_v = np.clip(v - 1, 0, self.camera.height - 1)
         pixels = np.column_stack([inner_u.ravel(), inner_v.ravel()]).astype(float)
@@ -101,8 +101,8 @@ class Renderer:
         return np.stack(bounds, axis=-1).astype(np.float64)
 
     def sub_frames(self, R: FloatArray, t: FloatArray) -> int:
-        """How many sub-frames the motion between two poses (2, 3, 3), (2, 3) during the exposure needs. One per 1.2 px
-        of blur, the mean over the image's corners and centre for things 1 m away."""
+        """Number of sub-frames for the motion between two poses (2, 3, 3), (2, 3) during the exposure: one per 1.2 px
+        of blur, averaged over the image's corners and centre for things 1 m away."""
         u, v = self.camera.width - 1.0, self.camera.height - 1.0
         pixels = np.array([[0, 0], [u, 0], [0, v], [u, v], [u / 2, v / 2]])
         rays = np.column_stack([(pixels[:, 0] - self.camera.cx) / self.camera.fx,
@@ -113,8 +113,8 @@ class Renderer:
         return int(np.clip(math.ceil(blur_px / BLUR_STEP_PX), 1, MAX_SUB_FRAMES))
 
     def render(self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False) -> Picture:
-        """The picture of the scene by poses T_world_cam at S sub-frames of the exposure and B borders of tile rows: R
-        (S, B, 3, 3), t (S, B, 3) [m]. bayer: each pixel sees one colour of the GRBG mosaic, otherwise all see grey."""
+        """The image from poses T_world_cam at S sub-frames of the exposure and B borders of tile rows: R (S, B, 3, 3),
+        t (S, B, 3) [m]. bayer: each pixel sees one colour of the GRBG mosaic; otherwise all see grey."""
         forms, pool = plane_forms(self._scene, R, t)
         shape = (self.camera.height, self.camera.width)
         radiance = np.zeros(shape, np.float32)

@@ -1,4 +1,4 @@
-"""The emulated robot in lock-step: one command in, one picture and one odometry out; truth apart."""
+"""The emulated robot in lock-step: one command in, one image and one odometry out; the truth is separate."""
 
 from typing import Annotated, NamedTuple
 
@@ -19,7 +19,7 @@ ODOMETRY_PERIOD_NS = 20_000_000  # 50 Hz, as a Kobuki
 
 
 class SimulationConfig(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What the emulated robot is like, which the stack under test never sees. frame_rate_hz applies in lock-step."""
+    """Properties of the emulated robot, which the stack under test never sees. frame_rate_hz applies in lock-step."""
 
     frame_rate_hz: Annotated[float, Meta(ge=1, le=20)] = 15.0
     threads: Annotated[int, Meta(ge=1, le=64)] = 1
@@ -28,14 +28,14 @@ class SimulationConfig(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 class Observation(NamedTuple):
-    """What the stack receives; the odometry is that of the frame's stamp."""
+    """The stack's input; the odometry is at the frame's stamp."""
 
     frame: Frame
     odometry: Odometry
 
 
 class Truth(NamedTuple):
-    """What really happened, at the last frame's stamp; for evaluation only. Lengths in metres."""
+    """The true state at the last frame's stamp; for evaluation only. Lengths in metres."""
 
     stamp_ns: int
     T_world_base: SE2
@@ -46,8 +46,8 @@ class Truth(NamedTuple):
 
 
 class WheelOdometry:
-    """What a base driver makes of encoder ticks and gyro: distance from the ticks, heading from the gyro; that by the
-    wheels, which the driver takes to be wheel_base_m apart, is told beside it."""
+    """Odometry as a base driver computes it: distance from the encoder ticks, heading from the gyro. It also gives the
+    turn by the wheels, for the driver's wheel_base_m."""
 
     def __init__(self, tick_m: float, wheel_base_m: float) -> None:
         self._tick_m, self._wheel_base_m = tick_m, wheel_base_m
@@ -57,7 +57,7 @@ class WheelOdometry:
         self.latest = Odometry(0, SE2())
 
     def update(self, stamp_ns: int, ticks: tuple[int, int], gyro_angle: float) -> None:
-        """Account for the reading: ticks since the start, gyro angle [rad], both not wrapped."""
+        """Add a reading: ticks since the start, gyro angle [rad], both not wrapped."""
         elapsed = (stamp_ns - self._stamp_ns) * 1e-9
         if elapsed <= 0.0:
             return
@@ -70,8 +70,8 @@ class WheelOdometry:
 
 
 class EmulatedRobot:
-    """A robot in a world. camera_given and T_base_cam_given, slightly wrong, are for the stack; what is called true is
-    what the pictures are made with. truth: at the last frame's stamp; collisions and clearance up to now."""
+    """A robot in a world. camera_given and T_base_cam_given, slightly wrong, are for the stack; images are made with
+    the _true ones. truth: at the last frame's stamp; collisions and clearance up to now."""
 
     def __init__(
         self,
@@ -80,7 +80,7 @@ class EmulatedRobot:
         config: SimulationConfig = SimulationConfig(),  # noqa: B008 (immutable)
         robot: RobotConfig = RobotConfig(),  # noqa: B008 (immutable)
     ) -> None:
-        """Raises ConfigError when frames follow each other faster than they can be read out."""
+        """Raises ConfigError when the frame period is shorter than exposure and readout."""
         body_rng, camera_rng = (np.random.default_rng([seed, child]) for child in (1, 2))
         segments = obstacle_segments(world, 0.0, robot.height_m)
         self.body = Body(segments, world.start_pose, robot.radius_m, config.body, body_rng)
@@ -99,8 +99,8 @@ class EmulatedRobot:
         self.truth = self._read_truth(0)
 
     def step(self, command: VelocityCommand) -> Observation:
-        """Drive by the command until the next frame is read out, and observe. The command is sent once the last frame
-        has been read out. Raises InputError when it is not finite."""
+        """Drive by the command until the next frame is read out, and return the observation. The command is sent when
+        the last frame has been read out. Raises InputError when it is not finite."""
         body, base = self.body, self._config.body
         body.set_wheel_speeds(*wheel_speeds(command.v, command.omega, base.wheel_base_m))
         self._frames += 1

@@ -1,4 +1,4 @@
-"""A world made ready for the ray caster: quads, packed textures and light maps as plain arrays."""
+"""A world prepared for the ray caster: quads, packed textures and light maps as plain arrays."""
 
 import math
 from typing import NamedTuple
@@ -12,15 +12,15 @@ from vsx_ros.sim.textures import packed_levels, texture, texture_size
 from vsx_ros.sim.world import World, prisms
 
 SKIRTING_HEIGHT = 0.08  # m
-LIGHT_SPACING = 0.25  # m between places for which light is computed
-MAX_BYTES = 2**28  # Of textures and light maps: a building of 40 x 25 m takes a third of it
+LIGHT_SPACING = 0.25  # m between the nodes of a light map
+MAX_BYTES = 2**28  # of textures and light maps: a building of 40 x 25 m needs a third of it
 GREY = np.array([0.299, 0.587, 0.114])  # of RGB, ITU-R BT.601
 
 
 class Quad(NamedTuple):
-    """corner + u edge_u + v edge_v [m], 0 <= u, v <= 1; seen from the side edge_u x edge_v points away from alone.
-    along: where on the texture the quad starts [m], so that neighbouring faces continue each other. fitted: the texture
-    stretches over the quad instead."""
+    """corner + u edge_u + v edge_v [m], 0 <= u, v <= 1. Visible only from the side from which edge_u x edge_v points
+    away. along: start of the quad on the texture [m], so that neighbouring faces continue each other. fitted: the
+    texture stretches over the quad instead."""
 
     corner: FloatArray
     edge_u: FloatArray
@@ -93,14 +93,14 @@ def quads(world: World) -> list[Quad]:
 
 
 def _nodes(quad: Quad) -> tuple[int, int]:
-    """Of the light map, along its edges."""
+    """Numbers of nodes of the quad's light map along its edges."""
     lengths = (float(np.linalg.norm(edge)) for edge in (quad.edge_u, quad.edge_v))
     along_u, along_v = (min(max(math.ceil(length / LIGHT_SPACING) + 1, 2), 64) for length in lengths)
     return along_u, along_v
 
 
 def _light_map(quad: Quad, world: World, nu: int, nv: int) -> FloatArray:
-    """(nv, nu) irradiance at the nodes: ambient plus every lamp by cosine and inverse square."""
+    """(nv, nu) irradiance at the nodes: ambient plus every lamp by cosine and inverse square law."""
     u, v = np.meshgrid(np.linspace(0, 1, nu), np.linspace(0, 1, nv))
     points = quad.corner + u[..., None] * quad.edge_u + v[..., None] * quad.edge_v
     normal = np.cross(quad.edge_v, quad.edge_u)
@@ -111,7 +111,7 @@ def _light_map(quad: Quad, world: World, nu: int, nv: int) -> FloatArray:
         distance2 = (to_lamp**2).sum(axis=2) + 0.25
         cosine = np.maximum(to_lamp @ normal / np.sqrt(distance2), 0.0)
         total += lamp.strength * cosine / distance2
-    # A soft contact shadow: light is scarce where upright surfaces meet the floor.
+    # A soft contact shadow: upright surfaces are darker near the floor.
     if abs(normal[2]) < 0.5:
         total *= 1.0 - 0.25 * np.exp(-points[..., 2] / 0.3)
     return total
@@ -136,8 +136,8 @@ def _check_size(world: World, surfaces: list[Quad], names: list[str]) -> None:
 
 
 def compile_scene(world: World) -> Scene:
-    """Textures drawn, lights baked, quads laid out. Takes about a second. Raises ConfigError for a world whose textures
-    and lights are more than ``MAX_BYTES``."""
+    """Draw the textures, compute the light maps, lay out the quads. Takes about a second. Raises ConfigError for a
+    world whose textures and lights need more than ``MAX_BYTES``."""
     surfaces = quads(world)
     names = sorted({quad.material for quad in surfaces})
     _check_size(world, surfaces, names)

@@ -1,4 +1,4 @@
-"""Procedural textures: a kind and a seed give a square picture; no image files."""
+"""Procedural textures: a kind and a seed give a square image; no image files."""
 
 from collections.abc import Callable
 
@@ -103,7 +103,7 @@ def _tiles(rng: Rng, size: int) -> Pattern:
 
 
 def _text_line(picture: Pattern, rng: Rng, box: tuple[int, int, int, int], ink: float) -> None:
-    """Letter-like blobs in (x0, y0, x1, y1)."""
+    """Letter-like strokes in the box (x0, y0, x1, y1)."""
     x, y0, x1, y1 = box
     height = y1 - y0
     while x < x1 - height // 2:
@@ -116,7 +116,7 @@ def _text_line(picture: Pattern, rng: Rng, box: tuple[int, int, int, int], ink: 
 
 
 def _shape(picture: Pattern, rng: Rng, low: int, high: int, value: float) -> None:
-    """One filled disc, triangle, quadrilateral or ring somewhere."""
+    """One filled disc, triangle, quadrilateral or ring at a random place."""
     size = picture.shape[0]
     centre = rng.integers(size // 12, size - size // 12, 2)
     radius, kind = int(rng.integers(low, high)), int(rng.integers(4))
@@ -183,12 +183,12 @@ _PATTERNS: dict[str, tuple[Callable[[Rng, int], Pattern], int]] = {
 
 
 def texture_size(material: Material) -> int:
-    """Texels along a side of its picture."""
+    """Texels along a side of its image."""
     return _PATTERNS[material.kind][1]
 
 
 def texture(material: Material) -> GrayImage:
-    """(S, S) uint8 reflectance of a material, 255 = 1.0; S is a power of two. Same material, same picture."""
+    """(S, S) uint8 reflectance of a material, 255 = 1.0; S is a power of two. Equal materials give equal images."""
     draw, size = _PATTERNS[material.kind]
     pattern = draw(np.random.default_rng([material.seed, 77]), size)
     picture = 255.0 * (material.brightness + material.contrast * pattern)

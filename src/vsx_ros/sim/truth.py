@@ -1,5 +1,4 @@
-"""The ground of an emulated world: the truth as a grid, and where a robot fits: free space, passages and a place to
-start."""
+"""The ground of an emulated world: the truth as a grid, and where a robot fits: free space, passages and a start."""
 
 import math
 
@@ -15,15 +14,15 @@ from vsx_ros.sim.world import Start, World, obstacle_segments, prisms
 MARGIN_CELLS = 6  # around the world
 SUBPIXEL_BITS = 8  # OpenCV's fixed point
 PASSAGE_RADIUS_M = 0.25  # of the base and what it keeps clear
-START_AHEAD_M = 1.2  # free before the start, for the drive that starts the map
-START_GAP_M = 0.5  # and around it
+START_AHEAD_M = 1.2  # free ahead of the start, for the drive that starts the map
+START_GAP_M = 0.5  # free around it
 START_TRIES = 120  # places drawn
 BAND_M = 0.6  # height of what the base can touch
 
 
 def ground_truth_grid(world: World, resolution: float, z_min: float, z_max: float) -> OccupancyGrid:
-    """What is solid between the heights [m]; resolution in metres per cell. Free: reachable on foot from the start.
-    Occupied: solid within two cells of free space. Unknown: inside solids and outside the building."""
+    """What is solid between the heights [m]; resolution in metres per cell. Free: connected with the start. Occupied:
+    solid within two cells of free space. Unknown: inside solids and outside the building."""
     x0, y0, x1, y1 = world.bounds
     columns = int(np.ceil((x1 - x0) / resolution)) + 2 * MARGIN_CELLS
     rows = int(np.ceil((y1 - y0) / resolution)) + 2 * MARGIN_CELLS
@@ -52,13 +51,13 @@ def ground_truth_grid(world: World, resolution: float, z_min: float, z_max: floa
 
 
 def signed_area(loop: Points2) -> float:
-    """Of a polygon (N, 2) [m2], positive where it runs counter-clockwise."""
+    """The area of a polygon (N, 2) [m2], positive if it runs counter-clockwise."""
     x, y = loop[:, 0], loop[:, 1]
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
 def _fits(world: World) -> tuple[BoolArray, OccupancyGrid]:
-    """Where the middle of a robot of radius 0.25 m fits, cell by cell of the grid."""
+    """Cells of the grid where the centre of a robot of radius 0.25 m fits, and the grid."""
     grid = ground_truth_grid(world, 0.05, 0.0, BAND_M)
     room = (grid.data == FREE).astype(np.uint8)
     fits: BoolArray = cv2.distanceTransform(room, cv2.DIST_L2, 5) * grid.resolution > PASSAGE_RADIUS_M + 0.05
@@ -66,7 +65,7 @@ def _fits(world: World) -> tuple[BoolArray, OccupancyGrid]:
 
 
 def free_places(world: World) -> Points2:
-    """(N, 2) where the middle of a robot of radius 0.25 m fits [m], 5 cm apart."""
+    """(N, 2) places where the centre of a robot of radius 0.25 m fits [m], 5 cm apart."""
     fits, grid = _fits(world)
     return grid.centres(np.argwhere(fits))
 
@@ -89,7 +88,7 @@ def gap_to_walls(segments: FloatArray, points: Points2) -> FloatArray:
 
 
 def free_ahead(world: World, x: float, y: float, theta: float) -> float:
-    """How far a disc of radius 0.25 m can go straight from a pose before it touches something, at most 6 m [m]."""
+    """How far a disc of radius 0.25 m can go straight ahead from a pose before it touches something [m], at most 6."""
     steps = np.arange(0.0, 6.0, 0.05)
     points = np.array([x, y]) + steps[:, None] * np.array([math.cos(theta), math.sin(theta)])
     blocked = gap_to_walls(obstacle_segments(world, 0.0, BAND_M), points) < PASSAGE_RADIUS_M
@@ -97,7 +96,7 @@ def free_ahead(world: World, x: float, y: float, theta: float) -> float:
 
 
 def with_start(rng: np.random.Generator, world: World) -> World:
-    """Put the start where 1.2 m ahead are free and something printed or hung is in view. Raises ConfigError for a world
+    """Put the start where 1.2 m ahead are free, with posters or printed boxes in view. Raises ConfigError for a world
     without a place for the robot."""
     places = free_places(world)
     if not len(places):

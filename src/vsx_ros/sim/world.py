@@ -1,4 +1,4 @@
-"""The emulated building: what a world file holds, and the solids it stands for. Metres, world frame, floor at z = 0."""
+"""The emulated building: the contents of a world file, and its solids. Metres, world frame, floor at z = 0."""
 
 import math
 from typing import Annotated, Literal, NamedTuple
@@ -18,7 +18,7 @@ TextureKind = Literal["plain", "paint", "wood", "brick", "carpet", "tiles", "wal
 
 
 class _Part(Struct, frozen=True, forbid_unknown_fields=True):
-    """Common policy: immutable, unknown names refused."""
+    """Common base: immutable, unknown names are refused."""
 
 
 class Material(_Part, frozen=True, kw_only=True):
@@ -59,7 +59,7 @@ class Wall(_Part, frozen=True, kw_only=True):
 
 
 class _Placed(_Part, frozen=True, kw_only=True):
-    """What stands, hangs or starts at a place."""
+    """Anything at a place x, y."""
 
     x: Metres
     y: Metres
@@ -114,7 +114,7 @@ class Light(_Placed, frozen=True, kw_only=True):
 
 
 class Origin(_Part, frozen=True, kw_only=True):
-    """Where a world came from."""
+    """The origin of a world."""
 
     name: str
     seed: int
@@ -213,7 +213,7 @@ def prisms(world: World) -> list[Prism]:
 
 
 def obstacle_segments(world: World, z_min: float, z_max: float) -> FloatArray:
-    """(N, 4) walls of everything solid between the heights: segments x0, y0, x1, y1 [m], solid to their left. For the
+    """(N, 4) borders of all solids between the heights: segments x0, y0, x1, y1 [m], solid to their left. For the
     emulated body's bumper and clearance."""
     loops = [np.asarray(outline.points, float)[::-1] for outline in world.outlines if outline.height > z_min]
     loops += [p.footprint for p in prisms(world) if p.z_min < z_max and p.z_max > z_min]

@@ -1,4 +1,4 @@
-"""world.yaml: reading, writing, and making a world out of a map_server map."""
+"""world.yaml: reading, checking and writing."""
 
 import math
 from contextlib import suppress
@@ -11,8 +11,8 @@ from vsx_ros.errors import ConfigError, reason_of
 from vsx_ros.limits import file_text, yaml_tree
 from vsx_ros.sim.world import Box, Outline, Poster, Table, Wall, World
 
-MAX_PARTS, MAX_LIGHTS = 20_000, 2000  # A building of 40 x 25 m has some hundreds and a hundred
-MAX_AREA_M2 = 40_000.0  # memory of the ground truth, 5 cm a cell: 16 million
+MAX_PARTS, MAX_LIGHTS = 20_000, 2000  # a building of 40 x 25 m has some hundreds and a hundred
+MAX_AREA_M2 = 40_000.0  # limits the ground truth's memory: 16 million cells of 5 cm
 
 
 def save_world(world: World, path: Path) -> None:
@@ -21,7 +21,7 @@ def save_world(world: World, path: Path) -> None:
     try:
         path.write_text("# vsx_ros emulated world; metres, radians\n" + text, encoding="utf-8")
     except OSError as error:
-        with suppress(OSError):  # half of it would be refused later, by a message that does not say why
+        with suppress(OSError):  # half a file would be refused later without the true reason
             path.unlink()
         raise ConfigError(f"world file {path} cannot be written ({error.strerror}); choose another folder") from error
 
@@ -42,7 +42,8 @@ def load_world(path: Path) -> World:
 
 
 def checked(world: World, name: str) -> World:
-    """The world itself. Raises ConfigError for an unknown material, an angle that is not finite or more than fits."""
+    """The world unchanged. Raises ConfigError for an unknown material, an angle that is not finite, a start outside or
+    a world too large."""
     _check_size(world, name)
     edges: list[Outline | Wall] = [*world.outlines, *world.walls]
     things: list[Box | Table | Poster] = [*world.boxes, *world.tables, *world.posters]
@@ -68,7 +69,7 @@ def checked(world: World, name: str) -> World:
 
 
 def _check_size(world: World, name: str) -> None:
-    """Raises ConfigError for more than an emulator can draw in a machine's memory."""
+    """Raises ConfigError for a world that does not fit into the emulator's memory."""
     x0, y0, x1, y1 = world.bounds
     if (x1 - x0) * (y1 - y0) > MAX_AREA_M2:
         raise ConfigError(

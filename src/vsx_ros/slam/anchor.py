@@ -1,4 +1,4 @@
-"""What carries a pose wherever the map goes."""
+"""Poses stored relative to a keyframe, so that they follow the map."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
@@ -7,7 +7,7 @@ from vsx_ros.geometry.se3 import SE3
 
 
 class Holder(Protocol):
-    """A keyframe as it stands now."""
+    """The present state of a keyframe."""
 
     @property
     def T_world_cam(self) -> SE3:
@@ -16,19 +16,19 @@ class Holder(Protocol):
 
     @property
     def scale(self) -> float:
-        """The length now of what was 1 when it was made."""
+        """The present length of what had length 1 when it was made."""
         ...
 
 
 class Anchor(NamedTuple):
-    """A keyframe (index), the pose in its camera, and its scale then. A culled keyframe is carried by a living one, a
-    frame by the one it was tracked from."""
+    """A pose relative to a keyframe: index, pose in its camera, and its scale at that time. The keyframe is a living
+    one for a culled keyframe, and the reference keyframe for a frame."""
 
     keyframe: int
     T_keyframe_this: SE3
     scale: float = 1.0
 
     def pose(self, keyframes: Sequence[Holder]) -> SE3:
-        """T_world_this, now that the keyframes stand as they do."""
+        """T_world_this, by the keyframe's present state."""
         holder = keyframes[self.keyframe]
         return holder.T_world_cam @ self.T_keyframe_this.scaled(holder.scale / self.scale)

@@ -18,8 +18,8 @@ from vsx_ros.slam.gauge import size_kept
 from vsx_ros.slam.keyframe import Observations as Seen
 from vsx_ros.slam.map import Map
 
-SIGMA_MIN_PX = 0.4  # px at level 0; as the tracker's: patches are not found more exactly than that
-SLICE_OBSERVATIONS = 160_000  # times steps in one call, so that the mapper can be interrupted between calls
+SIGMA_MIN_PX = 0.4  # px at level 0, as in the tracker: precision of the patch search
+SLICE_OBSERVATIONS = 160_000  # times steps in one call; the mapper can be interrupted between calls
 
 
 class OdometryFactor(NamedTuple):
@@ -35,7 +35,7 @@ def adjoint(T: SE3) -> FloatArray:
 
 
 def odometry_factor(motion: SE2, T_base_cam: SE3, noise: OdometryNoiseConfig) -> OdometryFactor:
-    """Factor of a base motion by odometry between two images."""
+    """Factor for the base motion that odometry measured between two images."""
     T_a_b = T_base_cam.inverse() @ SE3.from_se2(motion) @ T_base_cam
     distance, turn = float(np.hypot(motion.x, motion.y)), abs(motion.theta)
     along = noise.distance_sigma_m + noise.distance_sigma_ratio * distance
@@ -48,7 +48,7 @@ def odometry_factor(motion: SE2, T_base_cam: SE3, noise: OdometryNoiseConfig) ->
 
 
 class BundleAdjuster:
-    """Selects keyframes, points and factors, solves, writes back and removes what does not fit."""
+    """Selects keyframes, points and factors, solves, writes the result back and removes outliers."""
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, noise: OdometryNoiseConfig) -> None:
         self._K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
@@ -59,12 +59,12 @@ class BundleAdjuster:
     def adjust(
         self, world: Map, free: list[int], iterations: int, interrupted: Callable[[], bool] = lambda: False
     ) -> bool:
-        """Move the keyframes ``free`` (indices) and all points they see; every other keyframe that sees these points
-        holds them in place. Keyframe 0 never moves, but that it is levelled where the world's floor is known: its
-        first tilt is the mount's, which is wrong by a little, and would lean the world.
+        """Adjust the keyframes ``free`` (indices) and all points they see. Other keyframes that see these points stay
+        fixed. Keyframe 0 never moves; where the floor is known it is only levelled. (Its first tilt comes from the
+        mount, which is slightly wrong and would tilt the world.)
 
-        ``interrupted`` is asked between slices of the work: a few iterations of a small problem, one of a large one.
-        Returns whether it never said so; else what had been gained by then is in the map, and nothing is removed."""
+        ``interrupted`` is called between slices of the work: a few iterations of a small problem, one of a large one.
+        Returns whether the adjustment finished. If not, the map holds the progress so far and no outlier is removed."""
         free = [k for k in free if world.keyframes[k].alive]
         free = sorted(set(free) if self._knows_floor(world) else set(free) - {0})
         seen = world.sees(free)
@@ -87,7 +87,7 @@ class BundleAdjuster:
         return finished
 
     def _floats(self, world: Map, frames: list[int], free: list[int]) -> bool:
-        """Whether nothing holds the size: one keyframe at most stands, and none has odometry."""
+        """Whether nothing fixes the scale: at most one keyframe is fixed, and there is no odometry."""
         measured = any(world.keyframes[k].data.T_odom_base is not None for k in frames)
         return len(frames) - len(free) < 2 and not (self._T_base_cam is not None and measured)
 
@@ -101,8 +101,8 @@ class BundleAdjuster:
         iterations: int,
         interrupted: Callable[[], bool],
     ) -> tuple[FloatArray, FloatArray, Points3, BoolArray, bool]:
-        """T_cam_world of the frames (R, t), the points (rows), which observations (O,) are outliers, and whether it was
-        not interrupted."""
+        """T_cam_world of the frames (R, t), the points (rows), which observations (O,) are outliers, and whether the
+        adjustment finished."""
         number = {k: i for i, k in enumerate(free)}
         moving = np.array([number.get(k, -1) for k in frames], np.int64)
         R, t = stacked([world.keyframes[k].T_world_cam.inverse() for k in frames])
@@ -119,7 +119,7 @@ class BundleAdjuster:
         return R, t, points, squared > (TUKEY * sigma) ** 2, progress.done or done >= iterations
 
     def by_odometry(self, world: Map, index: int) -> OdometryFactor | None:
-        """The factor between a keyframe and its predecessor, None without odometry or in a map of another size."""
+        """The factor between a keyframe and its predecessor; None without odometry or in a map that is not metric."""
         previous = world.predecessor(index)
         before = None if previous is None else world.keyframes[previous].data.T_odom_base
         now = world.keyframes[index].data.T_odom_base
@@ -132,7 +132,7 @@ class BundleAdjuster:
         return self._made[before, now]
 
     def _factors(self, world: Map, frames: list[int], free: set[int]) -> Factors:
-        """The odometry factors between successive keyframes of which at least one moves."""
+        """The odometry factors between successive keyframes, if at least one of the two moves."""
         where = {k: i for i, k in enumerate(frames)}
         found: list[tuple[int, int, OdometryFactor]] = []
         for k in frames:
@@ -151,7 +151,7 @@ class BundleAdjuster:
         return self._T_base_cam is not None and world.is_metric(0)
 
     def _floor(self, world: Map, frames: list[int]) -> Floor:
-        """The floor under all keyframes with odometry, of maps whose frame has been made by it."""
+        """The floor under all keyframes with odometry in metric maps."""
         if self._T_base_cam is None or not self._knows_floor(world):
             return no_floor()
         level = {map_id: world.is_metric(map_id) for map_id in {world.keyframes[k].map_id for k in frames}}
@@ -170,7 +170,7 @@ class BundleAdjuster:
 def _resized(
     world: Map, frames: list[int], free: list[int], R: FloatArray, t: FloatArray, points: Points3
 ) -> tuple[FloatArray, FloatArray, Points3]:
-    """Adjusted keyframes (T_cam_world) and points, about the one that stands as large as the keyframes were before."""
+    """Adjusted keyframes (T_cam_world) and points, scaled about the fixed keyframe to their former size."""
     held = next((i for i, k in enumerate(frames) if k not in free), 0)
     before = np.array([world.keyframes[k].T_world_cam.translation for k in frames])
     after = -np.einsum("kji,kj->ki", R, t)
@@ -180,7 +180,7 @@ def _resized(
 
 
 def _observed(world: Map, frames: list[int], seen: BoolArray) -> tuple[IntArray, Observations]:
-    """Rows (M,) of the points in ``seen`` (P,) that at least two of the keyframes ``frames`` see, and how they do."""
+    """Rows (M,) of the points in ``seen`` (P,) that two or more keyframes of ``frames`` see, and the observations."""
     parts = [world.keyframes[k].observations for k in frames]
     every, frame = Seen.concatenated(parts), np.repeat(np.arange(len(frames)), [len(part.rows) for part in parts])
     counts = np.bincount(every.rows, minlength=len(world.points))
@@ -198,7 +198,7 @@ def _observed(world: Map, frames: list[int], seen: BoolArray) -> tuple[IntArray,
 
 
 def _discard(world: Map, frames: IntArray, rows: IntArray) -> None:
-    """Forget the given observations; remove points left with fewer than two or without their source."""
+    """Remove the given observations, then points left with fewer than two or without that of their source."""
     marked = np.zeros(len(world.points), np.bool_)
     for k in np.unique(frames):
         here = rows[frames == k]

@@ -1,4 +1,4 @@
-"""One frame after the other tracked in the map around the camera, where odometry and image check each other."""
+"""Tracks one frame after the other in the local map. Odometry and image check each other."""
 
 import numpy as np
 
@@ -13,31 +13,31 @@ from vsx_ros.slam.track import Track
 from vsx_ros.slam.tracker import Tracker
 from vsx_ros.slam.uncertainty import PoseUncertainty
 
-MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06  # of a frame from where odometry has it; more is a mistake
-# A frame with so many points, and that share of the expected ones, knows better than odometry.
+MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06  # largest difference of a pose from odometry; more is an error
+# A frame that finds so many points, and this share of the expected ones, is more reliable than odometry.
 SURE_POINTS, SURE_RATIO = 100, 0.2
-ALONE_POINTS = 50  # of a good pose where odometry leads to none
-# Found points that miss their places by more than noise and lens explain: odometry may have pulled the pose away.
+ALONE_POINTS = 50  # least points of a good pose found without odometry
+# Residuals that noise and lens do not explain: odometry may have pulled the pose away.
 PULLED_PX = 1.5
 
 
 class FrameTracker:
-    """``track`` searches around the predicted pose. coarse_next: whether in a wide circle first although odometry
-    predicts it. last: the newest frame's track and the map it is in, None where no point was looked for."""
+    """``track`` searches around the predicted pose. coarse_next: whether the next search begins in a wide circle even
+    with odometry. last: the newest frame's track and its map; None when no point was searched."""
 
     def __init__(self, config: SlamConfig, tracker: Tracker, motion: MotionModel) -> None:
         self._config, self._tracker, self._motion = config, tracker, motion
         self.begin()
 
     def begin(self) -> None:
-        """In a map of which nothing is known yet."""
+        """Start in a new map."""
         self.coarse_next = True
         self.last: tuple[MapView, Track] | None = None
         self._local: LocalMap | None = None
         self._uncertainty = PoseUncertainty(self._config.uncertainty)
 
     def around(self, view: MapView, reference: int) -> LocalMap:
-        """The local map, made again when the map or the reference keyframe changed."""
+        """The local map; rebuilt when the map or the reference keyframe changed."""
         known = self._local
         if known is None or (known.view.version, known.reference) != (view.version, reference):
             self._local = known = LocalMap(view, reference)
@@ -45,15 +45,15 @@ class FrameTracker:
         return known
 
     def covariance(self, track: Track, local: LocalMap) -> FloatArray:
-        """(6, 6) of a pose that was found in the local map, see ``PoseUncertainty``."""
+        """(6, 6) covariance of a pose found in the local map, see ``PoseUncertainty``."""
         return self._uncertainty.tracked(track, local)
 
     def covariance_by_odometry(self) -> FloatArray:
-        """(6, 6) of the newest frame, which was not found and is placed by odometry."""
+        """(6, 6) covariance of the newest frame, if odometry gave its pose because it was not found."""
         return self._uncertainty.covariance
 
     def track(self, data: FrameData, local: LocalMap, prediction: Prediction, tracked_before: bool) -> Track:
-        """tracked_before: whether the frame before was; only then odometry tells where the camera can not be."""
+        """tracked_before: whether the previous frame was tracked. Only then can odometry reject a pose."""
         track, before = self._checked_track(data, local, prediction, tracked_before), self._motion.last_pose
         if track.state is TrackingState.LOST and prediction.by_odometry and before is not None:
             self._uncertainty.moved(before.inverse() @ prediction.T_world_cam, prediction.information)
@@ -71,7 +71,7 @@ class FrameTracker:
         lost = track.state is TrackingState.LOST
         if not lost and track.sigma_px < PULLED_PX:
             return track
-        # Where the camera went on as before, the frame as tracked without odometry, which is wrong then.
+        # Odometry may be wrong: track again from a prediction without it.
         last, by_image = self.last, self._motion.predict(data._replace(T_odom_base=None))
         seen = self._search(data, local, by_image, coarse=True)
         better = lost or np.count_nonzero(seen.settled) > np.count_nonzero(track.settled)
@@ -89,12 +89,12 @@ class FrameTracker:
 
 
 def is_sure(track: Track) -> bool:
-    """Whether the image knows better than odometry where the camera is."""
+    """Whether the image is more reliable than odometry for this pose."""
     return len(track.rows) >= SURE_POINTS and track.ratio > SURE_RATIO
 
 
 def _checked(track: Track, by_odometry: SE3) -> Track:
-    """A pose far from where odometry moved the last one is a mistake, not a measurement."""
+    """Mark the track as LOST when its pose is far from the pose by odometry."""
     step = float(np.linalg.norm(track.T_world_cam.translation - by_odometry.translation))
     turn = track.T_world_cam.rotation_angle_to(by_odometry)
     if step < MAX_STEP_M and turn < MAX_STEP_RAD:

@@ -1,4 +1,4 @@
-"""What happens to every frame: start, track or recover, and say what the mapper shall do."""
+"""Processes every frame: starts a map, tracks or recovers, and requests work from the mapper."""
 
 from functools import partial
 from itertools import count
@@ -26,7 +26,7 @@ from vsx_ros.slam.tracker import Tracker
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 
-# A last pose that a new map moves by more than this is a jump of the map.
+# A new map that moves the last pose by more than this counts as a jump of the map.
 CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
 Outcome: TypeAlias = tuple[TrackingResult, InitialPair | KeyFrameRequest | None]
 
@@ -52,17 +52,16 @@ class FrontEnd:
         self._preprocessor = Preprocessor(camera, T_base_cam, config, self._gap)
 
     def process(self, frame: Frame, odometry: Odometry | None) -> Outcome:
-        """One frame, in the order of the stamps: its result, and work for the mapper. After an ``InitialPair`` it wants
-        to hear of ``started`` or ``refused``, at once or some frames later; it proposes no other before.
+        """Process one frame, in the order of the stamps; returns its result and work for the mapper. After an
+        ``InitialPair`` call ``started`` or ``refused``, at once or some frames later; no other is proposed before.
 
-        Inside, poses are those of the image's middle row; outside, of its stamp, the start of its first row.
-        Raises InputError for an image of the wrong size or type and for a stamp that does not advance; the frame is
-        then as if it had never come."""
+        Internal poses refer to the image's middle row, results to its stamp (start of the first row). Raises InputError
+        for an image of the wrong size or type and for a stamp that does not advance; such a frame changes nothing."""
         result, work = self._process(self._consistency.admit(self._preprocessor.take(frame, odometry)))
         return self._told(result), work
 
     def _told(self, result: TrackingResult) -> TrackingResult:
-        """The poses of the frame's stamp, and what carries them from now on."""
+        """The result with its poses at the frame's stamp, and their anchor."""
         result = result.seen_from(self._preprocessor.T_middle_stamp)
         return result if result.T_map_cam is None else result._replace(anchor=self._anchor(result.T_map_cam))
 
@@ -89,14 +88,14 @@ class FrontEnd:
         return self._tracked(data, track, local.follow(track.rows), local)
 
     def resume(self, view: MapView) -> None:
-        """Begin in a map made before, lost: the camera is looked for everywhere in it."""
+        """Begin in a loaded map. The camera is lost and is searched everywhere in the map."""
         self._segments = count(1 + max(keyframe.odom_segment for keyframe in view.keyframes))
         self._segment = next(self._segments)
         self._enter(view, 0)
 
     def use(self, view: MapView) -> None:
-        """Track on a newer map; the last pose follows its reference keyframe, perhaps into another map. After an empty
-        one, whose start has turned out wrong, all begins again."""
+        """Track on a newer map; the last pose follows its reference keyframe, even into another map. An empty map means
+        that its start was wrong: everything begins again."""
         if not view.keyframes:
             self._recovery, self._corrected = self._new_recovery(), False
             self.tracking.begin()
@@ -117,8 +116,8 @@ class FrontEnd:
         self._enter(view, self._map_id)
 
     def started(self, view: MapView) -> TrackingResult | None:
-        """The mapper made a map of the proposed pair: go on in it. Returns what the result of the pair's second frame
-        becomes; None when the camera has been found in another map since, and stays there."""
+        """Continue in the map that the mapper made of the proposed pair. Returns the new result of the pair's second
+        frame; None when the camera was found in another map meanwhile and stays there."""
         pair, newest = self._bootstrap.done(), view.keyframes[-1]
         found, in_world = len(newest.observations.rows), newest.map_id == 0
         if in_world:
@@ -189,7 +188,7 @@ class FrontEnd:
         )  # fmt: skip
 
     def _recover(self, data: FrameData, track: Track, by_odometry: SE3 | None) -> Outcome:
-        """Too little was found: try everything to find the camera again, at once and in every frame."""
+        """Too few points were found: search for the camera again, now and in every following frame."""
         recovery = self._recovery
         if recovery.is_lost:
             self._consistency.interrupt()
@@ -223,7 +222,7 @@ class FrontEnd:
         return result, pair or request
 
     def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> Outcome:
-        """The camera is somewhere in the maps; where odometry does not vouch for the way, its next segment begins."""
+        """The camera was found in one of the maps. Unless odometry connects the poses, its next segment begins."""
         expected = self._recovery.expected_pose(by_odometry, self._map_id)
         firm = expected is not None and expected.is_firm
         far = self._recovery.is_lost or found.map_id != self._map_id
@@ -235,7 +234,7 @@ class FrontEnd:
         return outcome
 
     def _unplaced(self, data: FrameData) -> Track:
-        """Where the camera is in the map made before is not known yet; odometry counts from elsewhere."""
+        """The camera is not yet recognised in the loaded map, and odometry has another origin."""
         reason = f"not yet recognised in the loaded map of {len(self._here.living)} keyframes"
         if not self._recovery.is_lost:
             self._recovery.begin_lost()

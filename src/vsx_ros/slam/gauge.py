@@ -1,15 +1,15 @@
-"""What images leave open: without odometry nothing says how large a map is."""
+"""Keeps the size of a map, which images alone do not determine."""
 
 import numpy as np
 
 from vsx_ros.arrays import Points3
 
-ROUNDS = 4  # of reweighting: what few keyframes do differently is settled after two
+ROUNDS = 4  # of reweighting; with few outliers it converges after two
 
 
 def size_kept(before: Points3, after: Points3, held: int) -> float:
-    """By how much keyframes must grow about the one that is held (index) to be as large as before: least squares of
-    their positions (K, 3), those far off weighing less (Cauchy)."""
+    """Scale factor about the fixed keyframe ``held`` (index) that restores the former size: least squares on the
+    keyframes' positions (K, 3), with Cauchy weights."""
     p, q = before - before[held], after - after[held]
     along, square = np.sum(p * q, axis=1), np.sum(q * q, axis=1)
     weight, factor = np.ones(len(p)), 1.0

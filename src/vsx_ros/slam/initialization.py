@@ -1,4 +1,4 @@
-"""Two frames of a straight drive for a map: corners followed from the first one until the second is far enough."""
+"""Chooses two frames of a straight drive for a new map: follows corners until the second frame is far enough."""
 
 import math
 from collections.abc import Callable
@@ -18,14 +18,14 @@ from vsx_ros.slam.odometry import motion_by_odometry
 from vsx_ros.slam.point_creation import candidates_in
 from vsx_ros.slam.two_view_reconstruction import TRAIL_SIGMA_PX, InitialPair
 
-TRAILS = 600  # corners followed from the first frame on: several times min_matches, since many are lost on the way
-STILL_PX = 2.0  # median way of the corners; less is noise and vibration
+TRAILS = 600  # corners followed from the first frame on: several times min_matches, because many get lost
+STILL_PX = 2.0  # median motion of the corners; less is noise and vibration
 BLURRED = "the image is blurred: not used to start; move more slowly or add light"
 TRIED = "a map is being made of two frames"
 
 
 class Initializer:
-    """Feed frames to ``add``: it returns a pair of them that may make a map, or why there is none yet."""
+    """``add`` takes frames and returns a pair that may make a map, or the reason why there is none yet."""
 
     def __init__(self, T_base_cam: SE3 | None, config: InitializationConfig) -> None:
         self._T_base_cam, self._config = T_base_cam, config
@@ -52,7 +52,7 @@ class Initializer:
         return refusal or self._pair(reference, data, motion)
 
     def _silence(self, reference: FrameData, data: FrameData) -> str:
-        """Of two frames of which one alone has odometry no map is made: it would have no scale."""
+        """Why to wait or restart when only one of two frames has odometry (no scale); empty otherwise."""
         had, has = reference.T_odom_base is not None, data.T_odom_base is not None
         if has:
             self._heard_ns = data.stamp_ns
@@ -76,7 +76,7 @@ class Initializer:
         return reason
 
     def _follow(self, reference: FrameData, data: FrameData) -> None:
-        """Extend the trails by one frame, then measure them against the reference patch so that they do not drift."""
+        """Follow the corners into this frame, then match them with the reference frame so that they do not drift."""
         before, now = self._last.pyramid.level(0), data.pyramid.level(0)
         moved, ok = _flow(before, now, self._positions, self._positions)
         self._index, moved = self._index[ok], moved[ok]
@@ -100,7 +100,7 @@ class Initializer:
         return ""
 
     def _too_early(self, data: FrameData) -> str:
-        """Why the corners cannot have parallax yet: they rest, or a rotation explains how they moved."""
+        """Why the corners have no parallax yet (they rest, or a rotation explains their motion); else empty."""
         shift = float(np.median(np.linalg.norm(self._positions - self._candidates.uv[self._index], axis=1)))
         if shift < STILL_PX:
             return f"camera stands still: corners moved {shift:.1f} px in all; move it sideways or ahead"
@@ -150,9 +150,9 @@ def _flow(before: GrayImage, now: GrayImage, start: Pixels, guess: Pixels) -> tu
 
 
 class Bootstrap:
-    """One pair of frames is tried at a time, however long that takes; corners are followed all the while.
+    """Tries one pair of frames at a time, and follows corners meanwhile.
 
-    refuse: told (stamp_ns, reason) when it is another reason than before."""
+    refuse: called with (stamp_ns, reason) when the reason changes."""
 
     def __init__(
         self, T_base_cam: SE3 | None, config: InitializationConfig, refuse: Callable[[int, str], None]
@@ -163,12 +163,12 @@ class Bootstrap:
         self.begin_again()
 
     def begin_again(self) -> None:
-        """Take the next frame for the first one."""
+        """Use the next frame as the first one."""
         self._initializer = self._new_initializer()
         self._refusal, self._verdict = "", TRIED
 
     def next_pair(self, data: FrameData) -> tuple[str, InitialPair | None]:
-        """(why there is no map yet, the pair to make it of)."""
+        """(why there is no map yet, the pair to make one from or None)."""
         outcome = BLURRED if data.blurred else self._initializer.add(data)
         if self._tried is not None:
             return self._verdict, None
@@ -185,7 +185,7 @@ class Bootstrap:
         return pair
 
     def done(self) -> InitialPair:
-        """The pair that was tried, and is no longer."""
+        """End the trial of the pair and return it."""
         pair, self._tried = self._tried, None
         assert pair is not None
         return pair

@@ -1,5 +1,5 @@
-"""What the map is made of: images taken apart, the keyframes they become, the points seen in them and how these look
-from several sides; and all of it at one instant."""
+"""The parts of a map: preprocessed images, keyframes, observations and templates of points, and a view of all at one
+instant."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from vsx_ros.vision.corners import Corners, no_corners
 from vsx_ros.vision.patch_search import target_of
 from vsx_ros.vision.pyramid import LEVELS, Pyramid, SmallImage
 
-ROOM_DEPTH_M = 2.5  # median distance of what a camera sees in a room; lengths in metres are meant for that
-VIEWS = 5  # templates kept of a point, from different sides; the last is replaced when another comes
+ROOM_DEPTH_M = 2.5  # median scene depth in a room; thresholds in metres are chosen for it
+VIEWS = 5  # templates kept per point, from different sides; a new one replaces the oldest but the first
 Entry = TypeVar("Entry", bound=np.generic)
 
 
@@ -41,18 +41,18 @@ class Observations(NamedTuple):
 
     @staticmethod
     def concatenated(parts: list[Observations]) -> Observations:
-        """All of them in one, in order."""
+        """All parts in one, in order."""
         return Observations(*(np.concatenate(column) for column in zip(Observations.none(), *parts)))
 
     def where(self, mask: BoolArray) -> Observations:
-        """Those the mask (n,) keeps."""
+        """The observations where the mask (n,) is set."""
         return Observations._make(column[mask] for column in self)
 
 
 class FrameData(NamedTuple):
-    """An image taken apart once, used by tracker, mapper and relocaliser. camera (CAMERA,): the kernels' array, with
-    the motion during its readout. T_odom_base: by odometry when its middle row was exposed, None when not known.
-    blurred: much less sharp than the frames before; good enough to track, not to make a map of."""
+    """A preprocessed image for tracker, mapper and relocaliser. camera (CAMERA,): the kernels' array, with the motion
+    during readout. T_odom_base: by odometry at the exposure of the middle row, None when unknown. blurred: much less
+    sharp than the frames before; good enough to track, not to map."""
 
     stamp_ns: int
     pyramid: Pyramid
@@ -64,12 +64,12 @@ class FrameData(NamedTuple):
 
     @property
     def target(self) -> Target:
-        """The image as kernels search it."""
+        """The image in the form that kernels search."""
         return target_of(self.pyramid, self.corners)
 
     @staticmethod
     def without_image(stamp_ns: int, T_odom_base: SE2 | None) -> FrameData:
-        """The instant and odometry alone."""
+        """A frame with only stamp and odometry."""
         nothing = Pyramid(np.zeros(0, np.uint8), np.zeros((LEVELS, 4), np.int64))
         return FrameData(
             stamp_ns=stamp_ns,
@@ -83,12 +83,12 @@ class FrameData(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeyFrame:
-    """A frame the map is made of. Replaced, never changed.
+    """A keyframe of the map. Replaced, never changed.
 
-    odom_segment: odometry tells the way between successive living keyframes of one segment, never between two. A culled
-    keyframe has an anchor, no image and no observations; its pose is still that of the templates cut from it. map_id:
-    0 is the first map, whose frame is the world; others, begun where the first was out of sight, have frames of their
-    own until they are joined with it. scale: the length now of what was 1 when the keyframe was made."""
+    odom_segment: odometry connects successive living keyframes of one segment, never of two segments. A culled keyframe
+    has an anchor, no image and no observations; its pose still belongs to the templates cut from it. map_id: 0 is the
+    first map, whose frame is the world. Other maps begin where the first is out of sight; each has its own frame until
+    it is joined with the first. scale: the present length of what had length 1 when the keyframe was made."""
 
     id: int
     data: FrameData
@@ -102,13 +102,13 @@ class KeyFrame:
 
     @property
     def alive(self) -> bool:
-        """Whether it is still part of what is ranked, searched and adjusted."""
+        """Whether it is not culled: only then is it ranked, searched and adjusted."""
         return self.anchor is None
 
 
 class Unit(NamedTuple):
-    """What a length of the map is. metre: how long a metre is in it; without odometry what it is where points are as
-    far away as in a room. word: for people."""
+    """Unit of length of a map. metre: length of a metre in it; without odometry, estimated as if the scene had the
+    depth of a room. word: name for users."""
 
     metre: float
     word: str
@@ -118,7 +118,7 @@ METRIC = Unit(1.0, "m")
 
 
 def unit_of(keyframes: Sequence[KeyFrame], *indices: int) -> Unit:
-    """That of the map around some keyframes: metric where its first keyframe and all of these have odometry."""
+    """Unit of the map around some keyframes: metric if its first keyframe and all of these have odometry."""
     near = [keyframes[k] for k in indices]
     first = next(k for k in keyframes if k.map_id == near[0].map_id)
     if all(k.data.T_odom_base is not None for k in (first, *near)):
@@ -127,8 +127,8 @@ def unit_of(keyframes: Sequence[KeyFrame], *indices: int) -> Unit:
 
 
 class PointObservers:
-    """Who may have seen which points: keyframe indices by blocks of successive rows, which are of one place. Asking
-    costs as much as there are keyframes at that place, however large the map is."""
+    """Which keyframes may have seen which points: keyframe indices per block of successive rows, which lie at one
+    place. The cost of a query grows with the keyframes at that place, not with the map."""
 
     BLOCK_BITS = 6
 
@@ -141,13 +141,13 @@ class PointObservers:
             self._of_block.setdefault(block, set()).add(index)
 
     def of(self, rows: IntArray) -> list[int]:
-        """Every keyframe that has seen any of the points (rows), ascending, and some that have not."""
+        """Every keyframe that has seen any of the points (rows), and some that have not; ascending."""
         blocks = np.unique(rows >> self.BLOCK_BITS).tolist()
         return sorted(set().union(*(self._of_block.get(block, ()) for block in blocks)))
 
 
 class Templates(NamedTuple):
-    """What points look like from several directions. of_point (P, V): template numbers, -1 for none; source (T,):
+    """Templates of points from several directions. of_point (P, V): template numbers, -1 for none; source (T,):
     keyframe index; basis (T, 4): see ``predict``; offset (T, 2) and patches (T, 24, 24): see ``warp_template``."""
 
     of_point: IntArray
@@ -158,7 +158,7 @@ class Templates(NamedTuple):
 
 
 class NewTemplates(NamedTuple):
-    """Looks of points about to enter the map: basis (N, 4), offset (N, 2), patches (N, 24, 24)."""
+    """Templates to add to the map: basis (N, 4), offset (N, 2), patches (N, 24, 24)."""
 
     basis: FloatArray
     offset: FloatArray
@@ -166,7 +166,7 @@ class NewTemplates(NamedTuple):
 
 
 class TemplateStore:
-    """Templates are written once, hence shared with views; which of them belong to a point changes."""
+    """Templates are written once and shared with views; only their assignment to points changes."""
 
     def __init__(self) -> None:
         self._points = self._count = 0
@@ -176,20 +176,20 @@ class TemplateStore:
 
     @staticmethod
     def resumed(templates: Templates) -> TemplateStore:
-        """The templates of a view, to go on with."""
+        """A store that continues from the templates of a view."""
         store = TemplateStore()
         store._points, store._of_point = len(templates.of_point), templates.of_point.copy()
         store._count, store._columns = len(templates.source), list(templates[1:])
         return store
 
     def add_points(self, count: int) -> None:
-        """So many points more, which look like nothing yet."""
+        """Add ``count`` points without templates."""
         self._points += count
         self._of_point = grown(self._of_point, self._points)
         self._of_point[self._points - count : self._points] = -1
 
     def add(self, rows: IntArray, templates: NewTemplates, source: int) -> None:
-        """Points (rows) also look as keyframe ``source`` shows them; the oldest look but the first gives way."""
+        """Add templates of points (rows) from keyframe ``source``; a new one replaces the oldest but the first."""
         first = self._count
         self._count += len(rows)
         self._columns = [grown(column, self._count) for column in self._columns]
@@ -219,8 +219,8 @@ def grown(rows: NDArray[Entry], needed: int) -> NDArray[Entry]:
 
 class MapView(NamedTuple):
     """The map at one instant, for the tracker. living (L,): indices of the keyframes that are not culled; depths (K,):
-    their median scene depths, 1 where unknown. points (P, 3) world, alive (P,), source (P,): keyframe they were made
-    in. Indices and rows never change meaning."""
+    median scene depths of all keyframes, 1 where unknown. points (P, 3) world, alive (P,), source (P,): keyframe each
+    was made in. Indices and rows never change their meaning."""
 
     version: int
     keyframes: tuple[KeyFrame, ...]
@@ -234,6 +234,6 @@ class MapView(NamedTuple):
     templates: Templates
 
     def part(self, map_id: int) -> MapView:
-        """The same with the keyframes of one map alone among the living."""
+        """The same view with only the living keyframes of one map."""
         inside = np.array([self.keyframes[int(k)].map_id == map_id for k in self.living], np.bool_)
         return self._replace(living=self.living[inside])

@@ -1,5 +1,5 @@
-"""The part of the map around the camera, and when a frame becomes a keyframe of it (paper 3.1): rarely where the map is
-known, often enough to survive a turn."""
+"""The map around the camera, and the decision when a frame becomes a keyframe (paper 3.1): rarely in mapped areas,
+often enough to survive a turn."""
 
 import math
 
@@ -12,22 +12,22 @@ from vsx_ros.slam.keyframe import MapView
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.track import Track
 
-# Keyframes: nearest by place; of those the ones with most shared points; and the nearest in any case.
+# Numbers of keyframes: the nearest; of these, those with most shared points; the nearest ones always used.
 NEAREST, COVISIBLE, ALWAYS = 40, 12, 4
-LINKED_POINTS, STRANGE_WAY = 15, 8.0  # shared points; and a way, in median depths, over which maps may drift
-# Few points found nearly all still make a good keyframe: it is where new points are needed most. So do enough points
-# that miss their places: those that do not become its observations, and the map is adjusted to them.
+LINKED_POINTS, STRANGE_WAY = 15, 8.0  # shared points; path in median depths over which a map may drift
+# Few points of which nearly all were found still make a good keyframe: new points are needed most there. So do enough
+# points with large residuals: the others become its observations, and the map is adjusted to them.
 KEYFRAME_RATIO = 0.3
 
 
 class LocalMap:
-    """The points worth projecting: those of keyframes that share points with, or stand near, the reference keyframe.
-    Their number does not grow with the map. near (N,): keyframes around it, nearest first; shared (N,): how many points
-    each has in common with it.
+    """The points worth projecting: those of keyframes that share points with the reference keyframe or are near it.
+    Their number does not grow with the map. near (N,): keyframes around it, nearest first; shared (N,): number of
+    points each shares with it.
 
-    linked: the view restricted to keyframes reached from the reference through shared points or a short way. Nearby
-    keyframes that are reached only around a loop are left out: the map may have drifted in between, and they would be
-    a second copy that contradicts the first. LoopFinder joins them."""
+    linked: the view restricted to keyframes connected to the reference by shared points or a short path. Nearby
+    keyframes connected only around a loop are left out: the map may have drifted in between, and they would be a second
+    copy that contradicts the first. LoopDetector joins them."""
 
     def __init__(self, view: MapView, reference: int) -> None:
         """The map around a reference keyframe."""
@@ -53,7 +53,7 @@ class LocalMap:
         self.rows: IntArray = np.flatnonzero(mark & view.alive)
 
     def _part(self, view: MapView, linked: IntArray) -> MapView:
-        """The map within a way of so many depths from the reference or from a keyframe linked with it."""
+        """The view within STRANGE_WAY depths of path from the reference or from a keyframe linked with it."""
         way = path_lengths(view.centres)
         known = np.sort(way[np.append(linked, self.reference)])
         after = np.minimum(np.searchsorted(known, way[view.living]), len(known) - 1)
@@ -61,7 +61,7 @@ class LocalMap:
         return view._replace(living=view.living[gap <= STRANGE_WAY * view.depths[self.reference]])
 
     def leave_out(self, hopeless: BoolArray) -> None:
-        """Those of ``rows`` (R,) that are looked for in vain are not worth it until the map removes them."""
+        """Leave out the hopeless ones of ``rows`` (R,) until the map removes them."""
         self.rows = self.rows[~hopeless]
 
     def follow(self, found: IntArray) -> int:
@@ -75,12 +75,12 @@ class LocalMap:
 
 
 def path_lengths(centres: Points3) -> FloatArray:
-    """(K,) length of the way through all keyframes up to each of them, in the order in which they were made [m]."""
+    """(K,) length [m] of the path through the keyframes, in the order in which they were made, up to each."""
     return np.cumsum(np.linalg.norm(np.diff(centres, axis=0, prepend=centres[:1]), axis=1))
 
 
 def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:
-    """Indices of the living keyframes by distance and viewing direction (1 rad weighs like the median depth)."""
+    """Indices of the living keyframes, sorted by distance and viewing direction (1 rad counts as the median depth)."""
     living = view.living
     offset = np.linalg.norm(view.centres[living] - T_world_cam.translation, axis=1)
     cosine = view.R_world_cam[living, :, 2] @ T_world_cam.rotation[:, 2]
@@ -90,7 +90,7 @@ def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:
 def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, reference: int) -> bool:
     """Whether this frame should enter the map.
 
-    Distance and angle are measured to the nearest keyframe of the whole map, so that explored area yields none."""
+    Distance and angle are measured to the nearest keyframes of the whole map, so that mapped areas yield none."""
     sure = track.state is TrackingState.GOOD or track.ratio > KEYFRAME_RATIO
     if not sure:
         return False

@@ -1,5 +1,5 @@
-"""Seeing again what the map holds elsewhere: a loop to close, or another map to join. Found for every new keyframe,
-believed when a second keyframe agrees or the first leaves no doubt."""
+"""Detects places that the map holds elsewhere: a loop to close or another map to join. Every new keyframe is checked; a
+detection counts when it is certain or a second keyframe agrees."""
 
 from collections.abc import Iterator
 
@@ -16,19 +16,19 @@ from vsx_ros.slam.map import Map
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition
 from vsx_ros.slam.tracker import Tracker
 
-TRIED, DRIFTED_PX = 2, 60.0  # look-alikes per keyframe, for time; how far drift moves the points in view
-# A keyframe knows the neighbourhood when it shares so many points with what was seen so long ago.
+TRIED, DRIFTED_PX = 2, 60.0  # similar keyframes tried, to limit time; px that drift moves points in the image
+# A keyframe is connected to an old one if they share so many points; old: so many median depths of path ago.
 KNOWN_POINTS, LONG_AGO = 40, 1.5
-# After a way of so many depths it is a loop that tracking has closed, when no keyframe shortly before did.
+# Tracking closed a loop if its path is so many depths and the last loop is more than so many keyframes ago.
 LOOP_WAY, LOOP_KEYFRAMES = 4.0, 20
-VIEW_DEPTHS, VIEW_RAD = 0.7, 0.6  # two keyframes this near (median depths) and so turned can still show the same things
-SCALE_PAIRS, SCALE_SPREAD = 12, 0.1  # points that give the factor of size; median absolute deviation of its logarithm
-AGREE_M, AGREE_RAD, AGREE_SCALE, AGREE_KEYFRAMES = 0.05, 0.03, 0.05, 6  # per median depth; of log size; keyframes apart
+VIEW_DEPTHS, VIEW_RAD = 0.7, 0.6  # largest distance (median depths) and angle of two keyframes in one place
+SCALE_PAIRS, SCALE_SPREAD = 12, 0.1  # points for the scale factor; median absolute deviation of its logarithm
+AGREE_M, AGREE_RAD, AGREE_SCALE, AGREE_KEYFRAMES = 0.05, 0.03, 0.05, 6  # per median depth; of log scale; keyframes
 
 
 class LoopDetector:
-    """``detect`` for every new keyframe once. tracked_loop: in words, that the keyframe shares points with
-    keyframes of long ago, and the ones before did not: tracking alone has closed a loop; else empty."""
+    """Call ``detect`` once for every new keyframe. tracked_loop: a message when tracking alone has closed a loop (the
+    keyframe shares points with old keyframes, those just before it did not); else empty."""
 
     def __init__(self, camera: PinholeCamera, config: SlamConfig, rng: np.random.Generator) -> None:
         self._places = PlaceRecognizer(camera, Tracker(config.tracker, rng))
@@ -38,7 +38,7 @@ class LoopDetector:
         self.tracked_loop = ""
 
     def detect(self, world: Map, view: MapView, index: int) -> list[LoopClosure]:
-        """The loop closures of keyframe ``index`` and of one before that agree, empty when there are none."""
+        """The loop closures at keyframe ``index``: a certain one, or two that agree; empty when there are none."""
         self.tracked_loop = ""
         among = self._candidates(world, view, index)
         if not len(among):
@@ -58,7 +58,7 @@ class LoopDetector:
         return []
 
     def _recognitions(self, newest: KeyFrame, view: MapView, among: IntArray) -> Iterator[Recognition]:
-        """By the keyframes that look most alike; then by the nearest one of the same map, the drift being small."""
+        """By the most similar keyframes; then, assuming small drift, by the nearest one of the same map."""
         features = self._places.described(newest)[1]
         for k in self._places.ranked(newest.data.small, view, among)[:TRIED]:
             seen = self._places.recognise(newest.data, features, view, int(k))
@@ -69,12 +69,12 @@ class LoopDetector:
             yield self._places.verify(newest.data, view, int(nearest), newest.T_world_cam, DRIFTED_PX)
 
     def forget(self) -> None:
-        """What was seen has been acted on."""
+        """Drop the unconfirmed closure after a correction."""
         self._unconfirmed = None
 
     def _candidates(self, world: Map, view: MapView, index: int) -> IntArray:
-        """Keyframes that may show the same place without being known to: of an earlier map, or of this one from long
-        ago and near enough for the drift since then."""
+        """Keyframes that may show the same place but are not connected to it: of an earlier map, or old ones of this
+        map that are near enough for the drift since then."""
         newest = world.keyframes[index]
         if newest.map_id:
             return np.array([k for k in view.living if world.keyframes[int(k)].map_id < newest.map_id], np.int64)
@@ -103,7 +103,7 @@ class LoopDetector:
         self._last_loop = index
 
     def _is_plausible(self, world: Map, closure: LoopClosure) -> bool:
-        """Whether the map can have drifted so far; maps that were begun apart can lie anyhow."""
+        """Whether the map can have drifted so far; always True between two maps."""
         older, newer = world.keyframes[closure.older], world.keyframes[closure.newer]
         if older.map_id != newer.map_id:
             return True
@@ -113,7 +113,7 @@ class LoopDetector:
         return closure.place(world).is_near(newer.T_world_cam, float(reach), float(angle))
 
     def _closure(self, world: Map, index: int, seen: Recognition) -> LoopClosure | None:
-        """With the factor of size: 1 by odometry, else from the depths of points that both parts see at one spot."""
+        """The closure with its scale factor (1 by odometry, else from depths of shared points); None if unclear."""
         newest, track = world.keyframes[index], seen.track
         factor = 1.0
         if not is_metric(world, newest, world.keyframes[seen.keyframe]):
@@ -131,7 +131,7 @@ class LoopDetector:
         )
 
     def _agree(self, world: Map, a: LoopClosure, b: LoopClosure) -> bool:
-        """Whether two keyframes tell of the same displacement; one that was culled since tells of none."""
+        """Whether two closures show the same displacement; False if a keyframe of the first was culled."""
         if not (world.keyframes[a.older].alive and world.keyframes[a.newer].alive):
             return False
         first, second = world.keyframes[a.newer], world.keyframes[b.newer]
@@ -145,7 +145,7 @@ class LoopDetector:
 
 
 def _drift(config: DriftConfig, way: FloatArray, unit: Unit) -> tuple[FloatArray, FloatArray]:
-    """How far [the map's unit, rad] the map can be off after a way [its unit]."""
+    """Largest drift [the map's unit, rad] of the map after a path [its unit]."""
     by_odometry = unit == METRIC
     share = config.odometry_ratio if by_odometry else config.camera_ratio
     turn_rad_m = config.odometry_rad_m if by_odometry else config.camera_rad_m

@@ -1,7 +1,7 @@
-"""Correcting a place seen twice: close the loop by a pose graph or merge two maps, then make one point of two.
+"""Corrects the map at a place seen twice: closes the loop by a pose graph or merges two maps, then fuses points.
 
-Two points become one where keyframes look for points that the map knows from elsewhere and find them at spots where
-they have seen points of their own."""
+Keyframes search for points that the map knows from elsewhere. A point found at the pixel of an own point is fused with
+it."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from vsx_ros.slam.map import Map
 from vsx_ros.slam.map_points import find_unseen, observe_at
 from vsx_ros.slam.state import SlamEvent
 
-# Standard deviations of what two keyframes that share points know of one another: a constant and a share of the way.
+# Standard deviations between two keyframes that share points: a constant and a share of the distance.
 DISTANCE_M, DISTANCE_RATIO, ANGLE_RAD, ANGLE_RAD_M, SCALE, SCALE_RATIO = 0.002, 0.01, 0.001, 0.005, 0.002, 0.01
 LOOSE = 5.0
 WEAK_COVISIBILITY, STRONG_COVISIBILITY, NEIGHBOURS = 15, 60, 2
@@ -27,8 +27,8 @@ RADIUS_PX = 6.0
 
 
 class LoopClosure(NamedTuple):
-    """Keyframe ``newer`` was recognised by ``older``: where it stands by that part of the map, how many times as large
-    its own part would have to be, and how many points were found."""
+    """Keyframe ``newer`` was recognised by ``older``. T_older_newer: its pose by that part of the map. factor: by how
+    much its own part must be scaled. points: how many were found."""
 
     older: int
     newer: int
@@ -50,8 +50,8 @@ class _Edge(NamedTuple):
 
 
 def optimize_pose_graph(world: Map, map_id: int, loops: list[LoopClosure], free_scale: bool) -> float:
-    """Move all living keyframes of a map but the first so that the loops close, each stretch giving way as far as it is
-    uncertain: where successive keyframes share few points, first. free_scale: without odometry the size drifts too.
+    """Move all living keyframes of a map but the first so that the loops close. Uncertain edges give way most: above
+    all those between successive keyframes with few shared points. free_scale: without odometry the scale drifts too.
 
     Returns how far the last keyframe of the loops moved [the map's unit]."""
     nodes = world.living_in(map_id)
@@ -78,10 +78,10 @@ def optimize_pose_graph(world: Map, map_id: int, loops: list[LoopClosure], free_
 
 
 def move_keyframes(world: Map, nodes: list[int], poses: list[SE3], factors: FloatArray) -> None:
-    """Move keyframes (indices) to new poses, ``factors`` times as large, with the points first seen in them or in
-    culled keyframes they carry."""
+    """Move keyframes (indices) to new poses and scale them by ``factors``, with the points first seen in them or in
+    culled keyframes anchored to them."""
     before = [world.keyframes[k].T_world_cam for k in nodes]
-    # A culled keyframe is held by what carries it.
+    # Points of a culled keyframe move with its anchor.
     holders = [k.id if k.anchor is None else k.anchor.keyframe for k in world.keyframes]
     holder = np.array(holders, np.int64)[world.source]
     order = np.argsort(holder, kind="stable")
@@ -93,7 +93,7 @@ def move_keyframes(world: Map, nodes: list[int], poses: list[SE3], factors: Floa
 
 
 def _edges_within(world: Map, nodes: list[int], poses: list[SE3]) -> list[_Edge]:
-    """Successive keyframes, and for each the two earlier ones that share most points with it: as they stand now."""
+    """Edges at the present poses: between successive keyframes, and to the two earlier ones that share most points."""
     rows = [world.keyframes[k].observations.rows for k in nodes]
     ends = np.cumsum([len(mine) for mine in rows], dtype=np.int64)
     shared = count_shared(np.concatenate([np.zeros(0, np.int64), *rows]), ends, len(world.points))
@@ -118,7 +118,7 @@ def _edge(world: Map, nodes: list[int], poses: list[SE3], a: int, b: int, loose:
 
 
 def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) -> SlamEvent:
-    """Change the map by loop closures of the same two parts; around: keyframes that shall look for the older part's
+    """Correct the map by loop closures of the same two parts. around: keyframes that search for the older part's
     points. Returns what was done."""
     last = closures[-1]
     older, newer = world.keyframes[last.older], world.keyframes[last.newer]
@@ -140,7 +140,7 @@ def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) ->
 
 
 def _join(world: Map, closure: LoopClosure) -> None:
-    """Carry one map as a whole to where the keyframe was recognised."""
+    """Move one map as a whole to where the keyframe was recognised."""
     newer, factor = world.keyframes[closure.newer], closure.factor
     nodes = world.living_in(newer.map_id)
     T_old, T_new = newer.T_world_cam.inverse(), closure.place(world)
@@ -150,8 +150,8 @@ def _join(world: Map, closure: LoopClosure) -> None:
 
 
 def fuse(world: Map, keyframes: list[int], rows: IntArray) -> int:
-    """Let keyframes (indices) see the points (rows) where they appear in them; their own points at the same spots
-    become these. Returns the number of points fused."""
+    """Search for the points (rows) in keyframes (indices) and add observations. Own points of a keyframe at the same
+    pixels are replaced by them. Returns the number of points fused."""
     votes: dict[tuple[int, int], int] = {}
     view = world.view()
     found_in = {k: find_unseen(world.keyframes[k], view, rows, RADIUS_PX) for k in keyframes}
@@ -172,7 +172,7 @@ def fuse(world: Map, keyframes: list[int], rows: IntArray) -> int:
 
 
 def same_points(keyframe: KeyFrame, rows: IntArray, uv: Pixels, level: IntArray) -> tuple[IntArray, IntArray]:
-    """Points (mine, known) that a keyframe sees at the spots (uv, level) where other points (rows) were found in it."""
+    """Pairs of points (mine, known): seen by a keyframe, and found in it (rows) at the same place (uv, level)."""
     observed = keyframe.observations
     if not len(rows) or not len(observed.rows):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -185,5 +185,5 @@ def same_points(keyframe: KeyFrame, rows: IntArray, uv: Pixels, level: IntArray)
 
 
 def is_metric(world: Map, *keyframes: KeyFrame) -> bool:
-    """Whether odometry measured the size of the map around the keyframes."""
+    """Whether odometry determines the scale of the map around the keyframes."""
     return all(unit_of(world.keyframes, keyframe.id) == METRIC for keyframe in keyframes)

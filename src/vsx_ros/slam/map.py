@@ -1,4 +1,4 @@
-"""Keyframes and points, as the mapper, whose they are, changes them; everybody else gets views."""
+"""The mutable map of keyframes and points. It belongs to the mapper; all others get views."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from vsx_ros.slam.keyframe import (
     TemplateStore,
 )
 
-_ENOUGH_DEPTHS = 5  # points whose median depth can be believed; with fewer the one before stays
+_ENOUGH_DEPTHS = 5  # least points for a median depth; with fewer the previous one is kept
 
 
 class Map:
-    """The mutable map. points (P, 3) world; alive (P,): whether a row is still in the map; source (P,): the keyframe
-    index each was made in. Rows are never reused. odom_segment is that of the keyframes to come."""
+    """The mutable map. points (P, 3) world; alive (P,): whether a row is still in the map; source (P,): index of the
+    keyframe each was made in. Rows are never reused. odom_segment: that of new keyframes."""
 
     def __init__(self) -> None:
         self.version = 0
@@ -41,7 +41,7 @@ class Map:
 
     @staticmethod
     def resumed(view: MapView) -> Map:
-        """The map of a view, to go on with; its new keyframes begin an odometry segment of their own."""
+        """A map that continues from a view; its new keyframes begin a new odometry segment."""
         world = Map()
         world.version, world.keyframes = view.version, list(view.keyframes)
         world.odom_segment = 1 + max(keyframe.odom_segment for keyframe in view.keyframes)
@@ -54,7 +54,7 @@ class Map:
         return world
 
     def clear(self) -> None:
-        """Forget everything; the versions go on."""
+        """Remove everything; the version number continues."""
         vars(self).update(vars(Map()), version=self.version + 1)
 
     def add_keyframe(self, data: FrameData, T_world_cam: SE3, observations: Observations, map_id: int = 0) -> int:
@@ -99,7 +99,7 @@ class Map:
         self.keyframes[index] = replace(keyframe, observations=keyframe.observations.where(~mask))
 
     def move_keyframe(self, index: int, T_world_cam: SE3) -> None:
-        """Give a living keyframe a new pose; the culled ones it carries move with it."""
+        """Give a living keyframe a new pose; culled ones anchored to it move with it."""
         self.keyframes[index] = replace(self.keyframes[index], T_world_cam=T_world_cam)
         for k in self._carried.get(index, ()):
             anchor = self.keyframes[k].anchor
@@ -107,7 +107,7 @@ class Map:
             self.keyframes[k] = replace(self.keyframes[k], T_world_cam=anchor.pose(self.keyframes))
 
     def resize_keyframe(self, index: int, T_world_cam: SE3, factor: float) -> None:
-        """Move a living keyframe and all that it carries into a frame where it is ``factor`` times as large."""
+        """Scale a living keyframe and the culled ones anchored to it by ``factor``, and give it a new pose."""
         for k in (index, *self._carried.get(index, ())):
             keyframe = self.keyframes[k]
             depth = factor * keyframe.median_depth
@@ -119,7 +119,7 @@ class Map:
         self.keyframes = [replace(k, map_id=into) if k.map_id == map_id else k for k in self.keyframes]
 
     def replace_points(self, old: IntArray, new: IntArray) -> None:
-        """Whoever saw the points ``old`` (rows) has seen ``new`` (as many) instead; the old ones leave the map."""
+        """Replace the points ``old`` (rows) by ``new`` (as many) in all observations and remove the old ones."""
         becomes = np.arange(len(self.points))
         becomes[old] = new
         for index in self._observers.of(old):
@@ -144,7 +144,7 @@ class Map:
         return [k for k, keyframe in enumerate(self.keyframes) if keyframe.alive and keyframe.map_id == map_id]
 
     def is_metric(self, map_id: int) -> bool:
-        """Whether one of the maps began with odometry: then it is metric and stands level."""
+        """Whether the given map began with odometry; then it is metric and level."""
         first = next(keyframe for keyframe in self.keyframes if keyframe.map_id == map_id)
         return first.data.T_odom_base is not None
 
@@ -155,7 +155,7 @@ class Map:
         return (k for k in before if self.keyframes[k].alive and self.keyframes[k].odom_segment == segment)
 
     def predecessor(self, index: int) -> int | None:
-        """The first of them, None where there is none."""
+        """The latest of ``predecessors``, None where there is none."""
         return next(self.predecessors(index), None)
 
     def successor(self, index: int) -> int | None:
@@ -164,7 +164,7 @@ class Map:
         return next((k for k in self.living if k > index and self.keyframes[k].odom_segment == segment), None)
 
     def observers(self, rows: IntArray) -> list[int]:
-        """All living keyframes that see any of the points (rows), and some that do not, ascending."""
+        """All living keyframes that see any of the points (rows), and some that do not; ascending."""
         return [k for k in self._observers.of(rows) if self.keyframes[k].alive]
 
     def covisible(self, rows: IntArray) -> IntArray:
@@ -187,16 +187,16 @@ class Map:
         return mask
 
     def seen(self, rows: IntArray) -> IntArray:
-        """(P,) how many keyframes see each of the points (rows); fewer than do, or none, for other points."""
+        """(P,) how many keyframes see each of the points (rows); counts of other points may be too low."""
         every = [self.keyframes[k].observations.rows for k in self.observers(rows)]
         return np.bincount(np.concatenate([np.zeros(0, np.int64), *every]), minlength=len(self.points))
 
     def cull_keyframe(self, index: int) -> None:
-        """Take a living keyframe out for good; keyframe 0, which holds the world, cannot be.
+        """Remove a living keyframe for good. Keyframe 0 defines the world and cannot be culled.
 
-        It keeps its index and is carried from now on by the living keyframe that shares most points with it. Its image
-        and observations are gone, and so are points that fewer than two other keyframes see; those first seen in it
-        live on."""
+        It keeps its index and is anchored to the living keyframe that shares most points with it. Its image and
+        observations are removed, and so are points that fewer than two other keyframes see. Other points first seen in
+        it remain."""
         keyframe = self.keyframes[index]
         assert index > 0, "keyframe 0 holds the world"
         assert keyframe.alive, f"keyframe {index} is culled already"
@@ -214,7 +214,7 @@ class Map:
         self.remove_points(rows[self.seen(rows)[rows] < 2])
 
     def remove_points(self, rows: IntArray) -> None:
-        """Take points out of the map, with all that was seen of them."""
+        """Remove points and all their observations from the map."""
         if not len(rows):
             return
         self.alive[rows] = False
@@ -224,8 +224,8 @@ class Map:
                 self.forget(index, gone)
 
     def update_depth(self, index: int) -> None:
-        """Recompute a keyframe's median scene depth from the points it sees before it (kept when those are fewer than
-        5: where it stands wrong, points may lie behind it)."""
+        """Recompute a keyframe's median scene depth from the points in front of it. With fewer than 5 it is kept: if
+        the pose is wrong, points may lie behind the camera."""
         keyframe = self.keyframes[index]
         R, t = keyframe.T_world_cam.rotation, keyframe.T_world_cam.translation
         depths = (self.points[keyframe.observations.rows] - t) @ R[:, 2]
@@ -234,7 +234,7 @@ class Map:
             self.keyframes[index] = replace(keyframe, median_depth=float(np.median(depths)))
 
     def view(self) -> MapView:
-        """What the tracker works on until the next version."""
+        """The present version of the map, for the tracker."""
         R, centres = stacked([k.T_world_cam for k in self.keyframes])
         return MapView(
             version=self.version,

@@ -1,6 +1,6 @@
-"""What the map keeps. Points: made from corners of a new keyframe, found again in others, seen from new sides, removed
-when they are looked for in vain (paper 3.1). Keyframes: culled where a place has been passed again and again (after
-Mur-Artal et al., ORB-SLAM, T-RO 2015, VI.E)."""
+"""Maintains the map. Points: made from corners of a new keyframe, found in others, given new templates, removed when
+they are rarely found (paper 3.1). Keyframes: culled where a place was passed many times (after Mur-Artal et al.,
+ORB-SLAM, T-RO 2015, VI.E)."""
 
 import math
 
@@ -22,10 +22,10 @@ from vsx_ros.slam.tracker import predicted
 from vsx_ros.slam.tracking_record import is_hopeless
 from vsx_ros.vision.patch_search import Predictions, find_patches
 
-REFIND_RADIUS_PX, UNSEEN_REACH = 4.0, 2  # poses are known by now; px of the level beyond corners
-NEW_TEMPLATE = 0.006  # squared angle [rad2]: 4.4 deg of direction, or a fifth of the distance
-# A keyframe with fewer points is held by little else: it stays. So does one whose neighbours in its epoch would be
-# left to odometry alone without it.
+REFIND_RADIUS_PX, UNSEEN_REACH = 4.0, 2  # small, as poses are known; level px searched without corners
+NEW_TEMPLATE = 0.006  # squared angle [rad2]: a change of 4.4 deg in direction or of a fifth in distance
+# A keyframe with fewer points is kept: little else constrains it. So is one without which only odometry would connect
+# its neighbours in its segment.
 ASSESSED_POINTS, TIED_POINTS = 40, 40
 
 
@@ -36,7 +36,7 @@ class MapPoints:
         self._world, self._config = world, config
 
     def enter(self, source: int, target: int, candidates: Candidates, matches: TargetMatches) -> IntArray:
-        """Points found in two keyframes enter the map; returns their rows."""
+        """Add points found in two keyframes to the map; returns their rows."""
         chosen = matches.chosen
         looks = NewTemplates(candidates.basis[chosen], np.zeros((len(chosen), 2)), candidates.patches[chosen])
         rows = self._world.add_points(matches.points_world, looks, source)
@@ -66,7 +66,7 @@ class MapPoints:
         return np.concatenate(rows) if rows else np.zeros(0, np.int64)
 
     def refind(self, indices: list[int], rows: IntArray) -> None:
-        """Look for points in keyframes that have not seen them."""
+        """Search keyframes for points that they have not seen."""
         if not len(rows):
             return
         view = self._world.view()
@@ -75,7 +75,7 @@ class MapPoints:
             observe_at(self._world, index, found.rows, uv, found.level)
 
     def renew_templates(self, index: int) -> None:
-        """Points seen here from a direction or distance that none of their templates comes near get one more."""
+        """Add a template to points seen here from a direction or distance unlike that of all their templates."""
         world, keyframe = self._world, self._world.keyframes[index]
         rows = keyframe.observations.rows
         known = world.templates.view()
@@ -91,20 +91,20 @@ class MapPoints:
         world.templates.add(rows[chosen], more, index)
 
     def remove_unfound(self, searched: IntArray, found: IntArray) -> None:
-        """Remove points the tracker keeps looking for in vain."""
+        """Remove points that the tracker searches often and rarely finds."""
         n = min(len(searched), len(self._world.points))
         bad = is_hopeless(searched[:n], found[:n]) & self._world.alive[:n]
         self._world.remove_points(np.flatnonzero(bad))
 
 
 def observe_at(world: Map, index: int, rows: IntArray, uv: FloatArray, level: IntArray) -> None:
-    """A keyframe sees points (rows) at these places (uv (N, 2) level-0 px, level (N,))."""
+    """Add observations of points (rows) to a keyframe (uv (N, 2) level-0 px, level (N,))."""
     keyframe = world.keyframes[index]
     world.observe(index, observations_at(keyframe.data, keyframe.T_world_cam, world.points, rows, uv, level))
 
 
 def find_unseen(keyframe: KeyFrame, view: MapView, rows: IntArray, radius_px: float) -> tuple[Predictions, Pixels]:
-    """Those of the points (rows) that appear in a keyframe that does not see them yet, and where."""
+    """The points (rows) found in a keyframe that does not see them yet, and their pixels."""
     wanted = rows[view.alive[rows] & ~np.isin(rows, keyframe.observations.rows)]
     data, templates = keyframe.data, view.templates
     expected = predicted(data.camera, keyframe.T_world_cam.inverse(), view, wanted)
@@ -113,9 +113,9 @@ def find_unseen(keyframe: KeyFrame, view: MapView, rows: IntArray, radius_px: fl
 
 
 def cull_redundant(world: Map, among: list[int], config: CullingConfig) -> list[int]:
-    """Cull those of the keyframes ``among`` (indices) that are redundant, the oldest first; returns them.
+    """Cull the redundant ones of the keyframes ``among`` (indices), oldest first; returns them.
 
-    Never the first two of a map, which hold its frame and its size, nor the newest ones."""
+    The first two of a map, which fix its frame and scale, and the newest ones are never culled."""
     held = {k for m in {world.keyframes[k].map_id for k in among} for k in world.living_in(m)[:2]}
     newest = set(world.living[-config.keep_newest :])
     culled = []
@@ -127,7 +127,7 @@ def cull_redundant(world: Map, among: list[int], config: CullingConfig) -> list[
 
 
 def is_redundant(world: Map, index: int, config: CullingConfig) -> bool:
-    """Whether so large a share of a keyframe's points is seen by so many others from as near or nearer."""
+    """Whether enough of a keyframe's points are seen by enough other keyframes at the same or a finer level."""
     seen = world.keyframes[index].observations
     if len(seen.rows) < ASSESSED_POINTS:
         return False
@@ -143,7 +143,7 @@ def is_redundant(world: Map, index: int, config: CullingConfig) -> bool:
 
 
 def _ties_its_epoch(world: Map, index: int) -> bool:
-    """Whether the keyframes before and after it share too little to be held together by images without it."""
+    """Whether the keyframes before and after it share too few points to stay connected by images without it."""
     before, after = world.predecessor(index), world.successor(index)
     if before is None or after is None:
         return False

@@ -1,4 +1,4 @@
-"""The mapper owns the map: it takes keyframes, makes, refines and removes points (paper 3.1)."""
+"""The mapper owns the map: it adds keyframes, and makes, refines and removes points (paper 3.1)."""
 
 import math
 from collections import deque
@@ -27,15 +27,15 @@ from vsx_ros.slam.state import SlamEvent
 from vsx_ros.slam.two_view_reconstruction import InitialPair, TwoViewReconstruction
 from vsx_ros.vision.corners import dense_corners
 
-# The whole map is adjusted when it has grown by so many keyframes and that share: the work per keyframe stays the same.
+# The whole map is adjusted when it has grown by so many keyframes and this share: constant work per keyframe.
 GLOBAL_EVERY, GLOBAL_GROWTH = 8, 0.1
 VETO_OBSERVATIONS, VETO_AGE, VETO_SIGMAS = 100, 3, 6.0
 BASELINES = (0.07, 0.025, 0.12, 0.045)
 
 
 class KeyFrameRequest(NamedTuple):
-    """A tracked frame that shall enter the map. anchor: its pose by its reference keyframe, which may have moved since.
-    odom_segment: see KeyFrame. searched, found (P,): the tracker's counts per point so far."""
+    """A tracked frame to add to the map. anchor: its pose relative to its reference keyframe, which may have moved
+    since. odom_segment: see KeyFrame. searched, found (P,): the tracker's counts per point so far."""
 
     data: FrameData
     anchor: Anchor
@@ -48,7 +48,7 @@ class KeyFrameRequest(NamedTuple):
 
 
 class Mapper:
-    """``add_keyframe`` does the work of one keyframe to completion; ``refine`` follows when there is time."""
+    """``add_keyframe`` does all the work for one keyframe; ``refine`` follows when there is time."""
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, world: Map) -> None:
         self.map = world
@@ -64,7 +64,7 @@ class Mapper:
         self.events: deque[SlamEvent] = deque()
 
     def start(self, pair: InitialPair) -> MapView | str:
-        """Make a map of two frames, the first one or one of its own; where they do not allow it, say why."""
+        """Make a map of two frames, the first one or a separate one; returns the reason if they do not allow it."""
         start = self._reconstruction.reconstruct(pair)
         if isinstance(start, str):
             return start
@@ -85,8 +85,8 @@ class Mapper:
         return world.view()
 
     def add_keyframe(self, request: KeyFrameRequest) -> MapView:
-        """Take a frame into the map: measurements, more of them, new points, local adjustment, culling. The map is
-        empty where its start has turned out wrong: it wants another one, and requests made before are void."""
+        """Add a frame to the map: measurements, further searches, new points, local adjustment, culling. The map is
+        empty if its start was wrong: it needs a new start, and earlier requests are ignored."""
         world = self.map
         if not world.keyframes:
             return world.view()
@@ -113,7 +113,7 @@ class Mapper:
         return self._watched()
 
     def recount(self, wanted: Recount) -> MapView:
-        """Put a map right that was made with wrong wheels; the whole of it is adjusted next."""
+        """Correct a map made with a wrong wheel calibration; the whole map is adjusted next."""
         recount(self.map, wanted)
         self.events.append(SlamEvent(wanted.stamp_ns, "calibrated", wanted.reason))
         self._since_global = len(self.map.keyframes)
@@ -121,7 +121,7 @@ class Mapper:
         return self.map.view()
 
     def _correct_loops(self, index: int, neighbours: list[int]) -> None:
-        """Close the loop, or join the map, when a new keyframe shows a place that is known from elsewhere."""
+        """Close a loop or join a map when a new keyframe shows a place that the map holds elsewhere."""
         closures = self._loops.detect(self.map, self.map.view(), index)
         if self._loops.tracked_loop:
             stamp_ns = self.map.keyframes[index].data.stamp_ns
@@ -143,7 +143,7 @@ class Mapper:
         return self._since_global >= (1 if young else max(GLOBAL_EVERY, round(GLOBAL_GROWTH * len(self.map.living))))
 
     def refine(self, interrupted: Callable[[], bool] = lambda: False) -> MapView:
-        """Adjust the whole map; what ``interrupted`` cuts short stays due."""
+        """Adjust the whole map; if interrupted, the adjustment stays due."""
         world = self.map
         free = self._movable(world.living)
         if self._adjuster.adjust(world, free, self._config.global_iterations, interrupted):
@@ -151,7 +151,7 @@ class Mapper:
         return self._watched()
 
     def _watched(self) -> MapView:
-        """The map after a change, empty where its start has turned out wrong."""
+        """The map after a change; empty if its start was wrong."""
         world, watch = self.map, self._watch
         if watch is not None and watch.is_over(world):
             self._watch = watch = None
@@ -165,13 +165,13 @@ class Mapper:
         return world.view()
 
     def _movable(self, indices: list[int]) -> list[int]:
-        """Keyframes that an adjustment may move: the first one of a second map holds its frame (that of the first map
-        is known to the adjuster)."""
+        """Keyframes that an adjustment may move: not the first one of a second map, which fixes its frame. (The
+        adjuster itself fixes that of the first map.)"""
         maps = {self.map.keyframes[k].map_id for k in indices} - {0}
         return [k for k in indices if k not in {self.map.living_in(m)[0] for m in maps}]
 
     def neighbours(self, index: int, count: int) -> list[int]:
-        """Indices of the living keyframes that share most points (15 or more) with one, and the one before it."""
+        """Indices of the living keyframes that share most points (15 or more) with one, and of 1 to 3 predecessors."""
         shared = self.map.covisible(self.map.keyframes[index].observations.rows)
         shared[index] = 0
         ranked = [int(k) for k in np.argsort(-shared, kind="stable") if shared[k] >= 15][:count]
@@ -180,8 +180,8 @@ class Mapper:
         return [*ranked[: count - wanted], *previous[:wanted]]
 
     def _targets(self, index: int, neighbours: list[int]) -> list[int]:
-        """Neighbours to triangulate with: one at a comfortable baseline, one near for what has just come into view,
-        then wider ones. Baselines count relative to the depth."""
+        """Neighbours to triangulate with: one at a good baseline, one near for points just come into view, then wider
+        ones. Baselines are relative to the depth."""
         keyframes, here = self.map.keyframes, self.map.keyframes[index].T_world_cam.translation
         depth = keyframes[index].median_depth or 1.0
         offset = {k: np.linalg.norm(keyframes[k].T_world_cam.translation - here) for k in neighbours}
@@ -193,8 +193,8 @@ class Mapper:
         return chosen
 
     def _contradicted_step(self, index: int) -> tuple[int, SE3] | None:
-        """The previous keyframe and the step from it by odometry, where the map has it beyond what odometry can have
-        got wrong, and few points that the map has known for a while vouch for it (many do when the wheels slip)."""
+        """The previous keyframe and the step from it by odometry, if the map contradicts odometry beyond its error and
+        few older points support the map (many do when the wheels slip); else None."""
         factor, before = self._adjuster.by_odometry(self.map, index), self.map.predecessor(index)
         known = self.map.source[self.map.keyframes[index].observations.rows] < index - VETO_AGE
         if factor is None or before is None or np.count_nonzero(known) >= VETO_OBSERVATIONS:
@@ -204,13 +204,13 @@ class Mapper:
         return (before, factor.T_a_b) if error @ factor.information @ error > VETO_SIGMAS**2 else None
 
     def _place_by_odometry(self, index: int, step: tuple[int, SE3]) -> None:
-        """Few points that contradict odometry are not believed: they can pull the map into another scale. The
-        keyframe stands where odometry puts it, without them."""
+        """Place a keyframe by odometry and drop its points: few points that contradict odometry are not trusted,
+        because they can change the scale of the map."""
         world, (before, T_before_here) = self.map, step
         world.remove_points(np.flatnonzero(world.alive & (world.source == index)))
         world.forget(index, np.ones(len(world.keyframes[index].observations.rows), np.bool_))
         world.move_keyframe(index, world.keyframes[before].T_world_cam @ T_before_here)
 
     def _with_corners(self, data: FrameData) -> FrameData:
-        """The image with the corners that new points are made of."""
+        """The frame with dense corners, for new points."""
         return data._replace(corners=dense_corners(data.pyramid, self._config.corners))

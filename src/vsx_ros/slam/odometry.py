@@ -1,5 +1,5 @@
-"""Odometry and images together: where the camera should be now (by odometry where there is any, else by constant
-velocity and image rotation), and whether the two agree: where the image is sure of the motion, it judges odometry."""
+"""Predicts the camera's pose: by odometry if there is any, else by constant velocity and image rotation. Checks
+odometry against images that are sure of the motion."""
 
 import math
 from collections import deque
@@ -13,18 +13,18 @@ from vsx_ros.geometry.se3 import SE3, so3_exp
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.vision.pyramid import rotation_between
 
-DAMPING = 0.9  # a camera is more likely to slow down than to go on alike
-MAX_GAP_S = 0.5  # after so long without a pose, the speed before tells nothing
-WINDOWS = (8, 30)  # frames back: a jump shows over the short one, drift over the long one
-# Beyond this wheels slip, spin or are disconnected: a constant, and shares of the way and of the turn.
+DAMPING = 0.9  # a camera is more likely to slow down than to keep its speed
+MAX_GAP_S = 0.5  # after so long without a pose, the last velocity is not used
+WINDOWS = (8, 30)  # frames: a jump shows over the short window, drift over the long one
+# Beyond this, wheels slip, spin or are disconnected: a constant, and shares of distance and turn.
 GAP_M, GAP_PER_M, GAP_PER_RAD = 0.008, 0.08, 0.02
 GAP_RAD, GAP_RAD_PER_RAD = 0.02, 0.06
-# A stretch of map that rests on odometry alone does not judge it until the base has gone on so far.
+# A part of the map placed by odometry alone does not judge odometry until the base has moved so far.
 UNPROVEN_M = 0.5
 
 
 class Prediction(NamedTuple):
-    """T_world_cam expected, whether by odometry, and how firmly: information (6,) per axis of the camera's tangent."""
+    """Expected T_world_cam, whether it is by odometry, and its information (6,) per axis of the camera's tangent."""
 
     T_world_cam: SE3
     by_odometry: bool
@@ -32,7 +32,7 @@ class Prediction(NamedTuple):
 
 
 def motion_by_odometry(T_base_cam: SE3 | None, before: FrameData, now: FrameData) -> SE3 | None:
-    """T_before_now of the camera by odometry, None without."""
+    """T_before_now of the camera by odometry, None without odometry."""
     if T_base_cam is None or before.T_odom_base is None or now.T_odom_base is None:
         return None
     return T_base_cam.inverse() @ SE3.from_se2(before.T_odom_base.inverse() @ now.T_odom_base) @ T_base_cam
@@ -41,14 +41,14 @@ def motion_by_odometry(T_base_cam: SE3 | None, before: FrameData, now: FrameData
 class MotionModel:
     """Holds the last pose. ``predict`` does not change it, ``update`` does.
 
-    Images show more than rotation: what the camera's way adds to it, it adds again in the next frame, nearly."""
+    The camera's translation disturbs the rotation shown by images, nearly equally in the next frame."""
 
     def __init__(self, T_base_cam: SE3 | None, focal_px: float) -> None:
         self._T_base_cam = T_base_cam
         self._focal_px = focal_px
         self._velocity: FloatArray = np.zeros(6)
-        # Of the frame predicted last: its stamp, and T_before_now as its image shows it; and by how much faster [rad/s]
-        # than that the camera turned in the frame before.
+        # _shown: stamp of the frame predicted last, and T_before_now that its image shows. _unshown: how much faster
+        # [rad/s] than shown the camera turned in the frame before.
         self._shown: tuple[int, SE3] | None = None
         self._unshown: FloatArray = np.zeros(3)
         self._last: tuple[FrameData, SE3] | None = None
@@ -79,7 +79,7 @@ class MotionModel:
         return None if self._last is None else self._last[1]
 
     def update(self, data: FrameData, T_world_cam: SE3, measured: bool) -> None:
-        """Take the pose a frame was found at; an unmeasured one keeps no velocity."""
+        """Set the pose of a frame; an unmeasured one resets the velocity."""
         self._velocity, self._unshown = np.zeros(6), np.zeros(3)
         if measured and self._last is not None:
             before, T = self._last
@@ -91,21 +91,21 @@ class MotionModel:
         self._last = (data, T_world_cam)
 
     def move(self, T_world_cam: SE3, factor: float) -> None:
-        """The last pose after the map moved under it and became ``factor`` times as large."""
+        """Set the last pose after the map moved and was scaled by ``factor``."""
         if self._last is not None:
             self._last = (self._last[0], T_world_cam)
             self._velocity[:3] *= factor
 
 
 class _PosePair(NamedTuple):
-    """The base in one frame, by odometry and as the image has it."""
+    """Pose of the base in one frame, by odometry and by the image."""
 
     odometry: SE2
     seen: SE2
 
 
 class OdometryConsistency:
-    """``admit`` every frame, then ``compare`` it when the image is sure of it, else ``interrupt``."""
+    """``admit`` every frame, then ``compare`` it when the image is sure of it; ``interrupt`` while lost."""
 
     def __init__(self, T_base_cam: SE3 | None) -> None:
         self._T_cam_base = SE3.identity() if T_base_cam is None else T_base_cam.inverse()
@@ -117,7 +117,7 @@ class OdometryConsistency:
         self.doubted = False
 
     def admit(self, data: FrameData) -> FrameData:
-        """The frame with the odometry that may be used: none while in doubt, later as if it had counted rightly."""
+        """The frame with the odometry to use: none while it is doubted, later corrected to be continuous."""
         before, self._odometry = self._odometry, data.T_odom_base
         if self._odometry is None:
             return data
@@ -126,7 +126,7 @@ class OdometryConsistency:
         return data._replace(T_odom_base=None if self.doubted else self._T_used_odom @ self._odometry)
 
     def compare(self, T_world_cam: SE3) -> str:
-        """Judge odometry by the last admitted frame's pose; what has changed about it, in words, or nothing."""
+        """Judge odometry by the last admitted frame's pose. Returns a message when the verdict changes, else empty."""
         if self._odometry is None or self._unproven_m > 0.0:
             self._pairs.clear()
             return ""
@@ -135,7 +135,7 @@ class OdometryConsistency:
         gaps = [self._gap(self._pairs[-1 - n], now) for n in WINDOWS if n < len(self._pairs)]
         if self.doubted:
             if len(gaps) == len(WINDOWS) and not any(gaps):
-                # Go on as if odometry had moved as the image saw the base move.
+                # Continue as if odometry had measured the motion seen in the images.
                 assert self._last_used is not None
                 used = self._T_used_odom @ self._last_used.odometry @ self._last_used.seen.inverse() @ now.seen
                 self._T_used_odom, self._last_used = used @ now.odometry.inverse(), now
@@ -148,16 +148,16 @@ class OdometryConsistency:
         return next((f"{gap}: odometry is ignored until they agree" for gap in gaps if gap), "")
 
     def interrupt(self) -> None:
-        """The image is not sure of this frame: it judges nothing, and doubtful odometry is better than none."""
+        """The camera is lost: stop the comparison. Doubtful odometry is better than none."""
         self._pairs.clear()
         self.doubted = False
 
     def bridge(self) -> None:
-        """A keyframe was placed by odometry: the size of what is seen from there comes from it."""
+        """A keyframe was placed by odometry, so the scale of what it sees comes from odometry."""
         self._unproven_m = UNPROVEN_M
 
     def move(self, T_new_old: SE3) -> None:
-        """Follow a map that was moved under the camera."""
+        """Follow a change of the map that moved the camera."""
         moved = T_new_old.to_se2()
         self._pairs = deque((m._replace(seen=moved @ m.seen) for m in self._pairs), self._pairs.maxlen)
         if self._last_used is not None:

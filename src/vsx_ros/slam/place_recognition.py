@@ -1,5 +1,5 @@
-"""Which keyframes show the place an image shows, and where it was taken: likeness of the small images, then binary
-descriptors of the keyframe's points, then the pose that explains the matches, then patch search of all in view."""
+"""Finds keyframes that show the same place as an image, and the image's pose. Steps: similarity of small images, binary
+descriptors of the keyframe's points, pose from the matches, patch search of all points in view."""
 
 from typing import NamedTuple
 
@@ -19,16 +19,16 @@ from vsx_ros.slam.tracker import Tracker
 from vsx_ros.vision.corners import Features, describe, match
 from vsx_ros.vision.pyramid import SmallImage
 
-REMEMBERED = 400  # keyframes whose descriptors are kept; the oldest go, for memory
-MIN_MATCHES, PNP_ERROR_PX, PNP_TRIALS = 12, 6.0, 200  # three fix a pose, more speak against chance; px at level 0
-SEARCH_RADIUS_PX = 12.0  # about twice what the pose by descriptors is off
-SHIFT_X, SHIFT_Y = 6, 1  # of the 20 x 15 image: a turn of 17 deg to a side, a nod of 3
-CELLS = 4  # across and down
+REMEMBERED = 400  # keyframes whose descriptors are kept; the least recently used are dropped
+MIN_MATCHES, PNP_ERROR_PX, PNP_TRIALS = 12, 6.0, 200  # three fix a pose, more rule out chance; px at level 0
+SEARCH_RADIUS_PX = 12.0  # about twice the error of the pose by descriptors
+SHIFT_X, SHIFT_Y = 6, 1  # px of the 20 x 15 image: a turn of 17 deg to each side, a tilt of 3 deg
+CELLS = 4  # per row and per column
 
 
 class Recognition(NamedTuple):
-    """An image placed in the map by a keyframe of it. matches: descriptors the first guess rests on; track: what patch
-    search then found around the keyframe, with the pose; cells: in how many of 4 x 4 parts of the image."""
+    """An image located in the map by one keyframe. matches: descriptor matches behind the first guess; track: what
+    patch search then found around the keyframe, with the pose; cells: number of 4 x 4 image parts with found points."""
 
     keyframe: int
     track: Track
@@ -36,20 +36,20 @@ class Recognition(NamedTuple):
     cells: int
 
     def is_sure(self, config: RecognitionConfig) -> bool:
-        """Whether this is the place, when something else speaks for it too. A poster or a chair that hangs or stands
-        elsewhere as well brings its own points, but not those around it, and fills a part of the image only."""
+        """Whether this is the place, if other evidence supports it. A poster or chair that exists twice matches its own
+        points but not those around it, and fills only a part of the image."""
         found, ratio = len(self.track.rows), self.track.ratio
         return found >= config.sure_found and ratio >= config.sure_ratio and self.cells >= config.sure_cells
 
     def is_certain(self, config: RecognitionConfig) -> bool:
-        """Whether this is the place, though nothing else speaks for it."""
+        """Whether this is the place, even without other evidence."""
         found, ratio = len(self.track.rows), self.track.ratio
         return found >= config.certain_found and ratio >= config.certain_ratio and self.cells >= config.certain_cells
 
 
 class PlaceRecognizer:
-    """``ranked`` says which keyframes look alike, ``recognise`` whether one of them is the place. Remembers the
-    descriptors of the keyframes it compared last."""
+    """``ranked`` sorts keyframes by similarity, ``recognise`` tests whether one shows the place. Keeps the descriptors
+    of the keyframes compared last."""
 
     def __init__(self, camera: PinholeCamera, tracker: Tracker) -> None:
         self._camera, self._array, self._tracker = camera, kernel_camera(camera), tracker
@@ -57,14 +57,14 @@ class PlaceRecognizer:
         self._tiny: dict[int, SmallImage] = {}
 
     def ranked(self, small: SmallImage, view: MapView, among: IntArray) -> IntArray:
-        """The keyframes ``among`` (indices), those that look most like a small image first."""
+        """The keyframes ``among`` (indices), those most similar to a small image first."""
         if not len(among):
             return among
         places = np.stack([self._shrunk(view.keyframes[int(k)]) for k in among])
         return among[np.argsort(-likeness(halved(small), places), kind="stable")]
 
     def recognise(self, data: FrameData, features: Features, view: MapView, index: int) -> Recognition | None:
-        """The image placed by keyframe ``index``; None when its points do not appear in it in one consistent view."""
+        """The image located by keyframe ``index``; None when too few of its points match one consistent pose."""
         guess = self._guess(features, view, index)
         if guess is None:
             return None
@@ -74,7 +74,7 @@ class PlaceRecognizer:
     def verify(
         self, data: FrameData, view: MapView, index: int, pose: SE3, radius_px: float, matches: int = 0
     ) -> Recognition:
-        """The image placed by keyframe ``index`` and its neighbours, from a guess of T_world_cam."""
+        """The image located by keyframe ``index`` and its neighbours, from a guess of T_world_cam."""
         view = view.part(view.keyframes[index].map_id)
         track = self._tracker.track(data, view, pose, LocalMap(view, index).rows, radius_px)
         return Recognition(index, track, matches, occupied_cells(track.uv, self._camera))
@@ -123,7 +123,7 @@ class PlaceRecognizer:
 
 
 def occupied_cells(uv: NDArray[np.float64], camera: PinholeCamera) -> int:
-    """In how many of 4 x 4 parts of the image at least two of the pixels (n, 2) lie."""
+    """How many of the 4 x 4 image parts hold at least two of the pixels (n, 2)."""
     column = np.clip((uv[:, 0] * CELLS / camera.width).astype(int), 0, CELLS - 1)
     row = np.clip((uv[:, 1] * CELLS / camera.height).astype(int), 0, CELLS - 1)
     return int(np.count_nonzero(np.bincount(row * CELLS + column, minlength=CELLS * CELLS) >= 2))
@@ -136,8 +136,8 @@ def halved(small: SmallImage) -> SmallImage:
 
 
 def likeness(query: SmallImage, places: NDArray[np.float32]) -> FloatArray:
-    """(K,) best correlation of a halved small image (h, w) with each of K places (K, h, w), over the shifts that
-    turning the camera by up to 17 deg to a side, or nodding a little, brings about; 1 for the same image."""
+    """(K,) best correlation of a halved small image (h, w) with each of K places (K, h, w), over shifts as from a turn
+    of up to 17 deg to each side or a small tilt; 1 for the same image."""
     count, height, width = places.shape
     shifts = [(dy, dx) for dy in range(-SHIFT_Y, SHIFT_Y + 1) for dx in range(-SHIFT_X, SHIFT_X + 1)]
     shifted = np.zeros((len(shifts), height, width))

@@ -20,10 +20,10 @@ from vsx_ros.vision.corners import strongest
 from vsx_ros.vision.patch_search import cast_rays, cut_patches
 from vsx_ros.vision.pyramid import LEVELS, from_level, to_level
 
-_SHARE = (0.40, 0.30, 0.20, 0.10)  # of the new points by level: fine ones are exact, coarse ones seen from farther off
+_SHARE = (0.40, 0.30, 0.20, 0.10)  # of the new points by level: fine ones are precise, coarse ones visible from afar
 _SPACING_PX = (10, 8, 6, 5)  # px of the level between corners, so that points spread over the image
-_MAX_ERROR_PX = 2.0  # px of the level by which a new point may miss its two corners
-NEAREST_M = 0.1  # nothing is nearer to a camera on a robot; keeps divisions sane
+_MAX_ERROR_PX = 2.0  # px of the level: largest reprojection error of a new point
+NEAREST_M = 0.1  # nothing is nearer to a camera on a robot; avoids division by zero
 
 
 class Candidates(NamedTuple):
@@ -36,12 +36,12 @@ class Candidates(NamedTuple):
     patches: NDArray[np.uint8]
 
     def where(self, mask: BoolArray) -> Candidates:
-        """Those the mask keeps."""
+        """The candidates where the mask is set."""
         return Candidates._make(column[mask] for column in self)
 
 
 class TargetMatches(NamedTuple):
-    """Candidates (their numbers) found in a target keyframe: where, and the points (n, 3) in the world."""
+    """Candidates (chosen: indices) found in a target keyframe: where, and the points (n, 3) in the world."""
 
     chosen: IntArray
     uv: FloatArray
@@ -52,14 +52,14 @@ class TargetMatches(NamedTuple):
 def observations_at(
     data: FrameData, T_world_cam: SE3, points: Points3, rows: IntArray, uv: FloatArray, level: IntArray
 ) -> Observations:
-    """Observations of points (P, 3) world, those of ``rows``, at level-0 pixels of an image taken at a pose."""
+    """Observations of points (P, 3) world, only ``rows``, at level-0 pixels of an image taken at a pose."""
     depth = np.maximum((points[rows] - T_world_cam.translation) @ T_world_cam.rotation[:, 2], NEAREST_M)
     ideal = ideal_pixels(data.camera, np.ascontiguousarray(uv), depth)
     return Observations(np.asarray(rows, np.int64), uv, ideal, np.asarray(level, np.int64))
 
 
 def candidates_in(keyframe: KeyFrame, budget: int) -> Candidates:
-    """The strongest corners of every level that no observation of the same or the next coarser level is near to."""
+    """The strongest corners of every level that are not near an observation of the same or the next coarser level."""
     parts, pyramid, observed = [], keyframe.data.pyramid, keyframe.observations
     for level in range(LEVELS):
         image, radius = pyramid.level(level), _SPACING_PX[level]
@@ -75,7 +75,7 @@ def candidates_in(keyframe: KeyFrame, budget: int) -> Candidates:
 
 
 def masked(camera: FloatArray, level: int, shape: tuple[int, ...]) -> BoolArray:
-    """(H, W) the pixels of a level at which the lens does not hold."""
+    """(H, W) mask of the pixels of a level at which the lens model is not valid."""
     right, bottom = camera[[WIDTH, HEIGHT]] - 1.0
     if usable(camera, np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])).all():
         return np.zeros(shape, np.bool_)
@@ -120,7 +120,7 @@ def checked_points(
     depth_range: tuple[float, float],
     min_parallax_rad: float,
 ) -> tuple[Points3, BoolArray]:
-    """Triangulated points (N, 3) in camera a, and which of them (N,) have parallax, depth and small errors [z = 1]."""
+    """Triangulated points (N, 3) in camera a, and which (N,) pass the checks of parallax, depth and errors [z = 1]."""
     points, parallax = triangulate(T_b_a, rays_a, rays_b)
     depth = points[:, 2]
     keep = (parallax >= min_parallax_rad) & (depth > depth_range[0]) & (depth < depth_range[1])
@@ -130,7 +130,7 @@ def checked_points(
 
 
 def templates_in(keyframe: KeyFrame, chosen: IntArray) -> tuple[IntArray, NewTemplates]:
-    """(which of the observations ``chosen`` (indices) of a keyframe have a whole patch, how they look there)."""
+    """(those observations ``chosen`` (indices) of a keyframe that have a whole patch, their templates)."""
     observed = keyframe.observations
     kept, parts = [], []
     for level in range(LEVELS):

@@ -1,4 +1,4 @@
-"""Each frame checked and preprocessed: image, rows one after the other, stamp, odometry."""
+"""Checks and preprocesses each frame: image, rolling shutter, stamp, odometry."""
 
 import math
 from collections.abc import Callable
@@ -17,14 +17,14 @@ from vsx_ros.vision.corners import CornerDetector, no_corners
 from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import LEVELS, BlurDetector, Pyramid, build_pyramid, small_image
 
-GAP_S, MAX_AGE_S = 1.0, 0.25  # between frames, told: something hangs; of odometry to its image
-# A base that moves less than this between two images stands: what a reading that stops between them can differ by,
-# carried from its stamp to the image's middle row.
+GAP_S, MAX_AGE_S = 1.0, 0.25  # between frames before it is reported; between odometry and image
+# A base that moves less than this between two images stands still. If it stops in between, extrapolation of odometry
+# to the image's middle row can err by as much.
 STILL_M, STILL_RAD = 0.006, 0.01
 
 
 def shutter_of(camera: PinholeCamera, config: ShutterConfig) -> Shutter:
-    """As configured, else as the camera's calibration has it; not known, all rows are exposed at once."""
+    """From the configuration, else from the calibration; if unknown, all rows are exposed at once."""
     readout_s, exposure_s = camera.shutter or Shutter(0.0, 0.0)
     return Shutter(
         readout_s if config.readout_s < 0.0 else config.readout_s,
@@ -33,8 +33,8 @@ def shutter_of(camera: PinholeCamera, config: ShutterConfig) -> Shutter:
 
 
 class RollingShutter:
-    """How a camera on wheels exposes. The map's poses and odometry are those of the middle: ``middle_ns`` after the
-    stamp, half of the middle row's time."""
+    """Rolling shutter of a camera on wheels. Poses of the map and odometry refer to the middle: ``middle_ns`` after the
+    stamp, the middle of the middle row's exposure."""
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: ShutterConfig) -> None:
         self._standing = kernel_camera(camera)
@@ -44,8 +44,8 @@ class RollingShutter:
         self.middle_ns = round(1e9 * self._middle_s)
 
     def exposure(self, odometry: Odometry | None) -> tuple[FloatArray, SE3]:
-        """Of an image taken at the speed of an odometry reading; without one, standing still: the kernels' array
-        (CAMERA,) of the image, and the camera at its stamp, the start of its first row, as seen from the middle."""
+        """For an image taken at the speed of an odometry reading (without one, at rest): the kernels' array (CAMERA,),
+        and the camera at the stamp (start of the first row) as seen from the middle."""
         if odometry is None or self._T_base_cam is None:
             return self._standing, SE3.identity()
         back = SE2.exp(-odometry.v * self._middle_s, -odometry.omega * self._middle_s)
@@ -59,9 +59,9 @@ class RollingShutter:
 
 class Preprocessor:
     """``take`` one frame after the other. T_middle_stamp: the camera at the latest frame's stamp, seen from the middle
-    of its exposure. gap: told (stamp_ns, reason) when time, images or odometry have a hole.
+    of its exposure. gap: called with (stamp_ns, reason) at a gap in time, images or odometry.
 
-    Raises CalibrationError for a camera or a mount that cannot be."""
+    Raises CalibrationError for an impossible camera or mount."""
 
     def __init__(
         self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, gap: Callable[[int, str], None]
@@ -123,12 +123,12 @@ class Preprocessor:
         )
 
     def _is_frozen(self, pyramid: Pyramid, T_odom_base: SE2 | None) -> bool:
-        """Whether the camera repeats its last image, which noise never does, though the base has moved since."""
+        """Whether the image equals the last one exactly though the base has moved. Noise makes live images differ."""
         before, self._last_image = self._last_image, (pyramid, T_odom_base)
         if before is None or T_odom_base is None or before[1] is None:
             return False
         still = before[1].distance_to(T_odom_base) < STILL_M and abs(before[1].angle_to(T_odom_base)) < STILL_RAD
-        # The coarsest level tells almost always, in a fraction of the time.
+        # Comparing the coarsest level is almost always enough, in a fraction of the time.
         same = np.array_equal(before[0].level(LEVELS - 1), pyramid.level(LEVELS - 1))
         if still or not same or not np.array_equal(before[0].pixels, pyramid.pixels):
             return False
@@ -137,7 +137,7 @@ class Preprocessor:
 
 
 class ContinuousOdometry:
-    """``at`` one image after the other. gap: told (stamp_ns, reason) when a reading cannot be used as it is."""
+    """Call ``at`` for each image. gap: called with (stamp_ns, reason) when a reading cannot be used as it is."""
 
     def __init__(self, gap: Callable[[int, str], None]) -> None:
         self._gap = gap
@@ -145,10 +145,10 @@ class ContinuousOdometry:
         self._T_continuous_odom = SE2()
 
     def at(self, stamp_ns: int, odometry: Odometry | None) -> SE2 | None:
-        """The pose of the base as odometry has counted it up to the image, None when it cannot be told.
+        """The pose of the base by odometry at the time of the image, None when unknown.
 
-        A new epoch is not followed: the base is taken to have moved on as fast as the reading says, and the counting
-        goes on from there."""
+        A new epoch does not move the base: it is assumed to have moved at the speed of the reading, and counting
+        continues from there."""
         if odometry is None:
             return None
         age = (stamp_ns - odometry.stamp_ns) * 1e-9

@@ -1,4 +1,4 @@
-"""A map that was made with wrong wheels, put right: its size, and what odometry says of the ways between keyframes."""
+"""Corrects a map made with a wrong wheel calibration: its size, and the odometry between its keyframes."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,8 +13,8 @@ from vsx_ros.slam.map import Map
 
 
 class Recount(NamedTuple):
-    """T_odom_base: where the base was at the middle of the frames, by stamp, all in one frame. factor: so many times as
-    large as it is the first map shall be. stamp_ns, reason: when and why, in words."""
+    """T_odom_base: pose of the base at the middle of the frames, by stamp, all in one frame. factor: scale to apply to
+    the first map. stamp_ns, reason: when and why, in words."""
 
     T_odom_base: Mapping[int, SE2]
     factor: float
@@ -23,8 +23,8 @@ class Recount(NamedTuple):
 
 
 def recount(world: Map, wanted: Recount) -> None:
-    """Replace the odometry of keyframes, those ignored so far, too, going on from the newest of them; then resize the
-    first map about its first camera, so that the floor comes to the mount's depth under it."""
+    """Replace the odometry of keyframes, also where it was ignored, aligned to the newest keyframe that used it. Then
+    scale the first map about its first camera, so that the floor lies at the mount's height below it."""
     known = [k for k in range(len(world.keyframes)) if world.keyframes[k].data.stamp_ns in wanted.T_odom_base]
     held = [k for k in known if world.keyframes[k].data.T_odom_base is not None]
     if held:
@@ -35,7 +35,7 @@ def recount(world: Map, wanted: Recount) -> None:
             data = world.keyframes[k].data
             counted = T @ wanted.T_odom_base[data.stamp_ns]
             world.keyframes[k] = replace(world.keyframes[k], data=data._replace(T_odom_base=counted))
-    if wanted.factor == 1.0 or not world.keyframes:  # a start that turned out wrong leaves none
+    if wanted.factor == 1.0 or not world.keyframes:  # none after a wrong start
         return
     nodes, centre = world.living_in(0), world.keyframes[0].T_world_cam.translation
     old = [world.keyframes[k].T_world_cam for k in nodes]

@@ -1,5 +1,5 @@
-"""From the first frame that cannot be tracked until the camera is found: where it is expected, then at every place that
-looks alike, each verified by patch search; whether odometry bridges the gap, and when a map of its own shall begin."""
+"""Recovery, from the first untracked frame until the camera is found: at the expected place, then at every similar
+place, each verified by patch search. Decides whether odometry bridges the gap and when a new map begins."""
 
 import math
 from typing import NamedTuple
@@ -22,16 +22,16 @@ from vsx_ros.slam.two_view_reconstruction import InitialPair
 from vsx_ros.vision.corners import features_of
 from vsx_ros.vision.pyramid import rotation_between
 
-BEST_LIKELY, IN_TURN = 3, 2  # keyframes tried per lost frame: as many as its time allows
-WIDE = 2.0  # times coarse_radius_px: odometry drifted while the camera was lost
-AGREE_M, AGREE_RAD, AGREE_S = 0.15, 0.15, 0.5  # two frames so near in time recognise one place, moved by odometry
-# Of a camera on wheels: more than a rug or the play of its mast.
+BEST_LIKELY, IN_TURN = 3, 2  # keyframes tried per lost frame, limited by time
+WIDE = 2.0  # factor on coarse_radius_px: odometry drifted while the camera was lost
+AGREE_M, AGREE_RAD, AGREE_S = 0.15, 0.15, 0.5  # limits for two frames that confirm one place, after odometry
+# Largest motion off the floor: more than from a rug or a loose camera mast.
 OFF_FLOOR_M, OFF_FLOOR_RAD = 0.03, 0.05
-# While odometry tells where the camera must be, a place elsewhere only looks alike: the next brick of a wall is 0.2 m
-# away. It is this far off per metre and radian since; after so many frames wheels may have slipped.
+# While odometry predicts the pose, another place is only similar: the next brick of a wall is 0.2 m away. The error of
+# odometry grows by these shares per metre and radian; after PATIENCE_FRAMES the wheels may have slipped.
 REACH_M, REACH_RAD, REACH_PER_M, REACH_PER_RAD, PATIENCE_FRAMES = 0.06, 0.05, 0.1, 0.1, 120
-# So many frames that show something else (the difference is that share of the contrast) while the base stood: the
-# camera was carried away.
+# The camera was carried away if so many frames show another scene (difference above this share of the contrast) while
+# the base stood still, within these limits.
 CARRIED_FRAMES, CARRIED_CHANGE, STOOD_M, STOOD_RAD = 20, 0.5, 0.05, 0.1
 SECOND_MAP_FRAMES = 30
 ENOUGH_CORNERS = 150
@@ -39,9 +39,9 @@ BRIDGE_GAP_FRAMES, BRIDGE_DISTANCE_M, BRIDGE_ANGLE_RAD = 2, 0.04, 0.07
 
 
 class ExpectedPose(NamedTuple):
-    """T_world_cam that the camera should have in map ``map_id``. slip: how far [m, rad] odometry, whose wheels may have
-    slipped, allows it to be from there: along the floor they slip, off it they do not; infinite without odometry.
-    up_cam (3,): the floor's normal in that camera."""
+    """Expected T_world_cam in map ``map_id``. slip: extra distance and angle [m, rad] allowed because wheels may
+    have slipped along the floor (never off it); infinite without odometry. up_cam (3,): the floor's normal in that
+    camera."""
 
     T_world_cam: SE3
     map_id: int
@@ -50,11 +50,11 @@ class ExpectedPose(NamedTuple):
 
     @property
     def is_firm(self) -> bool:
-        """Whether another place is out of the question."""
+        """Whether odometry rules out other places."""
         return self.slip < math.inf
 
     def allows(self, T_world_cam: SE3, map_id: int) -> bool:
-        """Whether the camera can be there."""
+        """Whether the camera can have this pose."""
         if not self.is_firm:
             return True
         error = (self.T_world_cam.inverse() @ T_world_cam).log()
@@ -66,7 +66,7 @@ class ExpectedPose(NamedTuple):
 
 
 class Relocalization(NamedTuple):
-    """The camera in map ``map_id``. reference: keyframe index."""
+    """The camera was found in map ``map_id``. reference: keyframe index."""
 
     track: Track
     reference: int
@@ -74,8 +74,8 @@ class Relocalization(NamedTuple):
 
 
 class Relocalizer:
-    """``relocalize`` each lost frame in turn: it looks at the likeliest keyframes each time, and at the others by and
-    by. ``forget`` when the camera is tracked again."""
+    """Call ``relocalize`` for each lost frame: it tries the most likely keyframes every time, the others in turn. Call
+    ``forget`` when the camera is tracked again."""
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, tracker: Tracker) -> None:
         self._camera, self._T_base_cam, self._tracker = camera, T_base_cam, tracker
@@ -84,12 +84,12 @@ class Relocalizer:
         self.forget()
 
     def forget(self) -> None:
-        """The next loss has nothing to do with this one."""
+        """Reset for the next loss."""
         self._turn = 0
         self._unconfirmed: tuple[FrameData, Relocalization] | None = None
 
     def relocalize(self, data: FrameData, view: MapView, expected: ExpectedPose | None) -> Relocalization | None:
-        """The camera in any of the maps, None when it cannot be told."""
+        """Find the camera in any of the maps; None when that fails."""
         found = None if expected is None else self._where_expected(data, view, expected)
         if found is not None:
             return found
@@ -118,7 +118,7 @@ class Relocalizer:
         return self._found(track, view, reference) if expected.is_firm or seen.is_sure(self._config) else None
 
     def _likely(self, data: FrameData, view: MapView, expected: ExpectedPose | None) -> list[int]:
-        """The best look-alikes, and some of the rest in turn."""
+        """The most similar keyframes, and some of the rest in turn."""
         among = view.living if expected is None or not expected.is_firm else view.part(expected.map_id).living
         ranked = [int(k) for k in self._places.ranked(data.small, view, among)]
         best, rest = ranked[:BEST_LIKELY], ranked[BEST_LIKELY:]
@@ -131,7 +131,7 @@ class Relocalizer:
         return Relocalization(track, LocalMap(view.part(map_id), keyframe).follow(track.rows), map_id)
 
     def _confirms(self, data: FrameData, view: MapView, found: Relocalization) -> bool:
-        """Whether a frame shortly before was recognised where the camera must then have been."""
+        """Whether a frame shortly before was recognised at a consistent pose."""
         if self._unconfirmed is None:
             return False
         before, earlier = self._unconfirmed
@@ -143,7 +143,7 @@ class Relocalizer:
 
 
 class Recovery:
-    """One loss after the other: ``search`` and ``missed`` every lost frame, ``over`` when the camera is found."""
+    """``search`` and ``missed`` for every lost frame, ``over`` when the camera is tracked again."""
 
     def __init__(
         self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, tracker: Tracker, motion: MotionModel
@@ -165,15 +165,15 @@ class Recovery:
 
     @property
     def is_lost(self) -> bool:
-        """Whether enough frames failed to say so."""
+        """Whether enough frames failed to call the camera lost."""
         return self.bad_frames >= self._config.tracker.lost_after_frames
 
     def begin_lost(self) -> None:
-        """The camera has not been seen in this map yet."""
+        """Start as lost: the camera was not seen in this map yet."""
         self.bad_frames = self._config.tracker.lost_after_frames
 
     def search(self, data: FrameData, view: MapView, by_odometry: SE3 | None, map_id: int) -> Relocalization | None:
-        """The camera wherever it can be. by_odometry: T_world_cam in map ``map_id``, from odometry."""
+        """Search for the camera everywhere. by_odometry: T_world_cam in map ``map_id``, from odometry."""
         self._travel(by_odometry)
         return self._relocalizer.relocalize(data, view, self.expected_pose(by_odometry, map_id))
 
@@ -187,7 +187,7 @@ class Recovery:
         return None if expected is None else ExpectedPose(expected, map_id)
 
     def missed(self, data: FrameData) -> bool:
-        """Count a frame in which the camera was not found; True when it has just become clear that it was carried."""
+        """Count a frame in which the camera was not found; True when it just became clear that it was carried away."""
         self.bad_frames += 1
         shows_something = len(data.corners.positions) >= ENOUGH_CORNERS
         if self.carried or not self._base_stood(data) or not shows_something or self._looks_the_same(data):
@@ -197,7 +197,7 @@ class Recovery:
         return self.carried
 
     def second_map(self, data: FrameData, has_odometry: bool) -> InitialPair | None:
-        """Two frames for a map of its own, when odometry does not bridge the gap and the camera allows one."""
+        """Two frames for a separate map if odometry does not bridge the gap; None while there are none."""
         if self.bad_frames < SECOND_MAP_FRAMES or (has_odometry and not self.carried):
             return None
         if self._initializer is None:
@@ -206,8 +206,8 @@ class Recovery:
         return None if isinstance(outcome, str) else outcome
 
     def bridges(self, data: FrameData, view: MapView, by_odometry: SE3, since_keyframe: int) -> bool:
-        """Whether odometry shall place a keyframe: the camera is lost, the image shows something and the base moves, so
-        that what is in view becomes a map again."""
+        """Whether to place a keyframe by odometry, so that mapping continues: the camera is lost, the image shows
+        enough corners and the base moves."""
         useful = not data.blurred and len(data.corners.positions) >= ENOUGH_CORNERS
         if not self.is_lost or self.carried or not useful:
             return False
@@ -223,7 +223,7 @@ class Recovery:
             self._turn_rad += before.rotation_angle_to(by_odometry)
 
     def _looks_the_same(self, data: FrameData) -> bool:
-        """Whether the image is the last one that was tracked, or that one turned a little."""
+        """Whether the image shows the same as the last tracked one, up to a small rotation."""
         assert self._last_tracked is not None
         before = self._last_tracked.small
         _, difference = rotation_between(before, data.small, self._focal_px)

@@ -1,5 +1,5 @@
-"""A tracker and a mapper over one map: SequentialSlam runs them in lock-step, bit-reproducible; ThreadedSlam gives the
-mapper a thread of its own. The only file here that may use threads."""
+"""Tracker and mapper over one map. SequentialSlam runs them in lock-step, bit-reproducible; ThreadedSlam runs the
+mapper in a separate thread. Only this file may use threads."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -22,15 +22,14 @@ from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, Tracki
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 
-MAX_WAITING = 3  # keyframes for the mapper; more would be old before their turn comes
+MAX_WAITING = 3  # keyframes queued for the mapper; more would be out of date at their turn
 
 
 class TrackerAndMapper(ABC):
-    """Who of the two works when is for the classes made of it.
+    """Base class; subclasses decide when tracker and mapper run.
 
-    World: with odometry and T_base_cam the odometry frame (z up, metres); without, the first keyframe's camera frame
-    at the configured unit baseline. With a loaded map it is that map's, and the camera is lost until recognised in it.
-    """
+    World: with odometry and T_base_cam the odometry frame (z up, metres); without, the first keyframe's camera frame at
+    the configured unit baseline. A loaded map keeps its world; the camera is lost until it is recognised in it."""
 
     def __init__(
         self,
@@ -41,7 +40,7 @@ class TrackerAndMapper(ABC):
         slam_map: SlamMap | None = None,
         record: TrackingRecord | None = None,
     ) -> None:
-        """slam_map: a map to go on in, the camera anywhere in it; record: what was counted while it was made, to go on
+        """slam_map: a map to continue, with the camera anywhere in it; record: its tracking record, to continue
         counting. Raises CalibrationError when the map was made with another camera or mount."""
         world = Map() if slam_map is None else slam_map.resumed(camera, T_base_cam)
         self._front = FrontEnd(camera, T_base_cam, config, seed)
@@ -57,7 +56,7 @@ class TrackerAndMapper(ABC):
 
     @abstractmethod
     def _begin(self) -> None:
-        """What else there is to begin with."""
+        """Further initialisation of the subclass."""
 
     @abstractmethod
     def track(self, frame: Frame, odometry: Odometry | None = None) -> TrackingResult:
@@ -65,7 +64,7 @@ class TrackerAndMapper(ABC):
 
     @abstractmethod
     def recount(self, wanted: Recount) -> None:
-        """Put a map right that was made with wrong wheels."""
+        """Correct a map made with a wrong wheel calibration."""
 
     def snapshot(self) -> MapSnapshot:
         """The newest finished map; the same object while the version is unchanged."""
@@ -80,14 +79,14 @@ class TrackerAndMapper(ABC):
         return SlamMap(self._camera, self._mount, view) if view.keyframes else None
 
     def drain_events(self) -> list[SlamEvent]:
-        """Everything that happened since the last call, oldest first."""
+        """All events since the last call, oldest first."""
         events, self._front.events = self._front.events, []
         while self._mapper.events:
             events.append(self._mapper.events.popleft())
         return sorted(events, key=lambda event: event.stamp_ns)
 
     def record(self) -> dict[str, NDArray[Any]]:
-        """What was counted, for a session that goes on; from the thread that tracks."""
+        """The tracking record, for a session that continues; call it from the tracking thread."""
         return self._front.record.state()
 
     def statistics(self) -> SlamStatistics:
@@ -96,7 +95,7 @@ class TrackerAndMapper(ABC):
 
 
 class SequentialSlam(TrackerAndMapper):
-    """``track`` every frame in the order of the stamps; the mapper's work of a keyframe is done before it returns."""
+    """``track`` every frame in the order of the stamps; the mapper's work for a keyframe is done before it returns."""
 
     def _begin(self) -> None:
         """Nothing: there is no thread."""
@@ -119,7 +118,7 @@ class SequentialSlam(TrackerAndMapper):
         return result
 
     def recount(self, wanted: Recount) -> None:
-        """Put a map right that was made with wrong wheels, before the next frame."""
+        """Correct a map made with a wrong wheel calibration, before the next frame."""
         self._mapper.recount(wanted)
         self._view = self._mapper.refine()
         self._front.use(self._view)
@@ -128,7 +127,7 @@ class SequentialSlam(TrackerAndMapper):
 class ThreadedSlam(TrackerAndMapper):
     """Live SLAM: ``track`` from one thread; ``snapshot``, ``slam_map``, ``statistics`` from any; ``close`` at the end.
 
-    When the mapper is three keyframes behind, further ones are not taken."""
+    When the mapper is three keyframes behind, new ones are dropped."""
 
     def _begin(self) -> None:
         self._used: MapView = self._view
@@ -141,7 +140,7 @@ class ThreadedSlam(TrackerAndMapper):
         self._thread.start()
 
     def track(self, frame: Frame, odometry: Odometry | None = None) -> TrackingResult:
-        """The pose of one frame. Raises InputError as ``FrontEnd.process`` does, and whatever broke the mapper."""
+        """The pose of one frame. Raises InputError as ``FrontEnd.process`` does, and any exception of the mapper."""
         if self._failure is not None:
             raise self._failure
         self._take_over()
@@ -156,13 +155,13 @@ class ThreadedSlam(TrackerAndMapper):
         return result if isinstance(work, InitialPair) else result._replace(keyframe_added=taken)
 
     def recount(self, wanted: Recount) -> None:
-        """Have a map put right that was made with wrong wheels, once the mapper has time."""
+        """Correct a map made with a wrong wheel calibration, when the mapper has time."""
         with self._work:
             self._waiting.append(wanted)
             self._work.notify()
 
     def tracked_features(self) -> TrackedFeatures | None:
-        """The points looked for in the newest frame, None where there were none; from the thread that tracks."""
+        """The points searched in the newest frame, None if there were none; call it from the tracking thread."""
         last = self._front.tracking.last
         return None if last is None else tracked_features(self._camera, *last)
 
@@ -174,7 +173,7 @@ class ThreadedSlam(TrackerAndMapper):
         self._thread.join()
 
     def _take_over(self) -> None:
-        """Go on with what the mapper has finished since the last frame."""
+        """Use what the mapper has finished since the last frame."""
         with self._work:
             view, tried, self._tried = self._view, self._tried, None
         if isinstance(tried, str):
@@ -208,7 +207,7 @@ class ThreadedSlam(TrackerAndMapper):
         elif isinstance(request, Recount):
             self._view = self._mapper.recount(request)
         elif request is None:
-            # What waits is more urgent than refining the map.
+            # Waiting requests are more urgent than refining the map.
             self._view = self._mapper.refine(lambda: bool(self._waiting) or self._closing)
         else:
             self._view = self._mapper.add_keyframe(request)

@@ -1,4 +1,4 @@
-"""The map for others: to look at (keyframes, points, who saw what), and to save and go on in."""
+"""The map for others: a snapshot to read (keyframes, points, observations), and a map to save and continue."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from vsx_ros.slam.keyframe import MapView, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.track import Track
 
-_SAME = 1e-6  # of calibrations: what printing numbers to files may change
+_SAME = 1e-6  # tolerance of calibrations: rounding of numbers in files
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +35,7 @@ class MapSnapshot:
 
 
 def snapshot(view: MapView) -> MapSnapshot:
-    """The living keyframes of a view's first map, and living points that they see at least twice, renumbered."""
+    """The living keyframes of a view's first map, and the living points that they see at least twice, renumbered."""
     view = view.part(0)
     keyframes = [view.keyframes[int(k)] for k in view.living]
     every = Observations.concatenated([k.observations for k in keyframes])
@@ -68,9 +68,9 @@ class TrackedFeatures(NamedTuple):
 
 
 def tracked_features(camera: PinholeCamera, view: MapView, track: Track) -> TrackedFeatures:
-    """The points of one track, those that were not found at the place its pose gives them.
+    """The points of one track; those not found are placed by its pose.
 
-    All are missed where the pose was refused. What the pose puts behind the camera is left out."""
+    Points behind the camera are left out."""
     missed = np.setdiff1d(track.searched_rows, track.rows)
     uv = camera.project(track.T_world_cam.inverse() @ view.points[missed])
     return TrackedFeatures(track.uv, uv[np.isfinite(uv).all(axis=1)])
@@ -78,17 +78,17 @@ def tracked_features(camera: PinholeCamera, view: MapView, track: Track) -> Trac
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SlamMap:
-    """All that is needed to continue a map. T_base_cam: the camera's mount; None for a map made without odometry, which
-    has no metric scale. view has at least one keyframe."""
+    """All data to continue a map. T_base_cam: the camera's mount; None for a map made without odometry, which has no
+    metric scale. view has at least one keyframe."""
 
     camera: PinholeCamera
     T_base_cam: SE3 | None
     view: MapView
 
     def resumed(self, camera: PinholeCamera, T_base_cam: SE3 | None) -> Map:
-        """The map to go on with. T_base_cam: None for a session without odometry, which any map accepts.
+        """The map to continue. T_base_cam: None for a session without odometry, which any map accepts.
 
-        Raises CalibrationError when the session's calibration or mount is not the map's."""
+        Raises CalibrationError when the session's calibration or mount differs from the map's."""
         same = camera.model == self.camera.model
         if not same or not np.allclose(_numbers(camera), _numbers(self.camera), rtol=_SAME, atol=_SAME):
             raise CalibrationError(

@@ -1,4 +1,4 @@
-"""Whether a map that was begun without odometry keeps the depths it began with (paper 3.1 has a person watch that)."""
+"""Checks that a map begun without odometry keeps its first depths (in paper 3.1 a person checks that)."""
 
 import math
 
@@ -10,11 +10,11 @@ from vsx_ros.slam.map import Map
 
 
 class StartWatch:
-    """Of a map's first two keyframes and the points between them. Depths count over the baseline: the map's size is
-    nobody's business."""
+    """Watches a map's first two keyframes and the points between them. Depths are relative to the baseline, because the
+    scale of the map is arbitrary."""
 
     def __init__(self, world: Map, config: InitializationConfig) -> None:
-        """The map has just been made."""
+        """Call it just after the map was made."""
         self._config = config
         first, second = (keyframe.observations.rows for keyframe in world.keyframes)
         rows = np.intersect1d(first, second)
@@ -22,11 +22,11 @@ class StartWatch:
         self._began = _log_depths(world, self._rows)
 
     def is_over(self, world: Map) -> bool:
-        """Whether the map has grown so far that it stands by itself, or one of the two keyframes is culled."""
+        """Whether the map is large enough to be stable, or the second of the two keyframes is culled."""
         return len(world.keyframes) > self._config.watched_keyframes or not world.keyframes[1].alive
 
     def collapse(self, world: Map) -> str:
-        """What has become of the start that cannot be mended, in words; empty when it holds."""
+        """Why the start cannot be repaired, in words; empty when it is good."""
         config, alive = self._config, world.alive[self._rows]
         if np.count_nonzero(alive) <= config.min_surviving_ratio * len(alive):
             return f"only {np.count_nonzero(alive)} of the first {len(alive)} points have proved true"

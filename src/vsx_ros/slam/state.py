@@ -1,4 +1,4 @@
-"""What the SLAM says about itself: per frame, per event, per run."""
+"""Results of the SLAM: per frame, per event, per run."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ class TrackingState(Enum):
 
     @property
     def word(self) -> str:
-        """What users read, on topics and screens and in reports alike."""
+        """The name for users, on topics and screens and in reports."""
         return {"GOOD": "TRACKING", "DUBIOUS": "POOR"}.get(self.name, self.name)
 
 
 class TrackingResult(NamedTuple):
-    """One frame. searched, found: map points expected in the image and found where the pose puts them.
+    """One frame. searched, found: map points expected in the image, and those found where the pose predicts them.
 
     T_world_cam is None while there is no map, while the camera is lost without odometry, until it is recognised in a
-    loaded map, and in a map not yet joined with the first one; in state LOST with odometry it is the pose odometry
-    predicts. reason: why the state is not GOOD, in words. map_id: the map the camera is tracked in; 0 is the first one,
-    whose frame is the world. In another one the state is LOST, because the place in the world is not known, and
-    T_map_cam is the pose in that map's own frame. corrected: the map moved under the camera since the frame before
-    (a loop was closed, maps were joined): the jump is the map's, not the camera's. covariance (6, 6): of the pose, see
-    slam/uncertainty.py; None where there is no pose. anchor: what carries the pose when the map changes later."""
+    loaded map, and in a map not yet joined with the first one. In state LOST with odometry it is the predicted pose.
+    reason: why the state is not GOOD, in words. map_id: the map the camera is tracked in; 0 is the first one, whose
+    frame is the world. In another map the state is LOST, because the pose in the world is unknown, and T_map_cam is the
+    pose in that map's own frame. corrected: the map moved since the frame before (a loop was closed, maps were joined):
+    a jump is the map's, not the camera's. covariance (6, 6): of the pose, see slam/uncertainty.py; None without a pose.
+    anchor: the pose relative to a keyframe, which moves with the map."""
 
     stamp_ns: int
     state: TrackingState
@@ -54,23 +54,23 @@ class TrackingResult(NamedTuple):
     anchor: Anchor | None = None
 
     def placed(self, T_map_cam: SE3) -> TrackingResult:
-        """The same with a pose in the map it belongs to; one in another map than the first is none in the world."""
+        """The same result with a pose in its map; outside the first map it has no pose in the world."""
         if self.map_id == 0:
             return self._replace(T_world_cam=T_map_cam, T_map_cam=T_map_cam)
         reason = f"in map {self.map_id}, not yet joined with the first one"
         return self._replace(state=TrackingState.LOST, T_world_cam=None, T_map_cam=T_map_cam, reason=reason)
 
     def seen_from(self, T_cam_there: SE3) -> TrackingResult:
-        """The same with the poses of another moment; T_cam_there: the camera then, seen from the camera now."""
+        """The same result with poses of another moment; T_cam_there: the camera then, seen from the camera now."""
         there = None if self.T_map_cam is None else self.T_map_cam @ T_cam_there
         return self._replace(T_world_cam=None if self.T_world_cam is None else there, T_map_cam=there)
 
 
 class SlamEvent(NamedTuple):
-    """A change of state. kind: refused, initialised, restarted (the map's start has turned out wrong: it is begun
-    again), lost, bridged (a keyframe placed by odometry alone), carried (the image changed though the base stood),
-    relocalised, second map (begun where the first is out of sight), loop closed, merged (a second map was joined with
-    the first), calibrated (wheels or gyro were found wrong), gap."""
+    """A change of state. kind: refused, initialised, restarted (the map's start was wrong: it begins again), lost,
+    bridged (a keyframe placed by odometry alone), carried (the image changed though the base stood still), relocalised,
+    second map (begun where the first is out of sight), loop closed, merged (a second map was joined with the first),
+    calibrated (wheels or gyro were found wrong), gap."""
 
     stamp_ns: int
     kind: str
@@ -81,7 +81,7 @@ class SlamStatistics(NamedTuple):
     """A run so far; names as in summary.json. The start is the frame that begins the map or is recognised in a loaded
     one. u1: found / searched averaged over all frames since the start, a lost frame counts 0 (paper 5.3). u2: how long
     a point is tracked, averaged over points in at least three frames. visible_ratio: u1 of the sharp tracked frames,
-    without the points that nearer ones hide: what is left is the tracker's own doing."""
+    without points hidden by nearer ones: the performance of the tracker itself."""
 
     frames: int
     frames_tracked: int

@@ -1,4 +1,4 @@
-"""What the search of one image for a map's points comes to."""
+"""The result of searching one image for a map's points."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from vsx_ros.slam.state import TrackingState
 
 
 class Track(NamedTuple):
-    """Outcome for one frame. rows, uv, level (F,): points found where the pose puts them; searched_rows: all that were
-    looked for. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden_rows: those of the
-    searched that were not found and lie behind found ones. blurred: the image was; what is not found in it may be
-    there. settled (F,): which of the found lie so near to where they should be that they may become observations.
-    sigma_px: robust standard deviation of the found about their places, px of their level."""
+    """Outcome for one frame. rows, uv, level (F,): points found where the pose predicts them; searched_rows: all
+    searched points. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden_rows: searched
+    points that were not found and lie behind found ones. blurred: the image is blurred; points not found may be
+    visible. settled (F,): which found points are near enough to their predictions to become observations. sigma_px:
+    robust standard deviation of their residuals, px of their level."""
 
     T_world_cam: SE3
     state: TrackingState
@@ -38,12 +38,12 @@ class Track(NamedTuple):
 
     @property
     def visible_ratio(self) -> float:
-        """Found over those of the searched that no found point hides."""
+        """Found over the searched points that no found point hides."""
         return len(self.rows) / max(1, len(self.searched_rows) - len(self.hidden_rows))
 
 
 def nothing_tracked(reason: str, T_world_cam: SE3 | None = None) -> Track:
-    """A frame no point was looked for in; the pose is the one given, or means nothing."""
+    """The track of a frame without a search; its pose is the one given, or meaningless."""
     none, pose = np.zeros(0, np.int64), T_world_cam or SE3.identity()
     return Track(
         T_world_cam=pose,

@@ -16,26 +16,26 @@ from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.track import Track
 from vsx_ros.vision.patch_search import Predictions, find_patches
 
-COARSE_POINTS = 80  # enough for a first pose; all would cost the time of the fine search again
-COARSE_LEVEL = 2  # pyramid level: from here on a wide search is cheap, and blur by motion leaves something
-COARSE_MIN_FOUND = 20  # PTAM's; so wide a circle shows something like a point by chance, for one in ten of them
+COARSE_POINTS = 80  # enough for a first pose; all would take as long as the fine search
+COARSE_LEVEL = 2  # from this pyramid level on a wide search is cheap and motion blur does little
+COARSE_MIN_FOUND = 20  # PTAM's; in so wide a circle one point in ten has a match by chance
 MARGIN_PX = 8.0  # at level 0 from the border of the image, where patches are cut off
-FEW, FEW_RATIO = 12, 0.5  # points do that lie where odometry has them; that share of those looked for
-AGAIN_RADIUS_PX, AGAIN_REACH = 3.0, 1  # the pose is good now; pixels of the level searched without a corner
-SETTLED = 0.5  # Tukey weight: residual below 2.5 sigma; what misses the pose by more is another thing of the same look
-MIN_FIRST = 10  # points; with fewer only what pulls towards odometry keeps the pose
-HIDING_CELL_PX, BEHIND = 16, 1.25  # side of a cell; times a found point's depth: what is hidden by it
+FEW, FEW_RATIO = 12, 0.5  # so many points are enough with odometry; least share of those searched
+AGAIN_RADIUS_PX, AGAIN_REACH = 3.0, 1  # the pose is good now; level px searched without corners
+SETTLED = 0.5  # Tukey weight at a residual of 2.5 sigma; larger ones are other things that look the same
+MIN_FIRST = 10  # points; with fewer only the prior by odometry holds the pose
+HIDING_CELL_PX, BEHIND = 16, 1.25  # side of a cell; points this many times as deep as a found one are hidden
 # (iterations that accept almost everything, iterations): the first pose only has to guide the second search.
 FIRST, SECOND = (4, 7), (1, 12)
-# Of found patches about their places [px of their level]: alignment leaves as much; a lens and a shutter that are not
-# known exactly leave more, and beyond that they are other things of the same look.
+# Residuals of found patches [px of their level]: the least is the alignment error. Inexact models of lens and shutter
+# give more; above the largest they are other things that look the same.
 SIGMA_MIN_PX, SIGMA_MAX_PX = 0.4, 3.0
-TINY = 1e-6  # information of nothing at all, so that all poses have a covariance
+TINY = 1e-6  # information that is added, so that all poses have a covariance
 
 
 class PoseEstimate(NamedTuple):
-    """weights (S,): Tukey weight per prediction, 0 is an outlier or was not found. information (6, 6): inverse
-    covariance in the camera's tangent (translation, rotation). sigma_px: what the matches show, px of their level."""
+    """weights (S,): Tukey weight per prediction, 0 for outliers and points not found. information (6, 6): inverse
+    covariance in the camera's tangent (translation, rotation). sigma_px: of the matches, px of their level."""
 
     T_cam_world: SE3
     weights: FloatArray
@@ -49,7 +49,7 @@ class PoseEstimate(NamedTuple):
 
 
 class Tracker:
-    """``track`` changes nothing but the random order in which surplus points are dropped."""
+    """``track`` changes no state but that of the random generator, which selects points to drop."""
 
     def __init__(self, config: TrackerConfig, rng: np.random.Generator) -> None:
         self._config = config
@@ -64,10 +64,10 @@ class Tracker:
         coarse_radius_px: float,
         information: FloatArray | None = None,
     ) -> Track:
-        """Look for the candidate points (rows) around their place at the expected pose.
+        """Search for the candidate points (rows) around their predictions at the expected pose.
 
-        coarse_radius_px: 0 leaves the coarse stage out. information (6,): how firmly the
-        expected pose is known, per axis of the camera's tangent; None without odometry."""
+        coarse_radius_px: 0 skips the coarse stage. information (6,): that of the expected pose, per axis of the
+        camera's tangent; None without odometry."""
         pull = np.zeros(6) if information is None else information
         pose, radius = T_world_cam.inverse(), self._config.fine_radius_px
         expected = predicted(data.camera, pose, view, candidates)
@@ -93,8 +93,8 @@ class Tracker:
     def _coarse(
         self, data: FrameData, view: MapView, pose: SE3, expected: Predictions, radius: float, pull: FloatArray
     ) -> SE3 | None:
-        """The expected pose, or the one that up to 80 points of the coarse levels give in a wide circle where it
-        explains more of what was found in it; None when neither explains enough."""
+        """The expected pose, or the pose from up to 80 coarse points found in a wide circle if that explains more of
+        them; None when neither explains enough."""
         rows = np.flatnonzero(expected.level >= COARSE_LEVEL)
         if len(rows) < COARSE_MIN_FOUND:
             rows = np.flatnonzero(expected.level >= 1)
@@ -126,15 +126,15 @@ class Tracker:
     def _fine(
         self, data: FrameData, view: MapView, pose: SE3, expected: Predictions, radius: float, pull: FloatArray
     ) -> tuple[PoseEstimate, Pixels, BoolArray]:
-        """Pose from all of the expected: (the pose, uv (S, 2), which of them (S,) are in the image after all). What the
-        first pose does not explain is searched once more around it, for a better one; everything, where it lies far
-        from where the search began."""
+        """Pose from all expected points: (pose, uv (S, 2), which of them (S,) are in the image). Points that the
+        first pose does not explain are searched again around it for a better pose; all points, if it lies far from
+        the start."""
         looks = view.templates
         templates, usable = warp_templates(looks.patches, looks.offset, expected.template, expected.inverse_warp)
         found, uv = search(data.target, templates, usable, expected.level, expected.uv, radius, 0)
         fit = optimized(data, pose, view, expected, found, uv, pull, FIRST)
         kept, pose = fit.weights > 0, fit.T_cam_world
-        # Where odometry holds the pose, points that are no corners in this image need none to lead to them.
+        # With odometry the pose is good enough for the second search, which finds points without corners.
         if np.count_nonzero(kept) < MIN_FIRST and not pull.any():
             return fit, uv, np.ones(len(uv), np.bool_)
         where, inside = project_rows(
@@ -149,7 +149,7 @@ class Tracker:
         return optimized(data, pose, view, expected, kept | found, uv, pull, SECOND), uv, kept | inside
 
     def _judge(self, data: FrameData, found: int, searched: int, guided: bool) -> tuple[TrackingState, str]:
-        """A blurred image makes no good pose."""
+        """The verdict; a blurred image is never GOOD."""
         state, reason = self._judge_sharp(found, searched, len(data.corners.positions), guided)
         if not data.blurred:
             return state, reason
@@ -157,7 +157,7 @@ class Tracker:
         return state, "; ".join(filter(None, ["the image is blurred", reason]))
 
     def _doubt(self, fit: PoseEstimate, pull: FloatArray, depth: FloatArray) -> str:
-        """Why a pose is not to be trusted though its points, at these depths (F,), were found; empty when it is."""
+        """Why a pose is unreliable though its points, at these depths (F,), were found; empty if it is reliable."""
         if fit.sigma_px > self._config.max_residual_px:
             return f"found points miss their places by {fit.sigma_px:.1f} px"
         information = fit.information + np.diag(pull + TINY)
@@ -168,7 +168,7 @@ class Tracker:
         return ""
 
     def _judge_sharp(self, found: int, searched: int, corners: int, guided: bool) -> tuple[TrackingState, str]:
-        """A pose that odometry supports needs fewer points, provided that most of them are where they should be."""
+        """The verdict for a sharp image. With odometry fewer points are enough, if most of them are found."""
         config, share = self._config, found / max(1, searched)
         if guided and found < config.min_found and found >= FEW and share > FEW_RATIO:
             return TrackingState.DUBIOUS, f"only {found} points in view"
@@ -201,7 +201,7 @@ def optimized(
 
 
 def hidden(uv: Pixels, depth: FloatArray, found: BoolArray) -> BoolArray:
-    """Which points at uv (S, 2) px and depth (S,) m are not found and a quarter behind a found one in its 16 px."""
+    """Which points at uv (S, 2) px, depth (S,) m are not found and 25 % behind a found one in their 16 px cell."""
     cells = (uv // HIDING_CELL_PX).astype(np.int64)
     at = cells @ (1, 1 + cells[:, 0].max(initial=0))
     nearest = np.full(at.max(initial=0) + 1, np.inf)

@@ -1,4 +1,4 @@
-"""Counting: U1 and U2 of the paper, frames tracked and lost, and how often each point was looked for and found."""
+"""Counts U1 and U2 of the paper, tracked and lost frames, and how often each point was searched and found."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from vsx_ros.slam.state import SlamStatistics, TrackingState
 from vsx_ros.slam.track import Track
 
 LONG_LIVED = 3  # frames a point was found in; rarer ones are mostly wrong matches
-# Frames. A right point is found in more than every second: five times in vain is one of fifty of them.
+# Frames. A correct point is found in more than half of them; one in fifty is missed five times in a row.
 OFTEN, HARDLY, FEW_IN_VAIN = 8, 0.25, 5
 _PER_POINT = {"searched": np.int64, "found": np.int64, "seconds": np.float64, "metres": np.float64}
 _COUNTERS = ["relocalizations", "_frames", "_tracked", "_lost", "_uncounted", "_sharp", "_first_ns", "_initialized_ns"]
-_NEVER_NS = -1  # no stamp of a frame
+_NEVER_NS = -1  # not a stamp of any frame
 
 
 def is_hopeless(searched: IntArray, found: IntArray) -> BoolArray:
-    """Which points were searched often and found in under a quarter (PTAM, ORB-SLAM), or never in the first few."""
+    """Which points were searched often and found in under a quarter (PTAM, ORB-SLAM), or never in the first five."""
     return np.asarray((searched >= OFTEN) & (found < HARDLY * searched) | (searched >= FEW_IN_VAIN) & (found == 0))
 
 
 class TrackingRecord:
-    """Fed once per frame."""
+    """Updated once per frame."""
 
     def __init__(self) -> None:
         self.relocalizations = 0
@@ -43,25 +43,25 @@ class TrackingRecord:
         self._first_ns = stamp_ns if self._first_ns == _NEVER_NS else self._first_ns
 
     def initialised(self, stamp_ns: int, position: FloatArray) -> None:
-        """The frame that started the map, already counted as one without; it is tracked from here on."""
+        """The frame that started the map, already counted as one without map; now it counts as tracked."""
         self._initialized_ns = stamp_ns
         self._uncounted = 1
         self._tracked += 1
         self._last = (stamp_ns, position)
 
     def forget_points(self) -> None:
-        """The map is begun again: its rows count other points."""
+        """The map begins again: its rows are other points."""
         self._of_point = {name: np.zeros(0, kind) for name, kind in _PER_POINT.items()}
         self._last = None
 
     def tracked(self, stamp_ns: int, track: Track, n_points: int, in_world: bool) -> None:
-        """A frame with a pose from the map of n_points rows; the first one in a map made before is the start. Outside
-        the world, in a map not yet joined with the first one, the frame counts as lost."""
+        """A frame with a pose from the map of n_points rows; in a loaded map the first one is the start. Outside the
+        world, in a map not yet joined with the first one, the frame counts as lost."""
         more = max(0, n_points - len(self._of_point["found"]))
         for name, column in self._of_point.items():
             self._of_point[name] = np.append(column, np.zeros(more, column.dtype)) if more else column
-        # A point that a blurred image, or one seen from a doubtful place, does not show is no worse for it; nor is one
-        # that others hide.
+        # Missing points are not counted as searched in a blurred image or at a doubtful pose, nor when others hide
+        # them.
         clear = track.state is TrackingState.GOOD and not track.blurred
         self._of_point["searched"][track.searched_rows if clear else track.rows] += 1
         if clear:
@@ -90,7 +90,7 @@ class TrackingRecord:
         self._lost += 1
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All that was counted, copies, for ``restored``."""
+        """Copies of all counts, for ``restored``."""
         return {
             **{name: column.copy() for name, column in self._of_point.items()},
             "counters": np.array([getattr(self, name) for name in _COUNTERS], np.int64),
@@ -99,7 +99,7 @@ class TrackingRecord:
 
     @staticmethod
     def restored(state: Mapping[str, NDArray[Any]]) -> TrackingRecord:
-        """The record to go on counting with, in the same map. Raises InputError for what ``state`` never gave."""
+        """The record, to continue counting in the same map. Raises InputError if ``state`` is not from ``state()``."""
         record = TrackingRecord()
         try:
             points = len(state["found"])
@@ -119,7 +119,7 @@ class TrackingRecord:
         return self._of_point["searched"].copy(), self._of_point["found"].copy()
 
     def hopeless(self, rows: IntArray) -> BoolArray:
-        """(R,) which of the points (rows) are looked for in vain."""
+        """(R,) which of the points (rows) are hopeless, see ``is_hopeless``."""
         return is_hopeless(self._of_point["searched"][rows], self._of_point["found"][rows])
 
     def statistics(self, keyframes: int, map_points: int) -> SlamStatistics:

@@ -1,5 +1,5 @@
-"""A map from two views: the motion between them from images and odometry, metric scale (paper 3.1). It takes longer
-than a frame may, so it is the mapper's work."""
+"""A map from two views: motion from images and odometry, metric scale (paper 3.1). It takes longer than a frame, so the
+mapper does it."""
 
 import math
 from typing import NamedTuple
@@ -19,19 +19,19 @@ from vsx_ros.kernels.slam.schur import Observations
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.point_creation import Candidates, TargetMatches, checked_points
 
-MAX_DIRECTION_ERROR_RAD = math.radians(20.0)  # from odometry; along a short baseline images tell it loosely
-MAX_ROTATION_ERROR_RAD = math.radians(4.0)  # images tell rotation far better than direction
-# Share of the best one's support, and angle: from here on two motions explain the images alike.
+MAX_DIRECTION_ERROR_RAD = math.radians(20.0)  # from odometry; at a short baseline images measure it poorly
+MAX_ROTATION_ERROR_RAD = math.radians(4.0)  # images measure rotation far better than direction
+# Two different motions explain the images equally: least share of the best one's support, and least angle.
 RIVAL, DIFFERENT_RAD = 0.92, math.radians(15.0)
 
 
-TRAIL_SIGMA_PX = 0.2  # corners are not followed more exactly, the lens and the shutter not known better
+TRAIL_SIGMA_PX = 0.2  # least error of followed corners, with that of lens and shutter
 
 
 class InitialPair(NamedTuple):
-    """Two frames worth a try. T_world_first: the pose the first shall have; odometry: T_second_first of the cameras by
-    odometry, None without. chosen (N,): the first one's candidates that were followed into the second, uv (N,
-    2): to where [px]. odom_segment: that of the keyframes they become."""
+    """Two frames to make a map from. T_world_first: pose that the first shall have; odometry: T_second_first of the
+    cameras by odometry, None without. chosen (N,): candidates of the first that were followed into the second, uv (N,
+    2): their pixels there. odom_segment: that of the new keyframes."""
 
     first: FrameData
     second: FrameData
@@ -67,7 +67,7 @@ class TwoViewReconstruction:
         self._camera, self._config = camera, config
 
     def reconstruct(self, pair: InitialPair) -> InitialMap | str:
-        """Capped work: a handful of hypotheses, each adjusted in few iterations."""
+        """Limited work: a handful of hypotheses, each adjusted in few iterations."""
         config, odometry = self._config, pair.odometry
         rays_a, rays_b = pair.candidates.rays[pair.chosen], unproject_pixels(pair.second.camera, pair.uv)
         tolerance = 1.0 / self._camera.fx
@@ -92,8 +92,8 @@ class TwoViewReconstruction:
         return InitialMap(pair, (T_world_a, T_world_a @ best.T_b_a.scaled(scale).inverse()), matches)
 
     def _choose(self, maps: list[MotionHypothesis], odometry: SE3 | None) -> MotionHypothesis | str:
-        """The hypothesis that explains the matches best, if it has enough usable points and is not contradicted by
-        odometry or by an equal rival. (Usable points do not rank them: a wrong motion sees parallax everywhere.)"""
+        """The hypothesis that explains the matches best, or a reason if it has too few usable points, contradicts
+        odometry or has an equal rival. (Usable points do not rank them: a wrong motion sees parallax everywhere.)"""
         needed = self._config.min_matches
         ranked = sorted(maps, key=lambda m: -m.support)
         if odometry is not None:
@@ -127,7 +127,7 @@ class TwoViewReconstruction:
     def _refine(
         self, T_b_a: SE3, rays_a: FloatArray, rays_b: FloatArray, tolerance: float, parallax: float
     ) -> MotionHypothesis:
-        """Capped two-view adjustment of one hypothesis, and the points that stand the checks."""
+        """Two-view adjustment of one hypothesis in few iterations, and the points that pass the checks."""
         E_error = epipolar_error(essential_matrix(T_b_a), rays_a, rays_b).max(axis=1)
         strict, loose, anywhere = 2.0 * tolerance, 6.0 * tolerance, (0.0, 1e6)
         points, keep = checked_points(T_b_a, rays_a, rays_b, (loose, loose), anywhere, math.radians(0.2))
@@ -157,12 +157,12 @@ def _differ(a: SE3, b: SE3) -> bool:
 
 
 def _angle(a: FloatArray, b: FloatArray) -> float:
-    """Between unit vectors (3,) [rad]."""
+    """Angle between unit vectors (3,) [rad]."""
     return math.acos(min(1.0, max(-1.0, float(a @ b))))
 
 
 def _disagreement(T_b_a: SE3, odometry: SE3) -> str:
-    """What a visual motion (unit translation) and odometry disagree about; empty when they agree."""
+    """How a visual motion (unit translation) and odometry disagree, in words; empty when they agree."""
     rotation = T_b_a.rotation_angle_to(odometry)
     angle = _angle(odometry.translation / np.linalg.norm(odometry.translation), T_b_a.translation)
     if rotation > MAX_ROTATION_ERROR_RAD:

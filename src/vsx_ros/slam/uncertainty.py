@@ -1,5 +1,5 @@
-"""How well a camera pose is known: the image against the map around it, that part of the map against its beginning, and
-odometry since the last image that was tracked.
+"""Covariance of a camera pose: of the image against the local map, of the local map against the map's beginning, and of
+odometry since the last tracked image.
 
 Covariances are of xi = (translation [m], rotation [rad]) in the camera's own axes: T_true = T_estimated exp(xi)."""
 
@@ -12,11 +12,11 @@ from vsx_ros.slam.keyframe import MapView
 from vsx_ros.slam.local_map import LINKED_POINTS, LocalMap
 from vsx_ros.slam.track import Track
 
-_CERTAIN = 1e-12  # added to what an image tells, so that one with few points has a covariance, too
+_CERTAIN = 1e-12  # added to an image's information, so that few points have a covariance, too
 
 
 def carried(covariance: FloatArray, T_a_b: SE3) -> FloatArray:
-    """The covariance (6, 6) of frame a, as that of frame b which is fixed to it (Barfoot 2017, eq. 7.75)."""
+    """The covariance (6, 6) of frame a, transformed to frame b, which is fixed to it (Barfoot 2017, eq. 7.75)."""
     return _carried(covariance, T_a_b.rotation, T_a_b.translation)
 
 
@@ -32,19 +32,19 @@ def _carried(covariance: FloatArray, R_a_b: FloatArray, t_a_b: FloatArray) -> Fl
 class PoseUncertainty:
     """``enter`` each new local map, then ask for the pose of a frame tracked in it (``tracked``) or not (``moved``).
 
-    What two keyframes that share points know of each other is added up along the surest way from keyframe 0 to the
-    reference keyframe. Ways are found as the camera goes: each local map passes what is known on to the keyframes in
-    it. After a loop is closed, the shorter way makes the pose surer again."""
+    Covariances between keyframes that share points are summed along the most certain path from keyframe 0 to the
+    reference keyframe. Paths are found as the camera moves: each local map updates the keyframes in it. After a loop
+    closure, the shorter path makes the pose more certain again."""
 
     def __init__(self, config: UncertaintyConfig) -> None:
         self._config = config
-        # Of the map's keyframes, those that are known.
+        # Keyframes whose covariance is known.
         self._known: BoolArray = np.zeros(0, np.bool_)
         self._of_keyframe: FloatArray = np.zeros((0, 6, 6))
         self.covariance: FloatArray = np.zeros((6, 6))
 
     def enter(self, local: LocalMap) -> None:
-        """Take in a local map: its reference is known by its neighbours, then they by it."""
+        """Update from a local map: its reference from the neighbours, then the neighbours from the reference."""
         view, reference = local.view, np.array([local.reference])
         more = len(view.keyframes) - len(self._known)
         self._known = np.append(self._known, np.zeros(more, np.bool_))
@@ -57,15 +57,15 @@ class PoseUncertainty:
         self._pass_on(view, reference, near, points)
 
     def _begin(self, view: MapView) -> None:
-        """A map's first keyframe is where it says; in a map made before, each is known by the one before it."""
+        """The first keyframe of a map has covariance 0; in a loaded map each next one follows from the one before."""
         living: IntArray = view.living
         self._known[living[0]] = True
         for k in range(len(living) - 1):
             self._pass_on(view, living[k : k + 1], living[k + 1 : k + 2], np.array([LINKED_POINTS]))
 
     def _pass_on(self, view: MapView, a: IntArray, b: IntArray, points: IntArray) -> None:
-        """Keyframes b are known by keyframes a (one of the two is a single one), where that is better than what is
-        known of them. points: each pair shares."""
+        """Compute keyframes b from keyframes a (one of the two is a single one), where that is better than before.
+        points: each pair shares."""
         a, b = np.broadcast_arrays(a, b)
         a, b, points = (column[self._known[a]] for column in (a, b, points))
         if not len(a):
@@ -79,12 +79,12 @@ class PoseUncertainty:
         covariance[:, range(6), range(6)] += np.repeat(np.column_stack([metres2, radians2]), 3, axis=1)
         size = _size(covariance, depth)
         better = ~self._known[b] | (size < _size(self._of_keyframe[b], depth))
-        order = np.argsort(-size[better], kind="stable")  # where several know one, the surest is written last
+        order = np.argsort(-size[better], kind="stable")  # of several for one keyframe, the best is written last
         self._of_keyframe[b[better][order]] = covariance[better][order]
         self._known[b[better]] = True
 
     def tracked(self, track: Track, local: LocalMap) -> FloatArray:
-        """(6, 6) of a frame whose pose was found in the local map."""
+        """(6, 6) covariance of a frame whose pose was found in the local map."""
         view, reference = local.view, local.reference
         T_ref_cam = view.keyframes[reference].T_world_cam.inverse() @ track.T_world_cam
         seen = np.linalg.inv(track.information + _CERTAIN * np.eye(6)) * self._config.image_factor
@@ -96,12 +96,12 @@ class PoseUncertainty:
         return self.covariance
 
     def moved(self, T_before_now: SE3, information: FloatArray) -> FloatArray:
-        """(6, 6) of a frame that odometry alone tells, since the last one. information (6,): of that motion."""
+        """(6, 6) covariance of a frame placed by odometry from the last one. information (6,): of that motion."""
         self.covariance = carried(self.covariance, T_before_now) + np.diag(1.0 / information)
         return self.covariance
 
 
 def _size(covariance: FloatArray, depth_m: FloatArray) -> FloatArray:
-    """(N,) variance of where a point of the scene is put [m^2], of (N, 6, 6)."""
+    """(N,) variance [m^2] of the position of a scene point, from covariances (N, 6, 6)."""
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     return np.asarray(variance[:, :3].sum(axis=1) + depth_m**2 * variance[:, 3:].sum(axis=1))

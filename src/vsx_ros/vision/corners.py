@@ -1,6 +1,5 @@
-"""FAST corners on every pyramid level, the strongest of them as candidates for new map points, and binary descriptors:
-what matches images whose relative pose is unknown (Rublee et al., ORB, 2011; upright, because neither robots nor
-people hold a camera by its side)."""
+"""FAST corners on every pyramid level, the strongest of them as candidates for new map points, and binary descriptors
+to match images of unknown relative pose (Rublee et al., ORB, 2011; upright, because cameras are not held sideways)."""
 
 import math
 from functools import lru_cache
@@ -13,17 +12,17 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, GrayImage, IntArray, Pixels
 from vsx_ros.vision.pyramid import LEVELS, Pyramid, from_level
 
-_REFERENCE_PIXELS = 640 * 480  # the image that numbers of corners are told for
-_CORNERS_AT = (1300, 700, 350, 175)  # how many corners the levels have in proportion
-_FIRST_THRESHOLDS = (12, 15, 15, 10)  # FAST, grey levels, by pyramid level: of an ordinary room; they follow the scene
-_THRESHOLDS = (5, 120)  # least, above the sensor's noise, and most
-BORDER_PX, PATCH_PX = 16, 31  # ORB (Rublee et al.): its patch has 31 px; half of it, rounded up, from the border
-MAX_DISTANCE_BITS, DISTINCT = 64, 0.9  # of 256; share of the second best's (Lowe's ratio test)
-_CORNERS, _SQUARE_PX = (220, 150, 90, 40), (20, 14, 12, 8)  # by level, to be described: one per square (px of level)
+_REFERENCE_PIXELS = 640 * 480  # size of the image that numbers of corners refer to
+_CORNERS_AT = (1300, 700, 350, 175)  # numbers of corners on the levels, in proportion
+_FIRST_THRESHOLDS = (12, 15, 15, 10)  # FAST, grey levels, by pyramid level, for an ordinary room; they adapt
+_THRESHOLDS = (5, 120)  # least (above the sensor's noise) and most
+BORDER_PX, PATCH_PX = 16, 31  # ORB (Rublee et al.): patch of 31 px; distance to the border is half of it, rounded up
+MAX_DISTANCE_BITS, DISTINCT = 64, 0.9  # of 256; largest ratio to the second best (Lowe's ratio test)
+_CORNERS, _SQUARE_PX = (220, 150, 90, 40), (20, 14, 12, 8)  # by level: most to describe, one per square (level px)
 
 
 class Corners(NamedTuple):
-    """positions (N, 2) level px by level and row; row_table: index of every row's first; counts (4,): per level."""
+    """positions (N, 2) level px by level and row; row_table: first corner of every row; counts (4,): per level."""
 
     positions: NDArray[np.int32]
     row_table: NDArray[np.int64]
@@ -39,7 +38,7 @@ class CornerDetector:
         self._thresholds = list(_FIRST_THRESHOLDS)
 
     def detect(self, pyramid: Pyramid, steer: bool = True) -> Corners:
-        """All corners of the four levels, none suppressed. steer: whether their number shall move the thresholds."""
+        """All corners of the four levels, without suppression. steer: whether their number adapts the thresholds."""
         wanted = self._share * _vga_images(pyramid)
         levels = []
         for level in range(LEVELS):
@@ -64,8 +63,8 @@ class CornerDetector:
 
 
 def dense_corners(pyramid: Pyramid, corners: int) -> Corners:
-    """At once about as many corners as wanted, on the finest level of a VGA image: more than tracking needs, where new
-    points are looked for."""
+    """About as many corners as wanted (on the finest level of a VGA image), from this image alone: more than tracking
+    needs, for new points."""
     wanted = corners / _CORNERS_AT[0] * _vga_images(pyramid)
     targets = [wanted * count for count in _CORNERS_AT]
     return indexed([_about(pyramid.level(k), _FIRST_THRESHOLDS[k], targets[k]) for k in range(LEVELS)], pyramid)
@@ -77,7 +76,7 @@ def _vga_images(pyramid: Pyramid) -> float:
 
 
 def _about(image: GrayImage, threshold: int, target: float) -> NDArray[np.int32]:
-    """Corners at the threshold that gives about the wanted number of them, as near as five trials come."""
+    """Corners at a threshold that gives about the wanted number, found in at most five trials."""
     low, high = _THRESHOLDS
     for _ in range(5):
         found = _fast(image, threshold, suppress=False)
@@ -92,7 +91,7 @@ def _about(image: GrayImage, threshold: int, target: float) -> NDArray[np.int32]
 
 
 def indexed(levels: list[NDArray[np.int32]], pyramid: Pyramid) -> Corners:
-    """Corners from their level px, one (n, 2) a level, sorted by row."""
+    """Corners from their level px, one (n, 2) array per level, sorted by row."""
     counts = tuple(len(found) for found in levels)
     positions = np.concatenate(levels)
     heights, first_rows = pyramid.table[:, 1], pyramid.table[:, 3]
@@ -101,7 +100,7 @@ def indexed(levels: list[NDArray[np.int32]], pyramid: Pyramid) -> Corners:
 
 
 def no_corners(pyramid: Pyramid) -> Corners:
-    """Of an image in which nothing is looked for."""
+    """No corners, for an image that is not searched."""
     return indexed([np.zeros((0, 2), np.int32)] * LEVELS, pyramid)
 
 
@@ -134,7 +133,7 @@ def strongest(
 
 
 def _spread(ranked: NDArray[np.int32], count: int, spacing_px: int, shape: tuple[int, int]) -> NDArray[np.int32]:
-    """Greedy: take the best, forbid its neighbourhood, go on."""
+    """Greedy: take the best, block its neighbourhood, repeat."""
     taken = np.zeros(shape, np.bool_)
     chosen = []
     for x, y in ranked:
@@ -171,7 +170,7 @@ def describe(pyramid: Pyramid, uv: Pixels, level: IntArray) -> tuple[IntArray, F
 
 
 def features_of(pyramid: Pyramid, corners: Corners) -> Features:
-    """The strongest corner of every small square of the image, described."""
+    """Features of the strongest corner in every small square of the image."""
     uv, level = [], []
     first = 0
     for k, count in enumerate(corners.counts):

@@ -31,7 +31,7 @@ class Predictions(NamedTuple):
 
 
 def target_of(pyramid: Pyramid, corners: Corners) -> Target:
-    """An image as kernels search it."""
+    """An image in the form that kernels search."""
     return Target(*pyramid, corners.positions, corners.row_table)
 
 
@@ -43,8 +43,8 @@ def find_patches(
     radius_px: float,
     reach: int = 0,
 ) -> tuple[BoolArray, Pixels]:
-    """(found (S,), position (S, 2) level-0 px) of predicted points, of the patches (T, 24, 24) with offsets (T, 2): at
-    corners within radius_px (level-0 px) and, where none fits, at any pixel within ``reach`` level px."""
+    """Search for predicted points by patches (T, 24, 24) with offsets (T, 2): at corners within radius_px (level-0 px)
+    and, where none fits, at any pixel within ``reach`` level px. Returns found (S,), position (S, 2) level-0 px."""
     templates, usable = warp_templates(patches, offsets, predictions.template, predictions.inverse_warp)
     return search(target, templates, usable, predictions.level, predictions.uv, float(radius_px), reach)
 
@@ -57,7 +57,7 @@ def cut_patches(pyramid: Pyramid, positions: NDArray[np.int32], level: int) -> N
 
 
 def moving(camera: FloatArray, motion: FloatArray) -> FloatArray:
-    """The same of a camera that moved during readout: motion (6,), rotation vector [rad] and way [m] in its frame."""
+    """The camera array with motion during readout. motion (6,): rotation vector [rad], translation [m] in its frame."""
     moved = camera.copy()
     moved[MOTION : MOTION + 6] = motion
     return moved

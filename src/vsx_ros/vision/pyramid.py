@@ -1,5 +1,5 @@
-"""An image at four sizes in one flat buffer, so that one kernel call can work on all of them; whether it is blurred,
-and a small blurry one for the rotation between frames and the likeness of places (PTAM's SmallBlurryImage)."""
+"""An image pyramid in one flat buffer, so that one kernel call can work on all levels; blur detection; and a small
+blurred image for the rotation between frames and the similarity of places (PTAM's SmallBlurryImage)."""
 
 import statistics
 from collections import deque
@@ -15,15 +15,15 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.se3 import so3_exp
 from vsx_ros.kernels.vision.alignment import align_small
 
-LEVELS = 4  # of half the size each: VGA down to 80 x 60
-SHRINK = 16  # of the small image: 40 x 30 for VGA
+LEVELS = 4  # each half as large as the one before: VGA down to 80 x 60
+SHRINK = 16  # factor of the small image: 40 x 30 for VGA
 FINE, COARSE = 0, 3  # levels compared: the first and the last
-NEIGHBOURS, LEAST = 9, 3  # frames that tell what is usual, half a second; fewer than three do not
-# A fifth of the rows tells as much as all of them.
+NEIGHBOURS, LEAST = 9, 3  # most and least number of earlier frames to compare with (half a second)
+# A fifth of the rows is as good as all of them.
 ROW_STEP = 5
-# A blur of 9 px leaves less than this of the gradient energy along it, a frame of a steady camera keeps more than 0.8.
-# Between them are hand-held frames, blurred a little or turned to what has less texture (down to 0.28 and 0.48 of their
-# neighbours in two recordings): some of them are called blurred too, which costs a keyframe, not the pose.
+# A blur of 9 px leaves less than this share of the gradient energy along it; a steady camera keeps more than 0.8.
+# Hand-held frames lie between (down to 0.28 and 0.48 of their neighbours in two recordings): a little blurred, or with
+# less texture in view. Some of them count as blurred too, which costs a keyframe, not the pose.
 BLURRED_SHARE = 0.45
 
 SmallImage: TypeAlias = NDArray[np.float32]  # (H / 16, W / 16) float32 grey values minus their mean, blurred
@@ -42,13 +42,13 @@ class Pyramid(NamedTuple):
 
 
 def to_level(uv: Pixels, level: int | IntArray) -> Pixels:
-    """Level-0 pixels at a pyramid level."""
+    """Convert level-0 pixels to pixels of a pyramid level."""
     scale = np.asarray(2.0 ** np.asarray(level, float)).reshape(-1, 1)
     return (uv + 0.5) / scale - 0.5
 
 
 def from_level(uv: Pixels, level: int | IntArray) -> Pixels:
-    """Pixels of a pyramid level at level 0."""
+    """Convert pixels of a pyramid level to level-0 pixels."""
     scale = np.asarray(2.0 ** np.asarray(level, float)).reshape(-1, 1)
     return (uv + 0.5) * scale - 0.5
 
@@ -105,8 +105,8 @@ def rotation_between(reference: SmallImage, current: SmallImage, focal_px: float
 
 
 class BlurDetector:
-    """``blurred`` each frame in order. Blur takes gradients from the finest level and leaves the coarsest alone, a bare
-    wall takes both; blur by motion takes those along one axis. When most neighbours are blurred, blurred is normal."""
+    """Call ``blurred`` for each frame in order. Blur removes gradients on the finest level but not on the coarsest; a
+    bare wall removes both. Motion blur acts along one axis. If most earlier frames are blurred, blur is normal."""
 
     def __init__(self) -> None:
         self._neighbours: deque[tuple[float, float]] = deque(maxlen=NEIGHBOURS)
@@ -125,7 +125,7 @@ def sharpness(pyramid: Pyramid) -> tuple[float, float]:
     """Mean squared difference of neighbouring pixels on the finest level (every fifth row) over that on the coarsest,
     along the rows and along the columns."""
     fine, coarse = _energy(pyramid.level(FINE), ROW_STEP), _energy(pyramid.level(COARSE), 1)
-    # One squared grey level: what is left of sensor noise on the coarsest level.
+    # One squared grey level: sensor noise on the coarsest level.
     return fine[0] / (coarse[0] + 1.0), fine[1] / (coarse[1] + 1.0)
 
 

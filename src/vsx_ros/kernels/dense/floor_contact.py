@@ -1,6 +1,6 @@
 """Where a wall meets the floor: the brightness steps at the line where its plane cuts z = 0, and nowhere near it.
 
-A gap in the wall has no such step: through it the floor goes on."""
+A gap in the wall has no such step, because the floor continues through it."""
 
 import math
 
@@ -63,11 +63,11 @@ def contact_steps(
 
     feet (C, 3): where the columns meet the floor, world. front (3,): horizontal, away from the wall; right (3,): along
     it. strips: half width, begin and end on the wall, begin and least length on the floor [m] (longer where less than
-    two pixels high). shifts (S,) [m]: the same is asked this far in front of the wall. limits: nearest, farthest [m],
-    least cosine of incidence, grey levels beside the strips' own roughness that make a step, most keyframes (the
-    newest are asked first).
-    Returns seen (C,): how many keyframes; steps (C, S): mean signed step over them, 1 where it just is one; reference
-    (C,): the nearest of those in which it is one itself, of the mean's sign; -1 without."""
+    two pixels high). shifts (S,) [m]: the test is repeated this far in front of the wall. limits: nearest, farthest
+    [m], least cosine of incidence, grey levels that make a step (added to the strips' own roughness), most keyframes
+    (newest first).
+    Returns seen (C,): number of keyframes; steps (C, S): mean signed step over them, 1 at the threshold; reference
+    (C,): the nearest keyframe with a step of the mean's sign, -1 without."""
     nearest, farthest, grazing, least, most = limits
     half_width, low, high, begin, length = strips
     R, centres = views.R, views.centres

@@ -11,7 +11,7 @@ WORD = 64
 
 @kernel
 def _bits_set(x: np.uint64) -> np.int64:
-    """How many bits of a word are one; written so that the compiler knows it for one machine instruction."""
+    """Number of set bits of a word, written so that the compiler uses one machine instruction."""
     x = x - ((x >> np.uint64(1)) & np.uint64(0x5555555555555555))
     x = (x & np.uint64(0x3333333333333333)) + ((x >> np.uint64(2)) & np.uint64(0x3333333333333333))
     x = (x + (x >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
@@ -20,7 +20,7 @@ def _bits_set(x: np.uint64) -> np.int64:
 
 @kernel
 def _common(words: NDArray[np.uint64], i: int, n: int, out: IntArray) -> None:
-    """out[j] for j < n: models that rows i and j both prefer."""
+    """out[j] for j < n: number of models that rows i and j both prefer."""
     for j in range(n):
         out[j] = 0
     for w in range(words.shape[0]):
@@ -34,7 +34,7 @@ def _common(words: NDArray[np.uint64], i: int, n: int, out: IntArray) -> None:
 
 @kernel
 def _all_common(words: NDArray[np.uint64]) -> tuple[NDArray[np.uint16], FloatArray]:
-    """(N, N) models that two rows both prefer, of the diagonal none; and (N,) how many each prefers."""
+    """(N, N) number of models that two rows both prefer, 0 on the diagonal; and (N,) number each prefers."""
     n = words.shape[1]
     common, size, count = np.zeros((n, n), np.uint16), np.empty(n), np.empty(n, np.int64)
     for i in range(n):
@@ -50,8 +50,8 @@ def _all_common(words: NDArray[np.uint64]) -> tuple[NDArray[np.uint16], FloatArr
 
 @kernel
 def _likeness(common: NDArray[np.uint16], size: FloatArray, own: float, out: FloatArray) -> None:
-    """out[j]: |i and j| / |i or j| of a row i of size ``own``. Fractions of integers below 2^17 are equal as float64
-    where they are equal, and in the same order where they are not."""
+    """out[j]: |i and j| / |i or j| of a row i of size ``own``. Fractions of integers below 2^17 keep equality and order
+    as float64."""
     for j in range(size.shape[0]):
         both = np.float64(common[j])
         out[j] = both / (own + size[j] - both)
@@ -59,8 +59,8 @@ def _likeness(common: NDArray[np.uint16], size: FloatArray, own: float, out: Flo
 
 @kernel
 def first_largest(values: FloatArray) -> int:
-    """The first of the largest of values >= 0, -1 when all are 0. As integers they are in the same order, and the
-    compiler takes many at a time."""
+    """Index of the first largest of values >= 0, -1 when all are 0. Compared as integers, which have the same order, so
+    that the loop vectorises."""
     bits = values.view(np.int64)
     top = np.int64(0)
     for j in range(bits.shape[0]):
@@ -78,7 +78,7 @@ def _compact(
     words: NDArray[np.uint64], common: NDArray[np.uint16], size: FloatArray, bound: FloatArray, nearest: IntArray,
     stale: BoolArray, row: IntArray, n: int,
 ) -> int:  # fmt: skip
-    """Move the rows that may still merge to the front, in their order; how many."""
+    """Move the rows that may still merge to the front, in their order; returns their number."""
     place = np.full(n, -1)
     m = 0
     for i in range(n):
@@ -105,7 +105,7 @@ def _compact(
 def _reconsider(
     like: FloatArray, n: int, p: int, q: int, bound: FloatArray, nearest: IntArray, stale: BoolArray
 ) -> None:
-    """The n rows' nearest after row q was merged into p, which they are ``like``."""
+    """Update the nearest of n rows after row q was merged into p; like: their similarity to p."""
     for j in range(n):
         if like[j] > bound[j] or (like[j] == bound[j] and not stale[j] and p <= nearest[j]):
             nearest[j], stale[j], bound[j] = p, False, like[j]
@@ -115,13 +115,13 @@ def _reconsider(
 
 @kernel
 def agglomerate(preferences: NDArray[np.uint64]) -> IntArray:
-    """Merge the two clusters of smallest Jaccard distance, intersect their sets, until all are disjoint.
+    """Merge the two clusters of smallest Jaccard distance and intersect their sets, until all are disjoint.
 
-    preferences: (N, W) uint64, at most 65535 bits a row. Returns (N,) the row that each was merged into, itself where
-    it was not; of equally near pairs the first is taken. Exact: the intersection may bring a cluster nearer to a third
-    one, so every merged one is compared with all. A row whose nearest was merged keeps its likeness as a bound, and
-    looks for the nearest again (stale) only when no other row has a larger one. Rows that are merged, or disjoint to
-    all, are taken out from time to time."""
+    preferences: (N, W) uint64, at most 65535 bits a row. Returns (N,) the row that each was merged into, or itself. Of
+    equally near pairs the first is taken. Exact: an intersection may be nearer to a third cluster, so every merged one
+    is compared with all. A row whose nearest was merged keeps its similarity as a bound (stale). Its nearest is
+    searched again only when no other row has a larger bound. Rows that are merged, or disjoint from all, are removed
+    from time to time."""
     n = live = preferences.shape[0]
     into, row, words = np.arange(n), np.arange(n), preferences.T.copy()
     common, size = _all_common(words)

@@ -1,4 +1,4 @@
-"""The plane of some points: the sums it is fitted from, and the fit."""
+"""Fit of a plane to points, and the sums that it uses."""
 
 import math
 
@@ -9,15 +9,15 @@ from vsx_ros.kernels import kernel
 from vsx_ros.kernels.dense.planes import ObservedPoints, variance_along
 
 _NO_CUTOFF = 1e9
-LEVEL = math.cos(math.radians(15.0))  # planes whose normal is this much upwards
+LEVEL = math.cos(math.radians(15.0))  # least |z| of a level plane's normal
 
 
 @kernel
 def plane_moments(
     points: ObservedPoints, rows: IntArray, plane: FloatArray, floor: float, cutoff: float
 ) -> tuple[float, FloatArray, FloatArray]:
-    """(total weight, weighted mean (3,), weighted scatter about it (3, 3)) of some points (rows), whose weights are
-    inverse variances along a plane's normal (4,) and Tukey's, zero from ``cutoff`` standard deviations on."""
+    """(total weight, weighted mean (3,), weighted scatter about it (3, 3)) of some points (rows). Weights: inverse
+    variance along a plane's normal (4,) times Tukey weight, zero from ``cutoff`` standard deviations on."""
     world, covariances = points.world, points.covariances
     origin = world[rows[0]].copy()
     total, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
@@ -65,12 +65,12 @@ def in_plane_axes(normal: FloatArray) -> FloatArray:
 def fit_plane(
     points: ObservedPoints, rows: IntArray, guess: FloatArray, fixed: int, floor: float, cutoff: float, rounds: int
 ) -> tuple[bool, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Gauss-Newton on two tilts and the offset of the plane of some points (rows), Tukey's weights from the second
+    """Gauss-Newton on two tilts and the offset of the plane of some points (rows), with Tukey weights from the second
     round on.
 
     guess: (3,) unit normal. fixed: 0 where the plane may tilt about right and about up, 1 about up only, 2 not at all.
     floor, cutoff: see ``plane_moments``. Returns whether the points determine a plane, plane (4,), covariance (3, 3) of
-    tilts and offset, weighted middle (3,), and standard deviations [m] of the points along right and up (2,)."""
+    tilts and offset, weighted mean (3,), and standard deviations [m] of the points along right and up (2,)."""
     plane = np.array([guess[0], guess[1], guess[2], 0.0])
     normal, slopes, H, g = plane[:3], np.zeros((2, 3)), np.zeros((2, 2)), np.zeros(2)
     covariance, spread = np.zeros((3, 3)), np.zeros(2)

@@ -1,4 +1,4 @@
-"""Points and planes: how well points are known, and which planes they prefer."""
+"""Points and planes: the uncertainty of points, and the planes that they prefer."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _MIN_FACING = 0.05
 
 
 class ObservedPoints(NamedTuple):
-    """ids (N,): point_ids of the snapshot. world (N, 3). covariances (N, 3, 3) [m2] of the positions, keyframes taken
-    as known. views (N, 3): mean unit direction to the observers. sigma (N,): standard deviation [m], all directions
+    """ids (N,): point_ids of the snapshot. world (N, 3). covariances (N, 3, 3) [m2] of the positions, given the
+    keyframes. views (N, 3): mean unit direction to the observers. sigma (N,): standard deviation [m], all directions
     together. range (N,): mean distance of the observers [m]."""
 
     ids: IntArray
@@ -28,13 +28,13 @@ class ObservedPoints(NamedTuple):
     range: FloatArray
 
     def at(self, rows: IntArray) -> ObservedPoints:
-        """Those rows."""
+        """The points in these rows."""
         return ObservedPoints._make(column[rows] for column in self)
 
 
 class Noise(NamedTuple):
-    """What a point may be off a plane besides its own noise: floor [m], common to neighbours; gate: how many standard
-    deviations; limit [m]: never more."""
+    """How far a point may be from its plane. floor [m]: noise common to neighbours, besides its own; gate: largest
+    number of standard deviations; limit [m]: largest distance."""
 
     floor: float
     gate: float
@@ -43,7 +43,7 @@ class Noise(NamedTuple):
 
 @kernel
 def variance_along(c: FloatArray, a: float, b: float, e: float) -> float:
-    """Of a point with covariance c (3, 3) along the unit vector (a, b, e)."""
+    """Variance of a point with covariance c (3, 3) along the unit vector (a, b, e)."""
     variance: float = (
         a * a * c[0, 0] + b * b * c[1, 1] + e * e * c[2, 2]
         + 2.0 * (a * b * c[0, 1] + a * e * c[0, 2] + b * e * c[1, 2])
@@ -57,8 +57,8 @@ def point_information(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(N, 3, 3) information [1/m2], (N, 3) sums of unit rays to the observers and (N, 2) counts and sums of distances.
 
-    An observation from distance r along the unit ray d adds (I - d d^T) / (r s)^2, s its noise [rad] obs_noise (O,):
-    across the ray it is sharp, along the ray it is blind, so that parallax alone tells the depth."""
+    An observation from distance r along the unit ray d adds (I - d d^T) / (r s)^2, where s is its noise [rad],
+    obs_noise (O,). It measures only across the ray, so that depth comes from parallax alone."""
     n = points.shape[0]
     information, rays, distances = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 2))
     d = np.empty(3)
@@ -121,9 +121,9 @@ def best_planes(
     points: ObservedPoints, planes: FloatArray, axes: FloatArray, boxes: FloatArray, few: int, order: IntArray,
     noise: Noise,
 ) -> IntArray:  # fmt: skip
-    """(N,) the plane of (G, 4) that each point fits best, of those it lies beside; -1 where it fits none.
+    """(N,) the plane of (G, 4) that each point fits best, of those it lies beside; -1 where none fits.
 
-    Planes with fewer than ``few`` points leave them to the others, one at a time by their place in order (G,).
+    Planes with fewer than ``few`` points give them to the others, one plane at a time in the sequence of order (G,).
     axes: (G, 2, 3). boxes: (G, 2, 2) least and greatest coordinates along them [m]."""
     n, m = points.world.shape[0], planes.shape[0]
     begin = np.zeros(n + 1, np.int64)
@@ -161,7 +161,7 @@ def best_planes(
 def _choose(
     i: int, owner: IntArray, size: IntArray, gone: BoolArray, begin: IntArray, near: IntArray, sigmas: FloatArray
 ) -> None:
-    """Give point i to the plane near it that it fits best, of those that are not gone."""
+    """Assign point i to the near plane that it fits best, of those that are not gone."""
     best, owner[i] = np.inf, -1
     for j in range(begin[i], begin[i + 1]):
         if sigmas[j] < best and not gone[near[j]]:
@@ -197,11 +197,11 @@ def first_accepted(
     points: ObservedPoints, first: IntArray, candidates: IntArray, luck: FloatArray, across: int, reach: float,
     apart: float,
 ) -> IntArray:  # fmt: skip
-    """(M,) for each point ``first`` (M,) the first of its candidates (M, T), rows of points, that is accepted; -1
-    where none is.
+    """(M,) the first accepted candidate of each point ``first`` (M,), from (M, T), rows of points; -1 where none is
+    accepted.
 
-    One at a distance d is when its luck (M, T), from 0 to 1, is below exp(-d^2 / reach^2) and it is farther off than
-    ``apart`` and than two standard deviations of both, over the first ``across`` coordinates."""
+    A candidate at distance d is accepted when its luck (M, T), from 0 to 1, is below exp(-d^2 / reach^2) and its
+    distance over the first ``across`` coordinates is above ``apart`` and two standard deviations of both."""
     m, tries = candidates.shape
     chosen = np.full(m, -1)
     for i in range(m):
@@ -224,8 +224,8 @@ def first_accepted(
 
 @kernel
 def plane_preferences(points: ObservedPoints, planes: FloatArray, noise: Noise) -> NDArray[np.uint64]:
-    """(N, W) uint64: bit h of a point is set where it lies on plane h of (M, 4), unit normal and offset, as far as its
-    own noise allows, and was seen from the plane's front."""
+    """(N, W) uint64: bit h of a point is set when it lies on plane h of (M, 4), unit normal and offset, within its own
+    noise, and was seen from the plane's front."""
     n, m = points.world.shape[0], planes.shape[0]
     floor, gate, limit = noise
     preferences = np.zeros((n, (m + WORD - 1) // WORD), np.uint64)

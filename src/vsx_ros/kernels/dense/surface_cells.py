@@ -1,5 +1,5 @@
 """Whether small squares of a plane look the same from several keyframes (paper 5.1; Argiles, Civera, Montesano, IROS
-2011), and which of them rays pass through.
+2011), and through which of them rays pass.
 
 Frame (3, 3) of a plane: right, up, normal (towards its observers), world."""
 
@@ -89,8 +89,8 @@ def _standardise(patch: FloatArray) -> None:
 
 @kernel
 def _inner_texture(patch: FloatArray) -> float:
-    """Standard deviation [grey levels] of a patch but for its outermost samples: an edge beside the cell is no texture
-    of the cell."""
+    """Standard deviation [grey levels] of a patch without its outermost samples, so that an edge beside the cell does
+    not count."""
     total = squares = 0.0
     for i in range(1, SIDE - 1):
         for j in range(1, SIDE - 1):
@@ -117,12 +117,12 @@ def judge_cells(
     views: Views, frame: FloatArray, cells: FloatArray, half: float, limits: Limits, gates: tuple[float, float],
     depths: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:  # fmt: skip
-    """How cells (N, 3) look in the keyframes; half: of the square's side [m], limits: see choose_views.
+    """Compare cells (N, 3) between the keyframes; half: half of the square's side [m], limits: see choose_views.
 
-    depths (D,): relative depths, in the reference, of the places a cell is compared with: where the picture is as much
-    alike there, it says nothing. gates: least texture [grey levels] and score worth asking that.
+    depths (D,): relative depths in the reference at which the comparison is repeated; a match that is as good there
+    proves nothing. gates: least texture [grey levels] and least score to do that.
     Returns texture (N,) [grey levels], score (N,) and rival (N,): second best ZNCC over the views at the cell and at
-    the best of the other depths, -1 where fewer than two views see it; views (N,): how many, the reference left out;
+    the best of the other depths, -1 where fewer than two views see it; views (N,): how many, without the reference;
     reference (N,): keyframe, -1 without."""
     n = cells.shape[0]
     texture, score, rival = np.zeros(n), np.full(n, -1.0), np.full(n, -1.0)
@@ -177,8 +177,8 @@ def count_passing(
 ) -> None:  # fmt: skip
     """Add to votes (W, H), the cells of a plane from index low (2,) on, how many keyframes see a point through each.
 
-    Observations are in the order of keyframes. behind: least distance [m] of a point behind the plane, and least share
-    of its distance from the camera."""
+    Observations are sorted by keyframe. behind: least distance [m] of a point behind the plane, and least share of its
+    distance from the camera."""
     width, height = votes.shape
     last = np.full((width, height), -1, np.int64)
     for o in range(obs_point.shape[0]):

@@ -1,4 +1,4 @@
-"""From which keyframes a cell of a plane is judged."""
+"""Chooses the keyframes in which a cell of a plane is judged."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Limits: TypeAlias = tuple[float, float, float, float, float, float, float]  # Se
 
 
 class Views(NamedTuple):
-    """Keyframes to look at cells in. ids (N,); R (N, 3, 3) and t (N, 3): T_cam_world; centres (N, 3) world [m]; slots
-    (N,): their rows of the store of images.
+    """Keyframes in which cells are compared. ids (N,); R (N, 3, 3) and t (N, 3): T_cam_world; centres (N, 3) world [m];
+    slots (N,): their rows of the store of images.
 
-    store (S, B) uint8: undistorted, some levels, each half as large as the one before; table (levels, 3): offset,
-    height, width; K (4,): fx, fy, cx, cy [px] of its level 0."""
+    store (S, B) uint8: undistorted, in levels, each half as large as the one before; table (levels, 3): offset, height,
+    width; K (4,): fx, fy, cx, cy [px] of its level 0."""
 
     ids: IntArray
     R: FloatArray
@@ -34,13 +34,13 @@ class Views(NamedTuple):
     K: FloatArray
 
     def at(self, rows: IntArray) -> Views:
-        """Only some of them."""
+        """The views in these rows."""
         return Views._make([*(column[rows] for column in self[:5]), *self[5:]])
 
 
 @kernel
 def _worth(views: Views, k: int, frame: FloatArray, x: float, y: float, z: float, half: float, limits: Limits) -> float:
-    """How near and frontal keyframe k sees a cell, 0 where it does not: see ``choose_views``."""
+    """How near and frontal keyframe k sees a cell, 0 when it does not see it: see ``choose_views``."""
     R, centres, K, table = views.R, views.centres, views.K, views.table
     nearest, farthest, grazing, _, _, _, _ = limits
     dx, dy, dz = centres[k, 0] - x, centres[k, 1] - y, centres[k, 2] - z
@@ -64,11 +64,11 @@ def choose_views(
     views: Views, frame: FloatArray, x: float, y: float, z: float, half: float, limits: Limits, worth: FloatArray,
     chosen: IntArray,
 ) -> int:  # fmt: skip
-    """The keyframes to compare a cell in: chosen[0] is the reference, the nearest and most frontal; the others, up to
-    VIEWS, are the next best with parallax to it and to each other. How many, reference included; 0 without any.
+    """Choose keyframes to compare a cell in: chosen[0] is the reference, the nearest and most frontal; the others, up
+    to VIEWS, are the next best with parallax to it and each other. Returns their number, 0 without any.
 
     worth (N,): filled here. limits: nearest, farthest [m], least cosine of incidence, cosines of the least and largest
-    parallax and of the least between two views, and 1 - cosine of the parallax from which more is no better."""
+    parallax and of the least between two views, and 1 - cosine of a parallax that is large enough."""
     centres = views.centres
     _, _, _, least, largest, apart, enough = limits
     n = centres.shape[0]

@@ -1,8 +1,8 @@
-"""Cholesky factorisation of small dense symmetric systems, in place, and of symmetric matrices of D x D blocks that are
-stored by their envelope: column j keeps the blocks from its first row ``first[j]`` down to the diagonal, one after the
-other from ``start[j]`` on.
+"""Cholesky factorisation of small dense symmetric systems, in place, and of symmetric matrices of D x D blocks in
+envelope storage: column j keeps the blocks from row ``first[j]`` to the diagonal, in sequence from ``start[j]`` on.
 
-Keyframes along a path give a narrow band, a closed loop one tall column; nothing outside the envelope ever fills in."""
+Keyframes along a path give a narrow band, a closed loop one tall column; nothing outside the envelope is ever
+filled."""
 
 import math
 

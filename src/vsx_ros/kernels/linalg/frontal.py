@@ -1,8 +1,8 @@
 """Sparse Cholesky solution of systems of 6 x 6 blocks by the frontal method (Irons, Int. J. Numer. Meth. Eng. 2, 1970).
 
 Frames are eliminated one after another in an order that keeps the front small (King, Int. J. Numer. Meth. Eng. 2,
-1970): the front is the set of frames that are not eliminated but tied to one that is. Along a path it is as wide as
-the view reaches, whatever the length of the path; each elimination is a dense update of the front alone."""
+1970). The front is the set of frames not yet eliminated but tied to an eliminated one. Along a path its width is the
+range of view, whatever the length of the path. Each elimination is a dense update of the front alone."""
 
 import math
 
@@ -14,8 +14,7 @@ from vsx_ros.kernels import kernel
 
 @kernel
 def _next(front: IntArray, waiting: int, entered: IntArray, fresh: IntArray) -> int:
-    """The place in the front of the frame that brings the fewest new ones, of the one that waits longest among
-    equals."""
+    """Place in the front of the frame that brings the fewest new ones; among equals, the one that waits longest."""
     best = 0
     for k in range(1, waiting):
         v, b = front[k], front[best]
@@ -26,7 +25,7 @@ def _next(front: IntArray, waiting: int, entered: IntArray, fresh: IntArray) -> 
 
 @kernel
 def _least_tied(entered: IntArray, fresh: IntArray) -> int:
-    """The frame to begin with: of those that have not entered the one with the fewest neighbours."""
+    """The frame to begin with: the one with the fewest neighbours, of those that have not entered."""
     best = -1
     for v in range(entered.shape[0]):
         if entered[v] < 0 and (best < 0 or fresh[v] < fresh[best]):
@@ -58,10 +57,10 @@ def _neighbours(tied: BoolArray) -> tuple[IntArray, IntArray]:
 
 @kernel
 def elimination(tied: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
-    """In which order to eliminate n frames, given which are tied: tied (n, n) bool, its upper triangle is read.
+    """Order in which to eliminate n frames. tied (n, n) bool: which are tied; only its upper triangle is read.
 
     Returns order (n,): the frame eliminated at each step; entry (n,): the frames as they enter the front; extent (n,):
-    width of the front at each step. The place of an eliminated frame is taken by the last of the front."""
+    width of the front at each step. The last frame of the front takes the place of the eliminated one."""
     n = tied.shape[0]
     begin, neighbours = _neighbours(tied)
     fresh, entered = begin[1:] - begin[:-1], np.full(n, -1)
@@ -127,7 +126,7 @@ def _update(front: FloatArray, panel: FloatArray) -> None:
     for r in range(e):
         f0, f1, f2, f3, f4, f5 = panel[0, r], panel[1, r], panel[2, r], panel[3, r], panel[4, r], panel[5, r]
         row = front[r, r:e]
-        # Slices that are read from zero on: with an offset in the index the loop is not vectorised.
+        # Slices are indexed from zero: with an offset in the index the loop is not vectorised.
         p0, p1, p2, p3, p4, p5 = panel[0, r:], panel[1, r:], panel[2, r:], panel[3, r:], panel[4, r:], panel[5, r:]
         for c in range(e - r):
             row[c] -= f0 * p0[c] + f1 * p1[c] + f2 * p2[c] + f3 * p3[c] + f4 * p4[c] + f5 * p5[c]
@@ -135,7 +134,7 @@ def _update(front: FloatArray, panel: FloatArray) -> None:
 
 @kernel
 def _forward(panel: FloatArray, s: int, diagonal: FloatArray, b: FloatArray, carried: FloatArray) -> None:
-    """Overwrite b (6,) with the half-solved values of the frame in place s, and take their share from the front's."""
+    """Overwrite b (6,) with the half-solved values of the frame in place s, and subtract their share from carried."""
     for i in range(6):
         value = b[i] + carried[s + i]
         for j in range(i):
@@ -148,7 +147,7 @@ def _forward(panel: FloatArray, s: int, diagonal: FloatArray, b: FloatArray, car
 
 @kernel
 def _close_gap(front: FloatArray, carried: FloatArray, s: int, last: int) -> None:
-    """Move the front's rows and columns last..last+5, and what it carries, to s..s+5 and leave zeros there."""
+    """Move rows and columns last..last+5 of front and carried to s..s+5, and leave zeros there."""
     for a in range(6):
         carried[s + a] = carried[last + a]
         carried[last + a] = 0.0
@@ -209,7 +208,7 @@ def solve(
 
 @kernel
 def _back(factor: FloatArray, room: IntArray, diagonal: FloatArray, place: IntArray, b: FloatArray) -> None:
-    """Second half of ``solve``: the frames' values in reverse order; the front's places are filled as they were."""
+    """Second half of ``solve``: the frames' values in reverse order, with the places of the front as before."""
     n = b.shape[0]
     known = np.zeros(((room[1:] - room[:-1]) // 6).max())
     for k in range(n - 1, -1, -1):

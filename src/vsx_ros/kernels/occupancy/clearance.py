@@ -1,4 +1,4 @@
-"""Distance to ground that is not known to be free, marching along curves through it, and shortest ways over cells."""
+"""Distance to ground that is not known to be free, checks along curves through it, and shortest paths over cells."""
 
 import math
 from typing import NamedTuple
@@ -18,7 +18,7 @@ class DistanceField(NamedTuple):
     origin_y: float
 
     def at(self, points_world: Points2) -> FloatArray:
-        """(N,) bilinear values [m] at (N, 2) points; outside, the edge's value less the distance to it."""
+        """(N,) bilinear values [m] at (N, 2) points; outside, the edge's value minus the distance to it."""
         return interpolate_many(self, np.ascontiguousarray(points_world, float).reshape(-1, 2))
 
     def gradient(self, points_world: Points2) -> FloatArray:
@@ -44,7 +44,7 @@ def _distance_to(mask: BoolArray, reach: int) -> FloatArray:
     rows, columns = mask.shape
     far = float(reach)
     vertical = np.empty((rows, columns))
-    # Row by row, as the memory lies: down, then up.
+    # Row by row, in memory order: down, then up.
     for j in range(columns):
         vertical[0, j] = 0.0 if mask[0, j] else far
     for i in range(1, rows):
@@ -64,7 +64,7 @@ def _distance_to(mask: BoolArray, reach: int) -> FloatArray:
             best[j] = vertical[i, j] * vertical[i, j]
             squares[reach + j] = best[j]
             most = max(most, best[j])
-        # All cells of the row at once, one column further with every step, until no cell can gain.
+        # All cells of the row at once, one column further with every step, until none can improve.
         for k in range(1, reach + 1):
             side = (k - 0.5) * (k - 0.5)
             if k % 4 == 0:
@@ -94,8 +94,7 @@ def signed_distance(blocked: BoolArray, reach: int) -> FloatArray:
 
 @kernel
 def interpolate(field: DistanceField, x: float, y: float) -> float:
-    """Bilinear value of a field; beyond the middles of the outermost cells their value is held, minus the distance to
-    them."""
+    """Bilinear value of a field; beyond the middles of the outermost cells, their value minus the distance to them."""
     values, resolution, x0, y0 = field
     rows, columns = values.shape
     u = (x - x0) / resolution - 0.5

@@ -1,4 +1,4 @@
-"""What the scans of all keyframes say together: how far they reach, which cells of the grid they pass and hit."""
+"""Combines the scans of all keyframes: how far they reach, which cells of the grid they pass and hit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vsx_ros.kernels import kernel
 from vsx_ros.kernels.occupancy.ground_map import PolarScans
 
 _MARGIN_M = 0.5  # of unknown ground around what was seen, for views and for the corridor
-_FIXED_BITS = 24  # of 64 after the point, in cells: a ray of 1e6 cells errs by less than a tenth of one
+_FIXED_BITS = 24  # fraction bits of 64, in cells: a ray of 1e6 cells errs by less than a tenth of one
 _FIXED = float(1 << _FIXED_BITS)  # Rays step in fixed point: integers need no rounding at every cell
 
 
@@ -43,7 +43,7 @@ class Lattice(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """(rows, columns) int32 twice: observations of obstacle points in each cell, and points with enough of them."""
+    """(rows, columns) int32 each: observations of obstacle points in each cell, and points with enough of them."""
 
     votes: Int32Array
     members: Int32Array
@@ -51,7 +51,7 @@ class Counts(NamedTuple):
 
 @kernel
 def count_hits(points: FloatArray, obs_point: IntArray, hit: Float32Array, enough: int, lattice: Lattice) -> Counts:
-    """Of points (M, 3) the observations (O,) with a positive hit (O,), and points with ``enough`` of them."""
+    """Count observations (O,) of points (M, 3) with a positive hit (O,), and points with ``enough`` of them."""
     votes = np.zeros((lattice.rows, lattice.columns), np.int32)
     members = np.zeros_like(votes)
     counted = np.zeros(points.shape[0], np.int32)
@@ -89,7 +89,7 @@ def cover_discs(poses: FloatArray, radius: float, lattice: Lattice) -> BoolArray
 
 @kernel
 def half_bearings(n_bearings: int) -> FloatArray:
-    """(2 * n_bearings, 2) cosine and sine of the edges and the middles of bins, in turn."""
+    """(2 * n_bearings, 2) cosine and sine of the edges and the middles of bins, alternating."""
     table = np.empty((2 * n_bearings, 2))
     for h in range(2 * n_bearings):
         angle = h * math.pi / n_bearings
@@ -99,14 +99,14 @@ def half_bearings(n_bearings: int) -> FloatArray:
 
 @kernel
 def _hold(corners: FloatArray, x: float, y: float) -> None:
-    """Widen corners (2, 2), least and greatest x and y, to a place."""
+    """Extend corners (2, 2), least and greatest x and y, to include a place."""
     corners[0, 0], corners[0, 1] = min(corners[0, 0], x), min(corners[0, 1], y)
     corners[1, 0], corners[1, 1] = max(corners[1, 0], x), max(corners[1, 1], y)
 
 
 @kernel
 def scan_corners(scans: PolarScans, points: FloatArray, obs_point: IntArray) -> FloatArray:
-    """(2, 2) least and greatest x and y [m] of camera centres, of where their scans end, and of what was hit."""
+    """(2, 2) least and greatest x and y [m] of camera centres, ends of their scans, and hit points."""
     positions, headings, free = scans.positions, scans.headings, scans.free
     corners = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
     for o in range(obs_point.shape[0]):
@@ -130,11 +130,11 @@ def scan_corners(scans: PolarScans, points: FloatArray, obs_point: IntArray) -> 
 def count_free(scans: PolarScans, lattice: Lattice) -> Int32Array:
     """(rows, columns) int32: how many keyframes' scans pass through each cell.
 
-    Near the camera, where rays lie closer than cells are wide, one ray stands for two bins, or for four, as far as all
-    of them are free; the number of bins is a multiple of four."""
+    Near the camera rays are denser than cells. There one ray serves two or four bins, as far as all of them are free;
+    the number of bins is a multiple of four."""
     positions, headings, free = scans.positions, scans.headings, scans.free
     rows, columns, resolution, origin_x, origin_y = lattice
-    # The count in the lower half of each word, the keyframe that counted last in the upper.
+    # Lower half of each word: the count; upper half: the keyframe that counted last.
     votes = np.zeros((rows, columns), np.int64)
     n = free.shape[1]
     table = half_bearings(n)
@@ -164,10 +164,9 @@ def cast(
     reach: float, limit: float,
 ) -> float:  # fmt: skip
     """Count the cells between ``begin`` and ``reach`` along a ray once for keyframe ``number``, up to ``limit``, all in
-    cells; where it stopped, ``begin`` if that was farther.
+    cells; returns where it stopped, at least ``begin``.
 
-    votes: (rows, columns), see ``count_free``. frame: x, y of the camera [cells], cosine and sine of
-    its heading."""
+    votes: (rows, columns), see ``count_free``. frame: x, y of the camera [cells], cosine and sine of its heading."""
     until = min(reach, limit)
     if until <= begin:
         return begin
@@ -177,7 +176,7 @@ def cast(
     dy = int(0.5 * _FIXED * (s * bearing[0] + c * bearing[1]))
     first, last = int(2.0 * begin), int(2.0 * until)
     x, y = int(_FIXED * x0) + first * dx, int(_FIXED * y0) + first * dy
-    # A straight line lies within the grid where both its ends do.
+    # A straight line lies within the grid if both its ends do.
     while first <= last and not within(x, y, rows, columns):
         first, x, y = first + 1, x + dx, y + dy
     while first <= last and not within(x + (last - first) * dx, y + (last - first) * dy, rows, columns):
@@ -186,7 +185,7 @@ def cast(
     for _ in range(first, last + 1):
         row, column = np.uint32(y >> _FIXED_BITS), np.uint32(x >> _FIXED_BITS)
         said = votes[row, column]
-        # Written in any case: no branch to guess.
+        # Always written, to avoid a branch.
         votes[row, column] = counted + (said & 0xFFFFFFFF) if said < counted else said
         x += dx
         y += dy

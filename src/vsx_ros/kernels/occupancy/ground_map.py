@@ -1,4 +1,4 @@
-"""Polar scans out of point observations and surfaces, for the ground map."""
+"""Polar scans from point observations and surfaces, for the ground map."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from vsx_ros.kernels import kernel
 class PolarScans(NamedTuple):
     """Scans of K keyframes and what they hit.
 
-    positions: (K, 3) camera centres, world [m]. headings: (K, 2) cosine and sine of those of the optical axes, from
-    which bearings count, counter-clockwise, in B equal bins around the circle.
+    positions: (K, 3) camera centres, world [m]. headings: (K, 2) cosine and sine of the headings of the optical axes.
+    Bearings count from these, counter-clockwise, in B equal bins around the circle.
     free: (K, B), passable up to this distance [m], 0 where unknown.
-    nearest: (K, B), how far the first obstacle point lets a ray go [m], infinite where there is none.
-    hit: (O,), horizontal distance [m] of the obstacle in each observation, 0 where the observation is of none; over: of
-    what is higher than an obstacle, and may stand on one."""
+    nearest: (K, B), limit of a ray by the first obstacle point [m], infinite where there is none.
+    hit: (O,), horizontal distance [m] of the obstacle in each observation, 0 if it shows no obstacle; over: the same
+    for points higher than an obstacle, which may stand on one."""
 
     positions: Points3
     headings: Points2
@@ -30,8 +30,8 @@ class PolarScans(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """points (N, 3): spots of surface, world [m], no further apart than a cell of the map where the surface is whole.
-    keyframe (N,): index of the keyframe that sees each. sigma_m (N,): how uncertain its distance from there is [m]."""
+    """points (N, 3): spots of surface, world [m], no further apart than a cell of the map where the surface has no gap.
+    keyframe (N,): index of the keyframe that sees each. sigma_m (N,): uncertainty of its distance from there [m]."""
 
     points: Points3
     keyframe: IntArray
@@ -75,11 +75,11 @@ def polar_scans(
     obs_point: IntArray, n_bearings: int, heights: tuple[float, float, float, float, float],
     ranges: tuple[float, float, float, float, float],
 ) -> PolarScans:  # fmt: skip
-    """What each keyframe's observations say about the floor around it.
+    """Scans of the floor around each keyframe, from its observations.
 
     heights: obstacle_min, obstacle_max, clear_max, top of what stands on an obstacle [m], floor threshold growth [m per
-    m]. ranges: max range [m], angular noise of a pixel [rad], largest depth error of a hit [m], half a cell [m], how
-    many depth errors short of its point a ray ends."""
+    m]. ranges: max range [m], angular noise of a pixel [rad], largest depth error of a hit [m], half a cell [m], number
+    of depth errors by which a ray ends before its point."""
     obstacle_min, obstacle_max, clear_max, top, growth = heights
     max_range, noise, max_error, half_width, caution = ranges
     n, bins_per_rad = n_bearings, n_bearings / (2.0 * math.pi)
@@ -116,12 +116,12 @@ def meet_surfaces(
     scans: PolarScans, surfaces: Surfaces, touched: BoolArray, shape: tuple[float, float, float],
     reaches: tuple[float, float],
 ) -> None:  # fmt: skip
-    """Let scans end, in place, at the touched (N,) spots of surface that their own keyframe sees.
+    """End scans, in place, at the touched (N,) spots of surface that their own keyframe sees.
 
-    None goes farther; one to the foot of a surface goes there, unless something is nearer.
+    No ray goes farther; a ray to the foot of a surface is extended to it, unless something is nearer.
 
-    shape: half a spot's width [m], how many sigmas and, besides, how far [m] short of it a ray ends. reaches: height up
-    to which a spot is a foot, longest ray [m]."""
+    shape: half a spot's width [m]; number of sigmas, and extra distance [m], by which a ray ends before it. reaches:
+    height up to which a spot is a foot, longest ray [m]."""
     positions, headings, free, nearest, _, _ = scans
     spots, keyframe, sigma = surfaces
     half_width, caution, short = shape
@@ -150,7 +150,7 @@ def meet_surfaces(
 
 @kernel
 def shorten(scans: Float32Array, k: int, bearing: int, reach: int, until: float) -> None:
-    """Let no ray of scan k of (K, B) within ``reach`` bins of a bearing go farther than ``until`` [m]."""
+    """Limit the rays of scan k of (K, B) within ``reach`` bins of a bearing to ``until`` [m]."""
     n = scans.shape[1]
     for b in range(bearing - reach, bearing + reach + 1):
         wrapped = b + n if b < 0 else (b - n if b >= n else b)
@@ -161,7 +161,7 @@ def shorten(scans: Float32Array, k: int, bearing: int, reach: int, until: float)
 def bearing_bin(c: float, s: float, dx: float, dy: float, n_bearings: int) -> int:
     """The bin of a direction, counted from a heading of cosine c and sine s; bin 0 begins there.
 
-    The arctangent is Abramowitz and Stegun 4.4.47, good to 1e-5 rad and a third of the library's time."""
+    The arctangent is Abramowitz and Stegun 4.4.47, precise to 1e-5 rad in a third of the library's time."""
     ahead, left = c * dx + s * dy, c * dy - s * dx
     wide, narrow = max(abs(ahead), abs(left)), min(abs(ahead), abs(left))
     t = narrow / wide if wide > 0.0 else 0.0
@@ -178,7 +178,7 @@ def bearing_bin(c: float, s: float, dx: float, dy: float, n_bearings: int) -> in
 
 @kernel
 def bridge_gaps(free: Float32Array, max_gap: int, max_width: float) -> None:
-    """Give the empty bins of free (K, B) between two filled ones the smaller of the two, in place.
+    """Fill the empty bins of free (K, B) between two filled ones with the smaller of the two, in place.
 
     Only where at most max_gap bins are empty, and only as far out as they are at most max_width [m] wide."""
     n = free.shape[1]

@@ -19,9 +19,9 @@ def unknown_area_by_bearing(
     """(N, B) area [m2], weighted by ``weights`` (S, H, W), of the unknown cells seen from each position (N, 2) around
     each of B equally spaced bearings; the weight depends on which of S equal sectors the bearing is in.
 
-    A ray runs to the first occupied cell, the edge of the grid or range_m. Unknown cells may turn out to be obstacles:
-    what lies behind them counts by the probability that it is seen, exp(-s / mean_free_path_m) after s metres of
-    unknown ground. Each step counts the area of its ring sector, so near cells are not counted twice."""
+    A ray runs to the first occupied cell, the edge of the grid or range_m. Unknown cells may be obstacles: cells behind
+    them count by the probability that they are seen, exp(-s / mean_free_path_m) after s metres of unknown ground. Each
+    step counts the area of its ring sector, so near cells are not counted twice."""
     rows, columns = data.shape
     n, b, sectors = positions.shape[0], bearings.shape[0], weights.shape[0]
     width = 2.0 * math.pi / b
@@ -55,8 +55,8 @@ def count_looks(
     data: NDArray[np.int8], resolution: float, origin_x: float, origin_y: float, poses: FloatArray, half_fov: float,
     range_m: float, sectors: int,
 ) -> Int32Array:  # fmt: skip
-    """(S, H, W) from how many of the poses (N, 3: x, y, theta) each cell lay in the field of view, in range, unhidden,
-    apart for each of S equal sectors of the bearing from pose to cell."""
+    """(S, H, W) number of poses (N, 3: x, y, theta) with each cell in the field of view, in range and not hidden,
+    separately for each of S equal sectors of the bearing from pose to cell."""
     rows, columns = data.shape
     looks = np.zeros((sectors, rows, columns), np.int32)
     last = np.full((rows, columns), -1, np.int32)
@@ -81,8 +81,8 @@ def count_looks(
 
 @kernel
 def weights_of_looks(data: NDArray[np.int8], looks: Int32Array, left: FloatArray) -> FloatArray:
-    """(S, H, W) weight of a look from each of S sectors at each unknown cell after so many looks (S, H, W), 0 where
-    it is known. left: what n half looks leave; looks in the sectors beside count half."""
+    """(S, H, W) weight of a look from each of S sectors at each unknown cell after the looks (S, H, W), 0 for known
+    cells. left: weight left after n half looks; looks in adjacent sectors count half."""
     sectors, rows, columns = looks.shape
     weights = np.zeros((sectors, rows, columns))
     for k in range(sectors):

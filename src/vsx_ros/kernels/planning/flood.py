@@ -1,4 +1,4 @@
-"""How far it is to every position and heading of a map by arcs of one length, and from there to any pose."""
+"""Path length to every position and heading of a map by arcs of one length, and from there to any pose."""
 
 import math
 
@@ -10,19 +10,19 @@ from vsx_ros.kernels import kernel
 from vsx_ros.kernels.occupancy.clearance import DistanceField, interpolate
 from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, Lattice, arc_places, places_are_free
 
-UNREACHED = 16384  # arcs, more than any way has; half the range of int16
-_AROUND = 8  # cells; half of it to either side, about as far as an arc
+UNREACHED = 16384  # arcs, more than any path has; half the range of int16
+_AROUND = 8  # cells, half of them to each side: about the length of an arc
 
 
 @kernel
 def flood(
     field: DistanceField, start: FloatArray, phi: float, lattice: Lattice, max_reverse: float
 ) -> tuple[NDArray[np.int16], float]:
-    """Breadth first from a pose (3,) by arcs of one length, turning left, right or not by some heading bins.
+    """Breadth-first search from a pose (3,) by arcs of one length, turning left, right or not by some heading bins.
 
-    field: margin in which the way must not be negative. Every state is a heading bin and a cell of the lattice; the
-    position of its first arrival is kept exactly, so no error adds up. Returns level (headings, R, C) int16, arcs to
-    each state or UNREACHED, and the arcs' length [m]."""
+    field: margin, which must not be negative along the path. A state is a heading bin and a cell of the lattice; the
+    exact position of its first arrival is kept, so that errors do not accumulate. Returns level (headings, R, C) int16,
+    arcs to each state or UNREACHED, and the arcs' length [m]."""
     values, resolution, x0, y0 = field
     headings, bins, cell, _ = lattice
     rows = int(math.ceil(values.shape[0] * resolution / cell))
@@ -76,11 +76,11 @@ def flood_costs(
     level: NDArray[np.int16], step: float, start_theta: float, field: DistanceField, cell: float, phi: float,
     joined: BoolArray, poses: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(N,) travel length [m] to poses (N, 3): the least over the states around each, plus what remains from there.
+    """(N,) path length [m] to poses (N, 3): the least over the states around each, plus the rest from there.
 
-    level (headings, R, C) and step of ``flood`` in the margin field, with cells of size ``cell`` [m]. What remains is
-    estimated from the offset: along, aside and turn. A pose where the margin is negative or whose cell is not in joined
-    (H, W) bool is not reached: inf. Poses that share a position are answered sooner one after the other."""
+    level (headings, R, C) and step of ``flood`` in the margin field, with cells of size ``cell`` [m]. The rest is
+    estimated from the offset: along, sideways and turn. A pose with negative margin or outside joined (H, W) bool is
+    not reached: inf. Successive equal positions are faster."""
     _, resolution, x0, y0 = field
     headings, rows, columns = level.shape
     half = _AROUND // 2
@@ -103,7 +103,7 @@ def flood_costs(
             there = interpolate(field, x, y) >= 0.0
             u, v = int(math.floor((y - y0) / resolution)), int(math.floor((x - x0) / resolution))
             there = there and 0 <= u < joined.shape[0] and 0 <= v < joined.shape[1] and joined[u, v]
-            # The corner of the cells around, in the padded planes, and how far the pose is from the middle of it.
+            # The corner of the cells around, in the padded planes, and the offset of the pose from its middle.
             i, j = int(math.floor((y - y0) / cell + 0.5)), int(math.floor((x - x0) / cell + 0.5))
             dy0, dx0 = np.float32(y - y0 - (i - half + 0.5) * cell), np.float32(x - x0 - (j - half + 0.5) * cell)
         if not there:

@@ -1,4 +1,4 @@
-"""Searches over cells, and over cells and headings by arcs of bounded curvature to a goal."""
+"""Search over cells and headings by arcs of bounded curvature to a goal."""
 
 import math
 
@@ -20,11 +20,11 @@ from vsx_ros.kernels.planning.motions import (
 )
 from vsx_ros.kernels.planning.reeds_shepp import SEGMENTS, advance, reeds_shepp_shortest, room_for, shortest_word
 
-_BUCKETS = 4  # for each arc: ways in one are as good as equal
-_GREED = 1.2  # what is left counts so much: far fewer states for ways that are shortened afterwards anyway
-_SLACK = 1.0  # steps by which the guide may overestimate what is left
-_MOST_ARCS = 32_000  # of a way; int16 counts them
-_NEARER = 1.1  # by so much a word's length read from the table may fall short of it
+_BUCKETS = 4  # for each arc length: paths in one bucket count as equal
+_GREED = 1.2  # weight of the remaining length: far fewer states; paths are shortened afterwards
+_SLACK = 1.0  # steps by which the estimate may exceed the remaining length
+_MOST_ARCS = 32_000  # of a path; int16 counts them
+_NEARER = 1.1  # factor by which the table may underestimate a word's length
 
 
 @kernel
@@ -61,14 +61,14 @@ def lattice_search(
 ) -> tuple[FloatArray, IntArray, NDArray[np.int8], float, int]:  # fmt: skip
     """Search from a pose (3,) by arcs of one length, turning left, right or not by some heading bins, both ways.
 
-    field: margin in which the way must not be negative. Every state is a cell of the lattice and a heading bin; the
-    pose of its cheapest arrival is kept exactly, so no error adds up. An A* search to the goal (3,), greedy by a fifth:
-    remaining (H, W) [m] is a lower bound of what is left around the obstacles and ``table`` (``reeds_shepp_table``)
-    tells what is left without any; the shortest Reeds-Shepp word to the goal is tried on the way, and the search ends
-    when no state promises to improve on the best. No more than ``most_states`` arrivals are recorded.
+    field: margin, which must not be negative on the path. A state is a cell of the lattice and a heading bin; the exact
+    pose of its cheapest arrival is kept, so that no error adds up. A* search to the goal (3,), greedy by a fifth.
+    remaining (H, W) [m]: lower bound of the rest around obstacles; table (``reeds_shepp_table``): the rest without
+    obstacles. The shortest Reeds-Shepp word to the goal is tried on the way. It ends when no state can improve on the
+    best. At most ``most_states`` arrivals are recorded.
 
-    Returns poses (N, 3), parents (N,), motions (N,) of the arrivals, step [m] and the arrival from which the goal is
-    reached, -1 where it is not."""
+    Returns poses (N, 3), parents (N,), motions (N,) of the arrivals, step [m] and the arrival that reaches the goal, or
+    -1."""
     values, resolution, x0, y0 = field
     headings, bins, cell, most = lattice
     rows = int(math.ceil(values.shape[0] * resolution / cell))
@@ -83,7 +83,7 @@ def lattice_search(
     motions = np.empty(capacity, np.int8)
     reversed_m = np.empty(capacity)
     left_m = np.empty(capacity)
-    hopeful = np.ones(capacity, np.bool_)  # a word no shorter than the way around the obstacles may be free
+    hopeful = np.ones(capacity, np.bool_)  # words much shorter than the path around obstacles are not free
     following = np.empty(capacity, np.int64)
     way = room_for(1)
     arcs = arc_places(headings, start[2], step, phi, resolution)

@@ -1,5 +1,5 @@
-"""What searches over positions and headings look up: places along the arcs of one length they drive by, and lengths of
-shortest Reeds-Shepp words."""
+"""Tables for searches over positions and headings: places along arcs of one length, and lengths of shortest Reeds-Shepp
+words."""
 
 import math
 from typing import NamedTuple
@@ -15,13 +15,13 @@ BENDS = np.array([0, 1, -1, 0, 1, -1])
 SIGNS = np.array([1, 1, 1, -1, -1, -1])
 MOTIONS = 6  # Straight on, to the left and to the right; forwards, then in reverse
 
-TABLE_PLACES, TABLE_STEP, TABLE_HEADINGS = 33, 0.2, 32  # a quadrant of 6.4 radii; farther off turns add little
-_SPACING = 0.3  # of a cell of the margin field, at which an arc is looked at
+TABLE_PLACES, TABLE_STEP, TABLE_HEADINGS = 33, 0.2, 32  # a quadrant of 6.4 radii; farther away turns add little
+_SPACING = 0.3  # between tested places of an arc, in cells of the margin field
 
 
 class Lattice(NamedTuple):
-    """Heading bins, bins turned by one arc, cell size [m]: every arc must leave its cell and its bin.
-    most_states: where a search gives up."""
+    """Heading bins, bins turned by one arc, cell size [m]: every arc must leave its cell and its bin. most_states:
+    limit of a search."""
 
     headings: int
     bins: int
@@ -47,7 +47,7 @@ def arc_places(headings: int, theta: float, step: float, phi: float, resolution:
 def places_are_free(field: DistanceField, x: float, y: float, places: FloatArray, step: float) -> bool:
     """Whether an arc of length ``step`` from (x, y) by ``places`` (P, 2) stays where the field is not negative.
 
-    Places that the field proves free are passed over; the last one is looked at first."""
+    Places that the field proves free are skipped; the last one is tested first."""
     last = places.shape[0] - 1
     if interpolate(field, x + places[last, 0], y + places[last, 1]) < 0.0:
         return False
@@ -62,7 +62,7 @@ def places_are_free(field: DistanceField, x: float, y: float, places: FloatArray
 
 @kernel
 def arc_is_free(field: DistanceField, x: float, y: float, theta: float, kappa: float, length: float) -> bool:
-    """Whether an arc of signed length at curvature kappa (of the signed arc length) stays where the field is positive.
+    """Whether an arc of signed length at curvature kappa (of signed arc length) stays where the field is not negative.
 
     Steps as far as the field (of slope at most ``1 + ramp``) proves free, but at least a third of a cell."""
     total, sign, s = abs(length), 1.0 if length > 0.0 else -1.0, 0.0
@@ -80,8 +80,8 @@ def arc_is_free(field: DistanceField, x: float, y: float, theta: float, kappa: f
 def reeds_shepp_table() -> Float32Array:
     """(TABLE_PLACES, TABLE_PLACES, TABLE_HEADINGS + 1) float32: shortest lengths in radii from the origin.
 
-    x and y in steps of TABLE_STEP radii from 0 on, headings around the circle (the last as the first): a quadrant, the
-    others are its mirror images."""
+    x and y in steps of TABLE_STEP radii from 0 on, headings around the circle (the last equals the first). One
+    quadrant; the others are its mirror images."""
     out = np.empty((TABLE_PLACES, TABLE_PLACES, TABLE_HEADINGS + 1), np.float32)
     word = room_for(1)
     for i in range(TABLE_PLACES):
@@ -94,9 +94,9 @@ def reeds_shepp_table() -> Float32Array:
 
 @kernel
 def look_up_length(table: Float32Array, x: float, y: float, theta: float) -> float:
-    """About the shortest length in radii to (x, y, theta), x and y in radii; 0 outside the table.
+    """Approximate shortest length in radii to (x, y, theta), x and y in radii; 0 outside the table.
 
-    Interpolated in ``reeds_shepp_table``: a guide for searches, neither a lower bound nor an upper."""
+    Interpolated in ``reeds_shepp_table``: an estimate for searches, neither a lower nor an upper bound."""
     if x < 0.0:
         x, theta = -x, -theta
     if y < 0.0:

@@ -14,7 +14,7 @@ from vsx_ros.kernels.planning.reeds_shepp import advance
 from vsx_ros.kernels.planning.shortcuts import random_unit
 
 BENDS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
-_FAVOURABLE = 0.15  # share of the samples that are drawn where one segment leads to the goal
+_FAVOURABLE = 0.15  # share of the samples drawn where one segment leads to the goal
 
 
 @kernel
@@ -31,7 +31,7 @@ def cone(x: float, y: float, d: float, phi: float) -> tuple[float, float]:
 
 @kernel
 def _last_leg_is_free(field: DistanceField, pose: FloatArray, goal: FloatArray, phi: float, direction: float) -> bool:
-    """Whether straight, arc, straight joins two poses in one direction over free ground."""
+    """Whether straight, arc, straight in one direction joins two poses over free ground."""
     dx, dy = goal[0] - pose[0], goal[1] - pose[1]
     c, s = math.cos(pose[2]), math.sin(pose[2])
     turn = goal[2] - pose[2]
@@ -51,7 +51,7 @@ def _last_leg_is_free(field: DistanceField, pose: FloatArray, goal: FloatArray, 
 
 @kernel
 def random_pose(field: DistanceField, open_cells: IntArray, state: NDArray[np.uint64], pose: FloatArray) -> None:
-    """Fill pose (3,): somewhere in one of the cells, which are flat indices (M,), with any heading."""
+    """Fill pose (3,) with a random place in one of the cells, given as flat indices (M,), and a random heading."""
     columns = field.values.shape[1]
     cell = open_cells[int(random_unit(state) * open_cells.shape[0])]
     pose[0] = field.origin_x + (cell % columns + random_unit(state)) * field.resolution
@@ -61,7 +61,7 @@ def random_pose(field: DistanceField, open_cells: IntArray, state: NDArray[np.ui
 
 @kernel
 def favourable_pose(goal: FloatArray, phi: float, state: NDArray[np.uint64], pose: FloatArray) -> None:
-    """Fill pose (3,): the goal is a straight line, an arc and a straight line away, all drawn and backed out."""
+    """Fill pose (3,) with a pose from which a random straight, arc and straight lead to the goal."""
     d = (0.5 + 2.1 * random_unit(state)) * (1.0 if random_unit(state) < 0.5 else -1.0)
     direction = 1.0 if random_unit(state) < 0.5 else -1.0
     x, y, theta = advance(goal[0], goal[1], goal[2], 0.0, -direction * random_unit(state), phi)
@@ -71,7 +71,7 @@ def favourable_pose(goal: FloatArray, phi: float, state: NDArray[np.uint64], pos
 
 @kernel
 def pose_distance(a: FloatArray, b: FloatArray, phi: float, below: float) -> float:
-    """How far pose a (3,) is from b (3,) [m], a part of the turn included, unless it is not ``below`` anyway."""
+    """Distance [m] of pose a (3,) from b (3,), plus a share of the turn if the distance is less than ``below``."""
     d: float = math.hypot(a[0] - b[0], a[1] - b[1])
     if d >= below:
         return d

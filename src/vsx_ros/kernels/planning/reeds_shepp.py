@@ -12,15 +12,15 @@ import numpy as np
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.kernels import kernel
 
-MAX_WORDS = 48  # all that Reeds and Shepp name
+MAX_WORDS = 48  # all words of Reeds and Shepp
 SEGMENTS = 5  # of the longest word
 _HALF_PI = 0.5 * math.pi
 _ZERO, _NEARLY = 1e-10, 1e-8  # rad: rounding of a sum, and of a root
-LONGER = 1e300  # Than any word
+LONGER = 1e300  # than any word
 
 
 class Words(NamedTuple):
-    """A word a row: turns (N, SEGMENTS) +1 left, -1 right, 0 straight; lengths (N, SEGMENTS), negative in reverse."""
+    """One word a row: turns (N, SEGMENTS) +1 left, -1 right, 0 straight; lengths (N, SEGMENTS), negative in reverse."""
 
     turns: IntArray
     lengths: FloatArray
@@ -28,7 +28,7 @@ class Words(NamedTuple):
 
 @kernel
 def room_for(count: int) -> Words:
-    """So many words of no length."""
+    """``count`` words of length 0."""
     return Words(np.zeros((count, SEGMENTS), np.int64), np.zeros((count, SEGMENTS)))
 
 
@@ -39,8 +39,8 @@ def _wrap(a: float) -> float:
 
 @kernel
 def _first_arc(xi: float, eta: float, sine: float, cosine: float, same: bool) -> float:
-    """The first arc of the words with four, whose second turns by an angle of this sine and cosine: (8.7), or (8.8)
-    where the third turns the ``same`` way round."""
+    """First arc of a word of four arcs, from sine and cosine of the second arc's angle: (8.7), or (8.8) if the third
+    arc turns the ``same`` way."""
     sine_off, cosine_off = (0.0, 1.0) if same else (2.0 * sine * cosine, 2.0 * cosine * cosine - 1.0)
     a, b = sine - sine_off, cosine - cosine_off - 1.0
     side = -1.0 if 2.0 * cosine_off - 4.0 * cosine + 3.0 < 0.0 else 1.0
@@ -53,8 +53,8 @@ def _store(
     words: Words, n: int, best: float, reverse: bool, flip: bool, mirror: bool, turns: tuple[int, ...],
     lengths: tuple[float, ...],
 ) -> tuple[int, float]:  # fmt: skip
-    """Append a word, undoing time flip, reflection and reversal of the order; or, where best is finite, replace the
-    one word there is if the new one is shorter. Returns the number of words and the best length."""
+    """Append a word after undoing time flip, reflection and reversal of the order. If best is finite, replace the only
+    word when the new one is shorter. Returns the number of words and the best length."""
     m = len(turns)
     total = 0.0
     for i in range(m):
@@ -73,10 +73,10 @@ def _store(
 
 @kernel
 def _words(x: float, y: float, theta: float, best: float, words: Words) -> int:
-    """Words from the origin to (x, y, theta): all of them where best is infinite, else the shortest below best.
+    """Words from the origin to (x, y, theta): all of them if best is infinite, else the shortest below best.
 
-    What cannot be a word, or not be shorter than the best so far, is seen before any angle is computed: the first arc
-    must not turn by less than nothing, and all arcs turn by ``least`` together."""
+    Words that are impossible, or not shorter than the best so far, are rejected before any angle is computed: the first
+    arc must not be negative, and all arcs together turn by ``least`` or more."""
     n = 0
     theta = _wrap(theta)
     sine, cosine, least = math.sin(theta), math.cos(theta), abs(theta)
@@ -184,7 +184,7 @@ def reeds_shepp_words(x: float, y: float, theta: float) -> Words:
 def reeds_shepp_shortest(x: float, y: float, theta: float, word: Words, below: float = LONGER) -> float:
     """Length in turning radii of the shortest word, which becomes the first row of ``word``.
 
-    Infinite where none is shorter than ``below``, which is known the sooner the less that is."""
+    Infinite where none is shorter than ``below``; a smaller ``below`` is faster."""
     if _words(x, y, theta, min(below, LONGER), word) == 0:
         return np.inf
     total = 0.0

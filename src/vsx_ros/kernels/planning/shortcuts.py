@@ -99,7 +99,7 @@ def shorten(
             signed = part if way_lengths[k] > 0.0 else -part
             x, y, theta = advance(at[k, 0], at[k, 1], at[k, 2], way_turns[k], signed, phi)
             ends[end, 0], ends[end, 1], ends[end, 2] = x, y, theta
-        # What it replaces, and every stop of the way if it came to that: a longer word is no gain.
+        # The replaced length plus the cost of all changes of direction: a longer word is no gain.
         below = second - first + cost - total
         if shortest_word(ends[0], ends[1], phi, word, below) == np.inf:
             continue
@@ -131,7 +131,7 @@ def shorten(
             and new_run <= max(max_reverse, run) + 1e-9
             and word_is_free(field, ends[0, 0], ends[0, 1], ends[0, 2], word_turns, word_lengths, phi)
         ):
-            # Join neighbours that bend alike in the same direction.
+            # Join neighbours with the same turn and direction.
             n = 0
             for k in range(count):
                 if n > 0 and way_turns[n - 1] == new_turns[k] and way_lengths[n - 1] * new_lengths[k] > 0.0:

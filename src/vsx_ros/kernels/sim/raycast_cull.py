@@ -2,8 +2,8 @@
 
 A quad P + u U + v V (0 <= u, v <= 1) seen along the ray d (camera frame, z = 1) is hit at u = a/c, v = b/c, inverse
 depth c, where (a, b, c) = M d: three linear forms per quad and pose (Moeller and Trumbore's solution written as a
-matrix). Being linear, their extremes over a rectangle of rays sit at its corners, which makes culling exact, and their
-values vary linearly between the two poses that bound a row of tiles, which gives the rolling shutter."""
+matrix). Linear forms have their extremes over a rectangle of rays at its corners, so culling is exact. Between the two
+poses that bound a row of tiles they vary linearly, which gives the rolling shutter."""
 
 from typing import NamedTuple
 
@@ -30,8 +30,8 @@ class Scene(NamedTuple):
 
 @kernel
 def plane_forms(scene: Scene, R: FloatArray, t: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Linear forms (S, B, Q, 9) of the quads, and which quads (K,) the camera may see; those of others are left out. R
-    (S, B, 3, 3), t (S, B, 3): camera poses (T_world_cam) of sub-frame s at tile-row border b. A quad is seen when U x V
+    """Linear forms (S, B, Q, 9) of the quads, and which quads (K,) the camera may see; forms of others stay zero. R (S,
+    B, 3, 3), t (S, B, 3): camera poses (T_world_cam) of sub-frame s at tile-row border b. A quad is seen when U x V
     points away from the camera (u right, v down), at every pose."""
     P, U, V = scene.P, scene.U, scene.V
     forms, visible = np.zeros((R.shape[0], R.shape[1], P.shape[0], 9)), np.ones(P.shape[0], np.bool_)
@@ -74,7 +74,7 @@ def _lowest(e0: float, e1: float, e2: float, x0: float, x1: float, y0: float, y1
 
 @kernel
 def overlap(forms: FloatArray, b: int, q: int, x0: float, x1: float, y0: float, y1: float) -> int:
-    """0: no ray of the rectangle can hit the quad; 1: some may; 2: all do. Over both borders and outer sub-frames."""
+    """0: no ray of the rectangle can hit the quad; 1: some may; 2: all do. For both borders and outer sub-frames."""
     last = forms.shape[0] - 1
     out0 = out1 = out2 = out3 = out4 = True
     full = True

@@ -1,5 +1,5 @@
-"""Lists of pixels in scratch memory, filled from the rays of a tile and laid into the picture once they are shaded, and
-the bytes that a sensor makes of the picture (vignetting, gain, photon and read noise, response curve)."""
+"""Pixel lists in scratch memory, filled from the rays of a tile and added to the picture after shading, and the sensor
+that turns the picture into bytes (vignetting, gain, photon and read noise, response curve)."""
 
 from typing import NamedTuple
 

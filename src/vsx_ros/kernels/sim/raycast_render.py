@@ -95,7 +95,7 @@ def _edge_weights(
 
 @kernel
 def _enter_won(area: Area, view: View, k: int, scratch: Scratch) -> int:
-    """List the pixels of a tile whose rays the quad in place k wins, row by row; how many."""
+    """List the pixels of a tile whose rays the quad in place k wins, row by row; returns their number."""
     y0, y1, x0, x1 = area
     winner, count = scratch.winner, 0
     for y in range(y0, y1):
@@ -126,7 +126,7 @@ def _covered_tile(area: Area, view: View, ty: int, quads: IntArray, scratch: Scr
 
 @kernel
 def _jitter(s: int, sub_frames: int) -> np.float32:
-    """Where between two mip levels sub-frame s decides; -1 without sub-frames."""
+    """Position of sub-frame s between two mip levels; -1 without sub-frames."""
     return np.float32(-1.0) if sub_frames == 1 else np.float32((s + 0.5) / sub_frames)
 
 

@@ -37,8 +37,8 @@ INVERSE_OF_3 = np.int32(-1431655765)
 
 class Scratch(NamedTuple):
     """Memory of one tile: float rows, the same memory as bits, integer rows; m (K, 18): forms of the quads at its upper
-    border and their change to the lower one; depth and place in m of the nearest quad of each ray; pixels at the edges
-    of quads (N,) and how much of them each quad covers (N, K)."""
+    border and their change to the lower one; inverse depth and place in m of the nearest quad of each ray; pixels at
+    the edges of quads (N,) and how much of them each quad covers (N, K)."""
 
     f: Float32Array
     bits: Int32Array
@@ -154,8 +154,8 @@ def _level(f: Float32Array, g: Int32Array, n: int, above: np.int32, base: np.int
 
 @kernel
 def _level_of_detail(f: Float32Array, bits: Int32Array, n: int, share: np.float32, jitter: np.float32) -> None:
-    """LOD = the wanted mip level of a probe of this share of the major axis, SUM = 0; MIX = how much of the next level
-    there is to be in the blend, none where jitter >= 0."""
+    """LOD = the wanted mip level of a probe of this share of the major axis, SUM = 0; MIX = weight of the next level in
+    the blend, 0 where jitter >= 0."""
     for i in range(n):
         f[LOD + i] = max(max(f[MIX + i], f[LOD + i] * share), F1)
     for i in range(n):

@@ -25,8 +25,8 @@ from vsx_ros.kernels.slam.schur import (
 
 
 class Progress(NamedTuple):
-    """How far an adjustment is: the damping of its next step and its growth when that fails, whether it has come to its
-    end."""
+    """State of an adjustment: damping of the next step, its growth when that step fails, and whether the adjustment is
+    finished."""
 
     damping: float
     growth: float
@@ -34,7 +34,7 @@ class Progress(NamedTuple):
 
 
 START = Progress(1e-4, 2.0, False)
-# A step that lowers the cost by a smaller part of it is the last.
+# A step that lowers the cost by a smaller share is the last.
 LEAST_GAIN = 1e-4
 
 
@@ -51,7 +51,7 @@ class Estimate(NamedTuple):
 
 @kernel
 def fill_residuals(K: FloatArray, now: Estimate, observed: Observations) -> None:
-    """Fill the residuals and squares of an estimate; residuals behind the camera are left."""
+    """Fill the residuals and squares of an estimate; residuals behind the camera stay unchanged."""
     R, t, points, res, e = now
     for o in range(e.shape[0]):
         f, p = observed.frame[o], observed.point[o]
@@ -142,7 +142,7 @@ def _system(
     pattern: Pattern, now: Estimate, factors: Factors, floor: Floor, H: FloatArray, damping: float, blocks: FloatArray,
     rhs: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill blocks with the frames' own share of the system, damped; add the factors' and the floor's to rhs."""
+    """Fill blocks with the frames' own part of the system, damped; add the factors' and the floor's to rhs."""
     blocks[:, :, :] = 0.0
     for i in range(H.shape[0]):
         for a in range(6):
@@ -159,7 +159,7 @@ def _system(
 
 @kernel
 def _move(number: IntArray, step: FloatArray, now: Estimate, trial: Estimate) -> None:
-    """Fill the free frames of a trial: those of now after their step (n, 6)."""
+    """Fill the free frames of trial with those of now after their step (n, 6)."""
     for f in range(number.shape[0]):
         if number[f] >= 0:
             dR, dt = exp_se3(step[number[f]])
@@ -173,9 +173,9 @@ def adjust(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, int, Progress]:  # fmt: skip
     """Refine frames T_cam_world (R0 (F, 3, 3), t0 (F, 3)) and points0 (M, 3).
 
-    free (F,): 0..n-1 for frames that move, -1 for fixed ones. progress: START, or what an earlier call returned that is
-    to be continued. Returns R, t, points, squared weighted residuals (O,), sigma [px], accepted steps, progress. At
-    most ``iterations`` trials, whatever happens."""
+    free (F,): 0..n-1 for frames that move, -1 for fixed ones. progress: START, or that of an earlier call to continue.
+    Returns R, t, points, squared weighted residuals (O,), sigma [px], accepted steps, progress. Makes at most
+    ``iterations`` trials."""
     pattern = pattern_of(free, observed, factors.a, factors.b)
     n_obs = observed.frame.shape[0]
     now = Estimate(

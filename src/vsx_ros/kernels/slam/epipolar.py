@@ -47,7 +47,7 @@ def _at_inverse_depth(
 
 
 class Memory(NamedTuple):
-    """Of a search: the template (10, 10) as warped last, its core (64,), no offset (2,), and three warps (4,)."""
+    """Memory of a search: the last warped template (10, 10), its core (64,), zero offset (2,), and three warps (4,)."""
 
     warped: Int32Array
     core: Int32Array
@@ -62,8 +62,8 @@ def _search_ray(
     camera: FloatArray, R: FloatArray, t: FloatArray, ray: FloatArray, basis: FloatArray, patch: NDArray[np.uint8],
     far: float, near: float, target: Target, template: Int32Array, memory: Memory,
 ) -> tuple[int, int]:  # fmt: skip
-    """(corner, level) where a patch is found along its ray between two inverse depths, corner -1 where it is nowhere or
-    not distinct; fills template (10, 10)."""
+    """(corner, level) where a patch is found along its ray between two inverse depths, corner -1 if not found or not
+    distinct; fills template (10, 10)."""
     warped, core, centred, A, B, w = memory
     best, second, winner, winner_level = np.inf, np.inf, -1, 0
     energy, contrast, last_left, last_level, usable = 0.0, 0.0, -1.0, -1, False
@@ -119,10 +119,10 @@ def search_rays(
 ) -> tuple[BoolArray, FloatArray, IntArray]:  # fmt: skip
     """Find source patches in a target image somewhere along their rays.
 
-    R, t: T_target_source. rays (C, 2): on the plane z = 1 of the source; basis (C, 4) as in ``predict``; patches
-    (C, 24, 24); inverse_depth (C, 2): (far, near) bounds [1/m]. The image is walked in steps of 2.5 level px; the
-    patch is warped again whenever its scale changed by 12 %. A match must be 1.25 times better than any other corner
-    at least 4 level px away.
+    R, t: T_target_source. rays (C, 2): on the plane z = 1 of the source; basis (C, 4) as in ``predict``; patches (C,
+    24, 24); inverse_depth (C, 2): (far, near) bounds [1/m]. The search moves in steps of 2.5 level px; the patch is
+    warped again whenever its scale has changed by 12 %. A match must be 1.25 times better than any other corner at
+    least 4 level px away.
     Returns found (C,) bool, position (C, 2) level-0 px, level (C,)."""
     n = rays.shape[0]
     found, position, level = np.zeros(n, np.bool_), np.zeros((n, 2)), np.zeros(n, np.int64)

@@ -1,8 +1,8 @@
-"""What ties frames in a bundle adjustment beside their points: relative poses between them (wheel odometry), and the
-floor that a robot's wheels never leave (height, roll and pitch of its base against zero).
+"""Factors between frames of a bundle adjustment besides points: relative poses (wheel odometry), and the floor on which
+a robot stands (height, roll and pitch of its base are zero).
 
-Perturbation as in ``pose``: T_cam_world <- exp(xi) T_cam_world. Beyond HUBER standard deviations a factor pulls
-linearly, so that a slip, a sill or a lift by hand does not bend the map."""
+Perturbation as in ``pose``: T_cam_world <- exp(xi) T_cam_world. Beyond HUBER standard deviations a factor's cost is
+linear, so that a slip, a sill or a lift by hand does not bend the map."""
 
 import math
 from typing import NamedTuple
@@ -29,7 +29,7 @@ class Factors(NamedTuple):
 
 
 def no_factors() -> Factors:
-    """Nothing is measured between frames."""
+    """No measurements between frames."""
     none = np.zeros(0, np.int64)
     return Factors(a=none, b=none, R=np.zeros((0, 3, 3)), t=np.zeros((0, 3)), information=np.zeros((0, 6, 6)))
 
@@ -232,8 +232,8 @@ def add_floor(blocks: FloatArray, g: FloatArray, R: FloatArray, t: FloatArray, p
 
 @kernel
 def hold_anchor(blocks: FloatArray, R: FloatArray, pattern: Pattern, floor: Floor) -> None:
-    """Forbid the anchor what the floor does not tell (x, y and yaw): the world's place. Call after the damping, which
-    would else take the stiffness for a scale."""
+    """Fix the anchor where the floor does not (x, y and yaw): it defines the world. Call after the damping, which would
+    otherwise scale with the stiffness."""
     if floor.anchor < 0 or pattern.number[floor.anchor] < 0:
         return
     A = R[floor.anchor]

@@ -20,7 +20,7 @@ def tukey_sigma(squared: FloatArray, n: int, sigma_min: float) -> float:
     if n < 6:
         return max(sigma_min, 4.0)
     to_sigma = TO_SIGMA * (1.0 + 5.0 / (2.0 * n - 6.0))
-    # Counting tells whether the median is below the floor, and is much faster than finding it.
+    # Counting shows whether the median is below the floor, and is much faster than finding it.
     floor = (sigma_min / to_sigma) * (sigma_min / to_sigma)
     below = 0
     for i in range(n):
@@ -71,7 +71,7 @@ def add_observation(
 
 @kernel
 def _undistorted(camera: FloatArray, uv: FloatArray, index: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Pixels (N, 2) from the principal point, freed from distortion, and shares of the readout (N,) of some of uv."""
+    """Undistorted pixels (N, 2) from the principal point, and shares of the readout (N,), of uv at index (N,)."""
     n = index.shape[0]
     observed, share = np.empty((n, 2)), np.empty(n)
     for k in range(n):
@@ -87,8 +87,8 @@ def _solve_with_prior(
     H: FloatArray, g: FloatArray, prior: FloatArray, variance: float, drift: FloatArray, A: FloatArray,
     step: FloatArray,
 ) -> bool:  # fmt: skip
-    """Fill the step of the normal equations H, g and of a diagonal pull back along the drift so far, which it moves;
-    False where A, filled with their matrix, is singular."""
+    """Fill step with the solution of H, g and a diagonal prior that pulls back the drift so far; add step to drift.
+    Fills A with the matrix; False when it is singular."""
     for a in range(6):
         for b in range(a, 6):
             A[a, b] = H[a, b]
@@ -107,8 +107,8 @@ def _residuals(
     camera: FloatArray, R: FloatArray, t: FloatArray, points: FloatArray, rows: IntArray, level: IntArray,
     index: IntArray, observed: FloatArray, share: FloatArray, cam: FloatArray, res: FloatArray, squared: FloatArray,
 ) -> int:  # fmt: skip
-    """Fill the points in the camera (N, 3), weighted residuals (N, 2) and the squares of those in front of it; how
-    many."""
+    """Fill the points in the camera (N, 3), weighted residuals (N, 2) and the squares of those in front of it; returns
+    their number."""
     m = 0
     for i in range(index.shape[0]):
         p = rows[index[i]]
@@ -129,7 +129,7 @@ def _normal_equations(
     K: FloatArray, cam: FloatArray, res: FloatArray, level: IntArray, index: IntArray, limit: float,
     weights: FloatArray, H: FloatArray, g: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill H (6, 6; upper triangle), g (6,) and Tukey's weights of the matches, zero from the square ``limit``."""
+    """Fill H (6, 6; upper triangle), g (6,) and Tukey weights of the matches, zero from the square ``limit`` on."""
     H[:, :] = 0.0
     g[:] = 0.0
     for i in range(index.shape[0]):
@@ -153,14 +153,14 @@ def optimize_pose(
     level: IntArray, found: BoolArray, prior_information: FloatArray, wide: int, iterations: int, sigma_min: float,
     sigma_max: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:  # fmt: skip
-    """Tukey-weighted Gauss-Newton on T_cam_world, on pixels freed from distortion.
+    """Tukey-weighted Gauss-Newton on T_cam_world, on undistorted pixels.
 
-    points (P, 3) world; of the matches rows (S,), uv (S, 2) level-0 px, level (S,) those with found (S,) are used,
-    each with sigma 2^level. prior_information (6,): diagonal pull towards the start. Returns R, t, weights (S,) in
-    [0, 1] (0: outlier or not found), information (6, 6), sigma [px].
-    The first ``wide`` iterations keep sigma wide so that a bad start does not reject everything. Then what is an
-    outlier is told by a sigma of at most ``sigma_max``: residuals of matches from a small circle are all small, and
-    their median says that wrong ones fit. The sigma returned is the one that they show."""
+    points (P, 3) world. Matches: rows (S,), uv (S, 2) level-0 px, level (S,); those with found (S,) are used, each with
+    sigma 2^level. prior_information (6,): diagonal pull towards the start. Returns R, t, weights (S,) in [0, 1] (0:
+    outlier or not found), information (6, 6), sigma [px].
+    The first ``wide`` iterations keep sigma wide so that a bad start does not reject everything. Later, a sigma of at
+    most ``sigma_max`` rejects outliers: matches from a small circle all have small residuals, and by their median wrong
+    ones would fit. The returned sigma is not limited."""
     K, index = camera[:4], np.flatnonzero(found)
     n = index.shape[0]
     observed, share = _undistorted(camera, uv, index)

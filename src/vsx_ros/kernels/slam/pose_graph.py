@@ -30,7 +30,7 @@ class Edges(NamedTuple):
 
 @kernel
 def edge_residual(R: FloatArray, t: FloatArray, s: FloatArray, edges: Edges, e: int) -> FloatArray:
-    """(7,) what edge e finds wrong with its two nodes."""
+    """(7,) residual of edge e at its two nodes."""
     a, b = edges.a[e], edges.b[e]
     Ra, ta, Rb, tb, Zr, zt = R[a], t[a], R[b], t[b], edges.R[e], edges.t[e]
     r = np.empty(NODE_DOF)
@@ -150,7 +150,7 @@ def optimize_graph(
     """Levenberg-Marquardt on all nodes but those ``held`` (K,).
 
     R (K, 3, 3), t (K, 3), s (K,): T_world_node. free_scale False keeps every s. Returns R, t, s and half the weighted
-    squared error reached. A node that no edge leads to a held one stays where it is."""
+    squared error reached. A node that no edges connect to a held one stays where it is."""
     D = NODE_DOF if free_scale else NODE_DOF - 1
     free = np.where(held, -1, np.cumsum(~held) - 1)
     n = int(np.count_nonzero(~held))
@@ -186,8 +186,8 @@ def optimize_graph(
 
 @kernel
 def count_shared(rows: IntArray, ends: IntArray, n_points: int) -> IntArray:
-    """(N, N) how many of n_points points each two of N keyframes share; keyframe n sees the rows up to ends[n], after
-    those of keyframe n - 1."""
+    """(N, N) number of points, of n_points, that each two of N keyframes share. Keyframe n sees the rows up to ends[n]
+    that follow those of keyframe n - 1."""
     n = len(ends)
     first = np.zeros(n_points + 1, np.int64)
     for row in rows:

@@ -1,5 +1,5 @@
-"""Points eliminated from a bundle adjustment (Schur complement): the sparse system of the frames alone, and the points
-that belong to its solution."""
+"""Eliminates points from a bundle adjustment (Schur complement): the sparse system of the frames alone, and the points
+that follow from its solution."""
 
 import math
 from typing import NamedTuple
@@ -12,8 +12,8 @@ from vsx_ros.kernels.linalg.frontal import elimination
 
 
 class Observations(NamedTuple):
-    """O observations sorted by point: those of point p from start[p] on (M + 1,). point, frame (O,): who sees what; xy
-    (O, 2) undistorted px; weight (O,) = 2^-level."""
+    """O observations sorted by point: those of point p from start[p] on (M + 1,). point, frame (O,): which frame sees
+    which point; xy (O, 2) undistorted px; weight (O,) = 2^-level."""
 
     start: IntArray
     point: IntArray
@@ -36,7 +36,7 @@ class Blocks(NamedTuple):
 
 @kernel
 def room_for(n: int, points: int, observations: int) -> Blocks:
-    """Blocks of so many free frames, points and observations."""
+    """Blocks for n free frames, points and observations."""
     L, W = np.zeros((points, 6)), np.empty((observations, 3, 6))
     return Blocks(
         H=np.zeros((n, 6, 6)), g=np.zeros((n, 6)), V=np.zeros((points, 6)), gp=np.zeros((points, 3)), W=W, L=L
@@ -131,7 +131,7 @@ def _forward(
 
 @kernel
 def _members(number: IntArray, obs_frame: IntArray, W: FloatArray, first: int, beyond: int, members: IntArray) -> int:
-    """Fill members with the inlying observations of one point in free frames, in the order of elimination."""
+    """Fill members with the inlier observations of one point in free frames, in the order of elimination."""
     count = 0
     for o in range(first, beyond):
         i = number[obs_frame[o]]
@@ -172,7 +172,7 @@ def reduce_points(
                 Z[k, 0, a], Z[k, 1, a], Z[k, 2, a] = z0, z1, z2
                 rhs[at[k], a] -= z0 * y0 + z1 * y1 + z2 * y2
         for m in range(count):
-            # Spelled out, these loads stay outside of the loop over k: a tenth of the whole adjustment.
+            # Written out, these loads stay outside of the loop over k: saves a tenth of the adjustment.
             a0, a1, a2, a3, a4, a5 = Z[m, 0, 0], Z[m, 0, 1], Z[m, 0, 2], Z[m, 0, 3], Z[m, 0, 4], Z[m, 0, 5]
             b0, b1, b2, b3, b4, b5 = Z[m, 1, 0], Z[m, 1, 1], Z[m, 1, 2], Z[m, 1, 3], Z[m, 1, 4], Z[m, 1, 5]
             c0, c1, c2, c3, c4, c5 = Z[m, 2, 0], Z[m, 2, 1], Z[m, 2, 2], Z[m, 2, 3], Z[m, 2, 4], Z[m, 2, 5]
@@ -192,7 +192,7 @@ def reduce_points(
 def back_substitute(
     number: IntArray, observed: Observations, linear: Blocks, step: FloatArray, points: FloatArray, moved: FloatArray
 ) -> None:
-    """Fill moved (M, 3): points after the step that belongs to the frames' step (n, 6)."""
+    """Fill moved (M, 3) with the points after the step that follows from the frames' step (n, 6)."""
     _, _, _, gp, W, L = linear
     for p in range(points.shape[0]):
         moved[p, 0], moved[p, 1], moved[p, 2] = points[p, 0], points[p, 1], points[p, 2]

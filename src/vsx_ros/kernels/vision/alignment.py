@@ -10,8 +10,8 @@ from vsx_ros.kernels.linalg.cholesky import factor_in_place, solve_factored
 
 ONE = np.uint64(1)
 CONVERGED_PX = 0.01
-GAINS = (0.4, 2.5)  # what light may have done from one to the other; a negative is another image
-# Times the mean difference, from where a pixel counts by half; and the least of it, in grey levels: noise of the image.
+GAINS = (0.4, 2.5)  # allowed change of brightness; a negative is another image
+# Factor on the mean difference at which a pixel has half weight; least such difference [grey levels]: image noise.
 ROBUST, LEAST_DIFFERENCE = 1.5, 0.5
 
 
@@ -33,8 +33,8 @@ def _linearise(
 ) -> tuple[float, float, int]:  # fmt: skip
     """Fill the normal equations H (5, 5; upper triangle), b (5,) at a motion (5,): tx, ty, a, mean, gain.
 
-    Pixels count the less the more they differ from what is expected (Cauchy weights; scale: infinite, all alike).
-    Returns the sums of squares and of absolute differences, and the number of pixels."""
+    Pixels with larger differences have less weight (Cauchy weights; with an infinite scale all are equal). Returns the
+    sums of squares and of absolute differences, and the number of pixels."""
     height, width = reference.shape
     tx, ty, a, mean, gain = motion[0], motion[1], motion[2], motion[3], motion[4]
     cx, cy, c, s = 0.5 * (width - 1), 0.5 * (height - 1), math.cos(a), math.sin(a)
@@ -90,9 +90,9 @@ def align_small(reference: Float32Array, current: Float32Array, iterations: int)
     """Planar motion from one (h, w) float32 image to another: current(Rot(a) x + (tx, ty)) = gain reference(x) + mean.
 
     x is measured from the image centre. At most ``iterations`` steps. Returns tx, ty [small px], a [rad] and the mean
-    squared difference over the overlap (but for a last step below 0.01 px). Efficient second-order: mean of both
-    gradients (Benhimane and Malis 2004). What moves otherwise, or stands in the image like a reflection, counts little:
-    pixels that differ by more than is usual (the mean of the step before) are weighed down."""
+    squared difference over the overlap (before a last step below 0.01 px). Efficient second-order: mean of both
+    gradients (Benhimane and Malis 2004). Other moving things and reflections count little: pixels with more than the
+    usual difference (mean of the step before) get less weight."""
     height, width = reference.shape
     motion, step, H = np.zeros(5), np.zeros(5), np.zeros((5, 5))
     motion[4], score, scale = 1.0, np.inf, np.inf

@@ -1,8 +1,8 @@
 """8x8 patches: squared differences at corners, inverse-compositional sub-pixel alignment (Klein and Murray 2007, 5.4).
 
 A template of a map point is a 24x24 uint8 patch of its source level; the point itself is at (12, 12) plus an offset
-within half a pixel. Light changes: patches are compared after the gain and the offset that make the image most like the
-template, which is what normalised correlation does (within ``GAINS``)."""
+within half a pixel. Light changes: patches are compared after the gain and offset that fit the image best to the
+template, as in normalised correlation (within ``GAINS``)."""
 
 import math
 from typing import NamedTuple
@@ -21,7 +21,7 @@ _ITERATIONS = 10
 # A match is judged against the template's own contrast: loosely at whole pixels (half a pixel of misfit costs much
 # on a sharp edge), strictly once it is aligned. The floor is what sensor noise alone costs.
 MAX_SHARE, MAX_ALIGNED_SHARE, NOISE_FLOOR = 0.55, 0.22, 2000.0
-# What light may have done to a patch: more makes any bare wall look like a faint template, and noise like a sharp one.
+# Allowed gain by light: with more, any bare wall matches a faint template, and noise a sharp one.
 GAINS = (0.4, 2.5)
 
 
@@ -45,7 +45,7 @@ def quantize(template: Int32Array, core: Int32Array) -> float:
         for i in range(8):
             total = I32(total + template[np.uint64(j + 1), np.uint64(i + 1)])
     mean = I32(total >> I32(6))
-    # So many pixels give 1/16 more, so that the sum is zero exactly: the image's mean then does not count.
+    # So many pixels lose 1/16 more, so that the sum is exactly zero and the image's mean has no effect.
     left = I32(total - I32(mean * I32(64)))
     for j in range(8):
         for i in range(8):
@@ -58,8 +58,8 @@ def quantize(template: Int32Array, core: Int32Array) -> float:
 
 @part
 def relit_difference(energy: float, contrast: float, product: float) -> float:
-    """Sum of squared differences between a template of that contrast and an image of that energy (sums of squares about
-    the means; product: the sum of their products) after the best gain and offset of the image."""
+    """Sum of squared differences between a template of given contrast and an image of given energy (sums of squares
+    about the means; product: the sum of their products) after the best gain and offset of the image."""
     gain = min(max(product / max(energy, 1.0), GAINS[0]), GAINS[1])
     return contrast - gain * (2.0 * product - gain * energy)
 
@@ -155,8 +155,8 @@ def misfit(
     """Sums over 8x8 of r gx, r gy, r core, r and r^2, where r is the image's grey level at (fx, fy) right of and below
     ``start`` minus the template's. Grey levels and px.
 
-    In whole numbers (1/16 grey levels, weights of 1/4096 px), whose sums the compiler may reorder and vectorise; none
-    of them reaches 2^31. It does so only where every product is cut to 32 bits at once."""
+    Integers (1/16 grey levels, weights of 1/4096 px), so that the compiler can reorder and vectorise the sums; none of
+    them reaches 2^31. It vectorises only if every product is cut to 32 bits at once."""
     w11 = I32(fx * fy * 4096.0)
     w10 = I32(I32(fx * 4096.0) - w11)
     w01 = I32(I32(fy * 4096.0) - w11)
@@ -192,7 +192,7 @@ def refine(
     offset, height, width = layout[0], layout[1], layout[2]
     gx, gy = np.empty(64, np.int32), np.empty(64, np.int32)
     h = slopes(template, core, gx, gy)
-    # Gain and offset are eliminated first (projected out: Baker and Matthews, IJCV 2004, part 3); what is left is 2x2.
+    # Gain and offset are eliminated first (projected out: Baker and Matthews, IJCV 2004, part 3); the rest is 2x2.
     contrast = max(contrast, 1.0)
     s00 = h.xx - h.x * h.x / 64.0 - h.core_x * h.core_x / contrast
     s01 = h.xy - h.x * h.y / 64.0 - h.core_x * h.core_y / contrast

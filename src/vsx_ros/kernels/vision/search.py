@@ -1,4 +1,4 @@
-"""Patches of a keyframe as another camera would see them, and where a frame shows them."""
+"""Warps patches of a keyframe to the view of another camera, and finds them in a frame."""
 
 import math
 
@@ -28,7 +28,7 @@ def best_template(
     templates: IntArray, source: IntArray, source_centre: FloatArray, X: float, Y: float, Z: float, nx: float,
     ny: float, nz: float,
 ) -> int:  # fmt: skip
-    """Of a point's templates (V,) the one seen from the most similar direction and distance, at most 53 degrees away;
+    """The one of a point's templates (V,) seen from the most similar direction and distance, at most 53 degrees away;
     -1 without. (nx, ny, nz): the point (X, Y, Z) minus the camera's centre."""
     n2 = nx * nx + ny * ny + nz * nz
     best, closest = -1, np.inf
@@ -50,8 +50,8 @@ def best_template(
 
 @part
 def level_of(determinant: float) -> tuple[int, float]:
-    """At which level to look for a patch whose warp to level-0 px has this determinant, and the determinant there: in
-    [0.25, 3] where the patch can be found (PTAM's rule)."""
+    """Level at which to search a patch whose warp to level-0 px has this determinant, and the determinant there: in
+    [0.25, 3] if the patch can be found (PTAM's rule)."""
     level = 0
     while determinant > 3.0 and level < 3:
         determinant *= 0.25
@@ -61,7 +61,7 @@ def level_of(determinant: float) -> tuple[int, float]:
 
 @part
 def inverted_warp(A: FloatArray, determinant: float, level: int) -> tuple[float, float, float, float]:
-    """Level px -> source px of the warp A (4,), source px -> level-0 px."""
+    """The warp level px -> source px, from the warp A (4,), source px -> level-0 px."""
     scale = 2.0**level
     return (
         A[3] / determinant * scale, -A[1] / determinant * scale,

@@ -1,9 +1,9 @@
-"""Who is let in: by what name the view is asked for, by whose page, and how many at a time.
+"""Access to the live view: allowed host names, allowed pages, and the number of connections.
 
-A browser tells names and pages with every request. A page of another site reaches the view with a name of its own that
-it points here (DNS rebinding), which Host tells, or across origins, which Origin and Sec-Fetch-Site tell (Fetch
-standard, section 3.2; Fetch Metadata). Of too many connections those that matter less make room, so that the operator
-always gets in."""
+With every request a browser sends the host name and the page's origin. A foreign page can reach the view in two ways:
+with its own name that points here (DNS rebinding), which Host shows; or across origins, which Origin and Sec-Fetch-Site
+show (Fetch standard, section 3.2; Fetch Metadata). If there are too many connections, less important ones are closed,
+so that the operator always gets in."""
 
 import contextlib
 import enum
@@ -18,17 +18,17 @@ from email.message import Message
 
 from vsx_ros.errors import ConfigError
 
-MAX_ASKING = 32  # connections that have not said what they want yet
+MAX_ASKING = 32  # connections whose request has not arrived yet
 MAX_VIEWERS = 8  # each costs a thread and the picture's bandwidth
 _NAME = re.compile(r"([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:[0-9]{1,5})?")
-_HTTP_PORT = 80  # what a host without one means
+_HTTP_PORT = 80  # of a Host header without a port
 
 
 class Names:
-    """The names of this machine, of the view's port, and what the user allows beside them, as NAME or NAME:PORT."""
+    """The allowed names: this machine's at the view's port, and those that the user allows, as NAME or NAME:PORT."""
 
     def __init__(self, port: int, allowed: Iterable[str] = ()) -> None:
-        """Raises ConfigError for what is no name."""
+        """Raises ConfigError for an invalid name."""
         self._port = port
         machine = socket.gethostname().lower()
         short = machine.partition(".")[0]
@@ -41,8 +41,8 @@ class Names:
             self._names.add(_split(word, port))
 
     def refusal(self, headers: Message, reached_at: str, is_page: bool) -> str:
-        """Why the request is not answered, in words; empty if it is. reached_at: this end's address of the connection.
-        is_page: the page itself, to which other sites may link."""
+        """Why the request is refused, in words; empty if it is allowed. reached_at: the connection's local address.
+        is_page: whether it asks for the page itself, to which other sites may link."""
         hosts, origins = headers.get_all("Host", []), headers.get_all("Origin", [])
         host = hosts[0].strip() if len(hosts) == 1 else ""
         if not _NAME.fullmatch(host) or not self._is_ours(*_split(host, _HTTP_PORT), reached_at):
@@ -73,7 +73,7 @@ def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
 
 
 class Rank(enum.Enum):
-    """ASKING: has not said yet who it is. GUEST: looks. OPERATOR: looks, with the token. COMMAND: is obeyed."""
+    """ASKING: has sent no request yet. GUEST: views. OPERATOR: views, with the token. COMMAND: sends a command."""
 
     ASKING = enum.auto()
     GUEST = enum.auto()
@@ -82,7 +82,7 @@ class Rank(enum.Enum):
 
 
 class Connections:
-    """Thread-safe. viewers(n) is called when the number of those that look changes, one call at a time."""
+    """Thread-safe. viewers(n) is called when the number of viewers changes, one call at a time."""
 
     def __init__(self, viewers: Callable[[int], None]) -> None:
         self._viewers = viewers
@@ -91,7 +91,7 @@ class Connections:
         self._told = 0
 
     def enter(self, connection: socket.socket, address: str) -> None:
-        """A connection was accepted; of too many that only ask, the oldest from where most come is shut."""
+        """Add an accepted connection. If too many are ASKING, close the oldest one of the most frequent address."""
         with self._lock:
             self._open[connection] = (Rank.ASKING, address)
             asking = self._those(Rank.ASKING)
@@ -99,13 +99,13 @@ class Connections:
                 self._shut(self._crowding(asking))
 
     def command(self, connection: socket.socket) -> None:
-        """It showed the token and asks for something: nobody takes its place."""
+        """It sent a command with the token: keep it open whatever others do."""
         with self._lock:
             if connection in self._open:
                 self._open[connection] = (Rank.COMMAND, self._open[connection][1])
 
     def view(self, connection: socket.socket, operator: bool) -> bool:
-        """Whether there is room for one more that looks; for an operator there is: a guest goes, or who came first."""
+        """Whether there is room for one more viewer. For an operator a guest is closed, or the oldest viewer."""
         with self._lock:
             if connection not in self._open:
                 return False
@@ -121,7 +121,7 @@ class Connections:
             return True
 
     def leave(self, connection: socket.socket) -> None:
-        """It ends by itself."""
+        """Forget a connection that ended."""
         with self._lock:
             self._open.pop(connection, None)
             self._tell()
@@ -133,7 +133,7 @@ class Connections:
         return Counter(self._open[connection][1] for connection in connections)
 
     def _crowding(self, connections: list[socket.socket]) -> socket.socket:
-        """The oldest of the address that has most of them."""
+        """The oldest connection of the address that has most of them."""
         address = self._addresses(connections).most_common(1)[0][0]
         return next(connection for connection in connections if self._open[connection][1] == address)
 
@@ -143,7 +143,7 @@ class Connections:
         return bool(counts) and counts.most_common(1)[0][1] >= counts[address] + 2
 
     def _shut(self, connection: socket.socket) -> None:
-        """Its thread wakes, fails to read or write, and ends."""
+        """Close it: its thread wakes, fails to read or write, and ends."""
         del self._open[connection]
         with contextlib.suppress(OSError):
             connection.shutdown(socket.SHUT_RDWR)

@@ -1,5 +1,4 @@
-"""From topics to the board, as the little JSON that the page draws; only while somebody looks: without a viewer
-nothing is subscribed."""
+"""Converts topics to short JSON for the page, and posts it on the board. Subscribes only while there is a viewer."""
 
 import base64
 import json
@@ -27,18 +26,18 @@ from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
 from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.callbacks import json_object, subscribe
 
-_GRACE_S = 3.0  # A page that is loaded again comes back within this time and finds everything still there
+_GRACE_S = 3.0  # A reloaded page comes back within this time and finds all data still there
 
-_EVENTS = 60  # the newest, for a page that is opened late
+_EVENTS = 60  # the newest ones, for a page that is opened late
 _SHOWN_STATS = ("tracked", "attempted", "keyframes", "points", "latency_ms")
-"""The others follow from these, or stand in the diagnostics, once a second instead of with every image."""
+"""The others follow from these, or are in the diagnostics, once a second instead of with every image."""
 _FREE_BGRA, _OCCUPIED_BGRA = (92, 70, 52, 255), (236, 232, 228, 255)  # of the map in the browser
 _UTILITY = re.compile(r"\bU ([0-9.]+)")
-_PLAN_POINTS = 200  # more than a screen can show
+_PLAN_POINTS = 200  # more would not be visible on a screen
 
 
 class Note(NamedTuple):
-    """One subject's newest word. number: counts all words ever posted. text: JSON, one line."""
+    """The newest text of one subject. number: counts all posted texts. text: JSON, one line."""
 
     number: int
     subject: str
@@ -46,7 +45,7 @@ class Note(NamedTuple):
 
 
 class Board:
-    """Words replace older ones on the same subject, so a slow viewer skips but never lags. Thread-safe."""
+    """A new text replaces the old one of its subject, so a slow viewer skips texts but never lags. Thread-safe."""
 
     def __init__(self) -> None:
         self._news = threading.Condition()
@@ -54,26 +53,26 @@ class Board:
         self._number = 0
 
     def post(self, subject: str, text: str) -> None:
-        """Replace what is known of a subject."""
+        """Replace the text of a subject."""
         with self._news:
             self._number += 1
             self._notes[subject] = Note(self._number, subject, text)
             self._news.notify_all()
 
     def clear(self) -> None:
-        """Forget everything: what is old when the next viewer comes would look new."""
+        """Remove everything: old data would look new to the next viewer."""
         with self._news:
             self._notes.clear()
 
     def newer_than(self, number: int, timeout_s: float) -> list[Note]:
-        """What was posted after the note of that number, oldest first; empty when nothing comes within the time."""
+        """Notes after the one with that number, oldest first; empty if none comes within the time."""
         with self._news:
             self._news.wait_for(lambda: self._number > number, timeout_s)
             return sorted(note for note in self._notes.values() if note.number > number)
 
 
 class Feed:
-    """``viewers`` says how many look; subscriptions follow a moment later, on a thread of their own."""
+    """``viewers`` sets the number of viewers; subscriptions follow a moment later, on a separate thread."""
 
     def __init__(self, board: Board) -> None:
         self._board = board
@@ -85,7 +84,7 @@ class Feed:
         threads.worker("feed", self._follow)
 
     def viewers(self, count: int) -> None:
-        """Somebody came or went."""
+        """The number of viewers changed."""
         self._viewers = count
         self._changed.set()
 
@@ -150,14 +149,14 @@ class Feed:
         with self._lock:
             for status in msg.status:
                 if not f"/{status.name}".startswith(rospy.get_namespace()):
-                    continue  # another robot's
+                    continue  # from another robot
                 values = {pair.key: pair.value for pair in status.values}
                 self._health[status.name] = [int(status.level), status.message, values]
             return dict(self._health)
 
 
 def text(value: Any) -> str:
-    """One line of JSON. Raises InputError for a number that JSON cannot say."""
+    """One line of JSON. Raises InputError for a number that is not finite."""
     try:
         return json.dumps(value, allow_nan=False, separators=(",", ":"))
     except ValueError as error:
@@ -171,7 +170,7 @@ def pose(msg: PoseWithCovarianceStamped) -> list[float]:
 
 
 def grid(msg: OccupancyGridMsg) -> dict[str, Any]:
-    """A PNG of what is known, top row first, unknown transparent; resolution and lower left corner [m], area [m2]."""
+    """A PNG of the known cells, top row first, unknown transparent; resolution and lower left corner [m], area [m2]."""
     found = convert.grid(msg)
     rows, columns = (np.flatnonzero((found.data != UNKNOWN).any(axis=axis)) for axis in (1, 0))
     bottom, left = (int(rows[0]), int(columns[0])) if rows.size else (0, 0)
@@ -190,7 +189,7 @@ def grid(msg: OccupancyGridMsg) -> dict[str, Any]:
 
 
 def frontiers(msg: MarkerArray) -> dict[str, Any]:
-    """borders: x, y [m] of each frontier's cells. views: x, y, U and the words of each ranked view, best first."""
+    """borders: x, y [m] of each frontier's cells. views: x, y, U and text of each ranked view, best first."""
     borders, views = [], []
     for marker in msg.markers:
         if marker.action == Marker.ADD and marker.type == Marker.POINTS:
@@ -203,7 +202,7 @@ def frontiers(msg: MarkerArray) -> dict[str, Any]:
 
 
 def keyframes(msg: PoseArray) -> list[list[float]]:
-    """x, y [m] of each camera and where it looks on the floor [rad]."""
+    """x, y [m] of each camera and its viewing direction on the floor [rad]."""
     found = []
     for T in map(convert.se3, msg.poses):
         (x, y, _), (east, north, _) = T.translation.tolist(), T.rotation[:, 2].tolist()
@@ -212,7 +211,7 @@ def keyframes(msg: PoseArray) -> list[list[float]]:
 
 
 def plan(msg: PathMsg) -> list[list[float]]:
-    """x, y [m] of the path, thinned; empty for one that is not in the map's frame (driven by odometry alone)."""
+    """x, y [m] of the path, thinned; empty if it is not in the map's frame (driven by odometry alone)."""
     if headers.bare(msg.header.frame_id) != topics.MAP_FRAME:
         return []
     step = max(1, len(msg.poses) // _PLAN_POINTS)

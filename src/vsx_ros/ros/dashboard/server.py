@@ -1,9 +1,9 @@
-"""The HTTP side of the live view: ``/`` the page, ``/events`` a stream of server-sent events, ``POST /command/NAME``
+"""The HTTP server of the live view: ``/`` the page, ``/events`` a stream of server-sent events, ``POST /command/NAME``
 with the token.
 
-Looking is free for whoever reaches the port, under a name of this machine and not from a foreign page (``Names``);
-commanding needs the token. What a client can hold is bounded: a request by its size and time, an update by the time
-that it takes to be read, connections by their number (``Connections``)."""
+Viewing is free for anyone who reaches the port under a name of this machine and not from a foreign page (``Names``).
+Commands need the token. Each client's resources are limited: requests in size and time, updates in the time to read
+them, connections in number (``Connections``)."""
 
 import hmac
 import io
@@ -21,15 +21,15 @@ from vsx_ros.ros.dashboard.admission import MAX_VIEWERS, Connections, Names
 from vsx_ros.ros.dashboard.feed import Board
 
 LOOPBACK = "127.0.0.1"
-DEFAULT_PORT = 8765  # none of ROS itself
+DEFAULT_PORT = 8765  # not used by ROS itself
 TOKEN_HEADER = "X-Vsx-Token"
 
 _PERIOD_S = 0.1  # between pictures
-_BEAT_S = 1.0  # without news, a sign of life
-_ASK_S = 5.0  # A request is whole within this time, however slowly its bytes come
-_SEND_S = 5.0  # An update is read within this time, or the viewer is dropped
-_HEAD_BYTES = 8192  # of a request, as most servers have it
-_SEND_BUFFER_BYTES = 2**18  # a picture or two: a slow viewer gets fewer, not older ones
+_BEAT_S = 1.0  # without news, a heartbeat
+_ASK_S = 5.0  # A whole request must arrive within this time, even if its bytes come slowly
+_SEND_S = 5.0  # The viewer must read an update within this time, or it is dropped
+_HEAD_BYTES = 8192  # of a request; a common limit of servers
+_SEND_BUFFER_BYTES = 2**18  # a picture or two: a slow viewer gets fewer pictures, not older ones
 _HEADERS = {
     "Connection": "close",
     "Cache-Control": "no-store",
@@ -41,7 +41,7 @@ _HEADERS = {
 
 
 class Answer(NamedTuple):
-    """What became of a command, in words."""
+    """The result of a command, in words."""
 
     ok: bool
     message: str
@@ -51,7 +51,7 @@ Command = Callable[[], Answer]
 
 
 class ViewServer(ThreadingHTTPServer):
-    """Answers each request on a thread. viewers(n) is called when their number changes, one call at a time."""
+    """Answers each request on a thread. viewers(n) is called when the number of viewers changes, one call at a time."""
 
     daemon_threads = True
     block_on_close = False
@@ -62,7 +62,7 @@ class ViewServer(ThreadingHTTPServer):
         self, board: Board, commands: Mapping[str, Command], viewers: Callable[[int], None], token: str,
         host: str = LOOPBACK, port: int = DEFAULT_PORT, allowed: Iterable[str] = (),
     ) -> None:  # fmt: skip
-        """allowed: names beside those of this machine. Raises ConfigError for a bad one, or if the address is taken."""
+        """allowed: names beside this machine's. Raises ConfigError for a bad one, or if the address is taken."""
         self.board, self.commands, self.token, self.connections = board, commands, token, Connections(viewers)
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
         try:
@@ -76,19 +76,19 @@ class ViewServer(ThreadingHTTPServer):
         self.names = Names(self.server_port, [*listens_as, *allowed])
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """On a thread of its own, once there is room."""
+        """On its own thread; an older one may be closed for it."""
         request.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
         request.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1000 * _SEND_S))
         self.connections.enter(request, client_address[0])
         super().process_request(request, client_address)
 
     def shutdown_request(self, request: Any) -> None:
-        """However it ended."""
+        """Forget it, however it ended."""
         self.connections.leave(request)
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A viewer that went away is no error."""
+        """A viewer that disconnects is no error."""
 
     def close(self) -> None:
         """End ``serve_forever`` and open streams."""
@@ -105,7 +105,7 @@ class Handler(BaseHTTPRequestHandler):
     timeout = _SEND_S
 
     def handle(self) -> None:
-        """One request for each connection, read whole before anything is done with it."""
+        """One request per connection; it is read completely before it is handled."""
         head = self._head()
         if len(head) > _HEAD_BYTES:
             self.requestline = self.request_version = self.command = ""
@@ -115,7 +115,7 @@ class Handler(BaseHTTPRequestHandler):
         self.handle_one_request()
 
     def parse_request(self) -> bool:
-        """Whatever is asked for: under a name of ours, not from a foreign page, and without a body."""
+        """Refuse requests under a foreign name, from a foreign page, or with a body."""
         if not super().parse_request():
             return False
         reached_at = str(self.connection.getsockname()[0])
@@ -128,7 +128,7 @@ class Handler(BaseHTTPRequestHandler):
         return not refusal
 
     def do_GET(self) -> None:
-        """The page, or what there is to see."""
+        """The page, or the event stream."""
         if self.path == "/":
             page = resources.files(__package__).joinpath("page.html").read_bytes()
             self._reply(HTTPStatus.OK, "text/html; charset=utf-8", page)
@@ -151,14 +151,14 @@ class Handler(BaseHTTPRequestHandler):
         self._say(HTTPStatus.OK if answer.ok else HTTPStatus.SERVICE_UNAVAILABLE, answer.message, ok=answer.ok)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Requests are not worth a line."""
+        """Requests are not logged."""
 
     def handle_expect_100(self) -> bool:
-        """Nothing more is wanted."""
+        """Send no "100 Continue"."""
         return True
 
     def _head(self) -> bytes:
-        """The request up to its empty line. Raises OSError when it does not come in time."""
+        """The request up to its empty line. Raises OSError if it does not come in time."""
         head, deadline_s = b"", time.monotonic() + _ASK_S
         while not (b"\r\n\r\n" in head or b"\n\n" in head or len(head) > _HEAD_BYTES):
             self.connection.settimeout(max(1e-3, deadline_s - time.monotonic()))
@@ -174,7 +174,7 @@ class Handler(BaseHTTPRequestHandler):
         return hmac.compare_digest(given, self.server.token.encode())
 
     def _stream(self) -> None:
-        """Everything known, then every change, ten times a second at most; a beat when nothing changes."""
+        """Send everything known, then changes, at most ten times a second; a heartbeat if nothing changes."""
         if not self.server.connections.view(self.connection, self._shows_the_token()):
             self._say(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_VIEWERS} viewers are enough")
             return
@@ -203,14 +203,14 @@ class Handler(BaseHTTPRequestHandler):
 
 
 def address(host: str, port: int, token: str) -> str:
-    """What to open: the token is in the fragment, which browsers never send."""
+    """The address to open. The token is in the fragment, which browsers never send."""
     name = socket.gethostname() if host in ("0.0.0.0", "::", "") else host
     return f"http://{f'[{name}]' if ':' in name else name}:{port}/#{token}"
 
 
 def choose_port(host: str, port: int | None) -> int:
-    """The port; without one the default, or a free one if that is taken. Raises ConfigError when the address cannot be
-    had."""
+    """The port; if None, the default, or a free one if that is taken. Raises ConfigError if the address cannot be
+    used."""
     if port is not None:
         return _free_port(host, port)
     try:

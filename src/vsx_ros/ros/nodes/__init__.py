@@ -1,1 +1,1 @@
-"""One module per node; scripts/ holds a starter for each."""
+"""One module per node; scripts/ holds a start script for each."""

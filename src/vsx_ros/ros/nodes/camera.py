@@ -2,15 +2,15 @@
 
 Subscribers: none; with ros:TOPIC that topic and its camera_info.
 Publishers: camera/rgb/image_raw (bayer_grbg8 or mono8), camera/rgb/camera_info with the same stamps,
-    camera/rgb/shutter (latched: readout and exposure [s], nothing where they are not known).
+    camera/rgb/shutter (latched: readout and exposure [s], empty if unknown).
 Services: camera/rgb/set_camera_info (stores the calibration where the node reads it).
-Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or emulator:SOCKET.
-    ~camera_info_url (""): file with the calibration; without one $ROS_HOME/camera_info/rgb_SERIAL.yaml, for an emulated
-    camera SOCKET.yaml, and if that is missing too nominal values with a warning.
+Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N, emulator:SOCKET or ros:TOPIC.
+    ~camera_info_url (""): file with the calibration; default $ROS_HOME/camera_info/rgb_SERIAL.yaml, for an emulated
+    camera SOCKET.yaml; if that file is missing, nominal values with a warning.
     ~frame_id (camera_rgb_optical_frame). ~mode (vga): of a Kinect, vga (30 Hz), uyvy (15 Hz) or sxga (1280x1024,
     10 Hz); of v4l:N size, rate and format, e.g. 1280x720@30/mjpeg or 640x480/yuyv. ~lock_exposure (true): a Kinect or
-    v4l:N keeps exposure and white balance as they are after two seconds; give false where the light changes much from
-    room to room. ~latency_s (0): of v4l:N, from the start of exposure to the driver's stamp."""
+    v4l:N locks exposure and white balance after two seconds; set false if the light differs much from room to room.
+    ~latency_s (0): of v4l:N, from the start of exposure to the driver's stamp."""
 
 import rospy
 from sensor_msgs.msg import CameraInfo, Image

@@ -1,11 +1,11 @@
 """Node ``dashboard``: the live view in a browser.
 
-Subscribers, while somebody looks: vslam/{preview/compressed,pose,state,keyframes,stats/*}, map, explore/{status,
+Subscribers, while there is a viewer: vslam/{preview/compressed,pose,state,keyframes,stats/*}, map, explore/{status,
     events,frontiers}, move_base/{global_plan,stats/plan_ms}, mobile_base/hazards, cmd_vel_mux/active, /diagnostics.
 Services called: explore/{pause,resume,home,stop}, mobile_base/estop.
-Parameters: ~host (127.0.0.1: this machine alone), ~port (8765), ~allow (names beside those of this machine under which
-    the view is opened, NAME or NAME:PORT, by commas).
-Environment: VSX_VIEW_TOKEN, which commands must show; without it one is made and printed once."""
+Parameters: ~host (127.0.0.1: only this machine), ~port (8765), ~allow (further names under which the view may be
+    opened, NAME or NAME:PORT, separated by commas).
+Environment: VSX_VIEW_TOKEN, the token for commands; if it is not set, a token is made and printed once."""
 
 import os
 import secrets
@@ -28,12 +28,12 @@ from vsx_ros.runs.process import DONE
 
 TOKEN = "VSX_VIEW_TOKEN"
 
-_MASTER_PERIOD_S, _LOOK_PERIOD_S = 2.0, 0.5  # a person waits for the page
-_SERVICE_WAIT_S = 2.0  # then the button says that nobody answers
+_MASTER_PERIOD_S, _LOOK_PERIOD_S = 2.0, 0.5  # the second: a person waits for the page
+_SERVICE_WAIT_S = 2.0  # then the button reports no answer
 
 
 class DashboardNode:
-    """Serves the page; outlives the stack it shows. allow: names by commas."""
+    """Serves the page, also after the stack has ended. allow: names separated by commas."""
 
     def __init__(self, host: str, port: int, allow: str) -> None:
         allowed = [name.strip() for name in allow.split(",") if name.strip()]
@@ -47,12 +47,12 @@ class DashboardNode:
         threads.every(_MASTER_PERIOD_S, "master", lambda: board.post("stack", text(master_watch().answers)))
 
     def close(self) -> None:
-        """No more requests."""
+        """Stop the server."""
         self._server.close()
 
 
 def commands() -> dict[str, Command]:
-    """What the page may ask for: the services behind its buttons."""
+    """The services behind the buttons of the page."""
     return {
         "pause": _call(topics.EXPLORE_PAUSE, Trigger),
         "resume": _call(topics.EXPLORE_RESUME, Trigger),
@@ -85,21 +85,21 @@ def main() -> None:
 
 
 def prepare_view(host: str = LOOPBACK, port: int | None = None) -> tuple[int, str]:
-    """A port that is free and the address to open; the token goes to the environment, for the node to inherit. Raises
-    ConfigError when the address cannot be listened on."""
+    """A free port and the address to open. Puts the token into the environment, where the node finds it. Raises
+    ConfigError if the address cannot be used."""
     port = choose_port(host, port)
     token = os.environ[TOKEN] = os.environ.get(TOKEN) or secrets.token_urlsafe(12)
     return port, address(host, port, token)
 
 
 def open_browser(url: str) -> None:
-    """Show the page, where there is a screen to show it on."""
+    """Open the page if there is a display."""
     if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         webbrowser.open(url)
 
 
 def view(host: str, port: int | None, allow: str, *, headless: bool) -> int:
-    """``vsx view``: wait for a master, then be the node. Raises ConfigError when the address cannot be listened on."""
+    """``vsx view``: wait for a master, then run the node. Raises ConfigError if the address cannot be used."""
     export_ros_address()
     logs.quiet_failures()
     port, url = prepare_view(host, port)

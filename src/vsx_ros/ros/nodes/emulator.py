@@ -1,13 +1,13 @@
 """Node ``emulator``: a building with a TurtleBot in it, under the real drivers.
 
-Subscribers: none. The devices are a serial port and a camera socket; nobody in the stack may listen to the truth.
+Subscribers: none. The devices are a serial port and a camera socket; no node of the stack may listen to the truth.
 Publishers: emulator/ground_truth/odometry (frame world: that of the world file, 30 Hz),
-    emulator/ground_truth/camera_pose (per image, its stamp), emulator/ground_truth/collisions and
-    .../least_clearance_m (of the hull to anything so far; both latched), emulator/render_rate_hz (1 Hz).
+    emulator/ground_truth/camera_pose (per image, with its stamp), emulator/ground_truth/collisions and
+    .../least_clearance_m (smallest distance of the hull so far; both latched), emulator/render_rate_hz (1 Hz).
 Parameters: ~world (lab): lab, office, corridor, building, a world.yaml or a map. ~seed (0). ~robot_type (kobuki).
     ~port (ttyVSX in the folder for temporary files): the serial port it makes.
     ~camera_socket (vsx_kinect, same folder): the socket it makes; the camera's calibration is written beside it, with
-    .yaml appended. ~rate_hz (15.0): images a second at most. ~config (tree of 'vsx config').
+    .yaml appended. ~rate_hz (15.0): maximum images per second. ~config (tree of 'vsx config').
 
 The body and the board run on a thread of this process at 200 Hz; the camera renders in a child process."""
 
@@ -37,7 +37,7 @@ _WORLD_FRAME = "world"
 
 
 class EmulatorNode:
-    """Starts the child before the clock: its world takes a second to compile, its first picture longer."""
+    """Starts the child before the emulated base: the child takes seconds to compile its world and first picture."""
 
     def __init__(self, config: Config) -> None:
         world_name, seed = str(rospy.get_param("~world", "lab")), int(rospy.get_param("~seed", 0))
@@ -82,13 +82,13 @@ class EmulatorNode:
             rospy.loginfo("emulator: %s, %.0f ms each, %d slots skipped", message, self._render_ms, skipped)
 
     def close(self) -> None:
-        """Take the devices away and end the child."""
+        """Remove the devices and end the child."""
         self._base.close()
         self._child.close()
 
 
 class TruthTopics:
-    """The truth on topics, for those who judge the robot. start_ns: host time at the emulator's start [ns]."""
+    """Publishes the truth for evaluation. start_ns: host time at the emulator's start [ns]."""
 
     def __init__(self, start_ns: int) -> None:
         self._odometry_pub = rospy.Publisher(topics.TRUTH_ODOMETRY, OdometryMsg, queue_size=10)
@@ -100,11 +100,11 @@ class TruthTopics:
         self._before: Odometry | None = None
 
     def camera(self, frame: dict[str, Any]) -> None:
-        """Where the camera was when it took this image (a line of the rendering process)."""
+        """Publish the camera's pose at the time of this image (a line of the rendering process)."""
         self._camera_pub.publish(convert.pose_stamped(_WORLD_FRAME, frame["stamp_ns"], unflat(frame["T_world_cam"])))
 
     def body(self, plant: BodyPlant) -> None:
-        """Where the base is, and what it touched, on change."""
+        """Publish the base's pose; contacts and clearance on change."""
         state, body = plant.state, plant.body
         truth = Odometry(self._start_ns + state.time_ns, state.T_world_base)
         self._before = truth = with_speeds(truth, self._before or truth)

@@ -1,4 +1,4 @@
-"""Node ``explore``: decides what to look at next and lets move_base drive there.
+"""Node ``explore``: chooses the next view and lets move_base drive there.
 
 Subscribers: map, vslam/map_points, vslam/pose, vslam/state, odom, mobile_base/hazards, battery
     (nearly empty: the robot goes home, once), follower/lease.
@@ -7,8 +7,8 @@ Publishers: explore/frontiers (as explore_lite), explore/status (latched String,
     area, m2), move_base/lease.
 Services: explore/pause, explore/resume, explore/stop, explore/home.
 Actions: client of move_base.
-Parameters: ~config (tree of 'vsx config'), ~run_dir (folder of the run, for what the mission shall remember of it when
-    it is interrupted; none)."""
+Parameters: ~config (tree of 'vsx config'), ~run_dir (folder of the run, where the mission stores its memory for a
+    session that resumes it; none)."""
 
 import threading
 from collections.abc import Callable
@@ -30,11 +30,11 @@ from vsx_ros.ros.mission_output import GoalSender, MissionTopics, MissionWriter
 from vsx_ros.ros.situation import HeardSituation
 
 _DECIDE_WITHIN_S = 5.0
-"""Choosing a view takes some tenths of a second; a mission that needs this long hangs, and the base stops."""
+"""Choosing a view takes some tenths of a second; if it takes this long, the mission hangs and the base stops."""
 
 
 class ExploreNode:
-    """The mission, asked five times a second."""
+    """Runs the mission, by default five times a second."""
 
     def __init__(self, config: Config) -> None:
         ways = Planner(config.planner, config.robot)
@@ -93,7 +93,7 @@ class ExploreNode:
             self._diagnostics.set("mission", OK, f"{decision.state}: {decision.reason}")
 
     def close(self) -> None:
-        """Without the mission nobody wants to drive."""
+        """Without the mission nothing may drive."""
         self._lease.release()
         self._goals.cancel_all()
         self._writer.write()

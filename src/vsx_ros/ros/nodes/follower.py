@@ -3,8 +3,8 @@
 Subscribers: move_base/trajectory (frame map: by camera and odometry; frame odom: by odometry alone), odom, vslam/pose,
     vslam/state, mobile_base/hazards, follower/lease.
 Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, frame, error,
-    at_s: how far it is in the trajectory's own time, stop: while it is stopping on the way because move_base wants so,
-    where it will stand, x, y, theta).
+    at_s: the current time within the trajectory, stop: while it brakes for move_base, the pose x, y, theta where it
+    will stand).
 Services: follower/cancel.
 Parameters: ~config (tree of 'vsx config').
 
@@ -29,13 +29,13 @@ from vsx_ros.ros.driving import LeaseWatch
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.situation import LocalizationSubscriber
 
-_PERIOD_S = 1.0 / 30.0  # as often as images of 30 a second; eight commands while one lives (0.25 s)
-_STATUS_PERIOD_S = 0.2  # besides at each change
+_PERIOD_S = 1.0 / 30.0  # the rate of images at 30 Hz; eight commands during the lifetime of one (0.25 s)
+_STATUS_PERIOD_S = 0.2  # in addition to every change
 _BAD = FollowStatus.DIVERGED, FollowStatus.STALE, FollowStatus.STOPPED
 
 
 class FollowerNode:
-    """One loop; callbacks only hand over under the lock."""
+    """One control loop; callbacks only pass data under the lock."""
 
     def __init__(self, config: Config) -> None:
         self._follower = Follower(config)
@@ -79,7 +79,7 @@ class FollowerNode:
             self._tell(self._follower.step(now_ns, self._where.at(now_ns), ages))
 
     def _tell(self, command: VelocityCommand | None) -> None:
-        """The command, and the status for move_base: on change, and again and again while following."""
+        """Publish the command and the status for move_base: on change, and repeatedly while following."""
         if command is not None and not threads.is_ending():
             self._command_pub.publish(convert.twist(command))
         report, now_s = self._follower.report, time.monotonic()
@@ -92,7 +92,7 @@ class FollowerNode:
         self._diagnostics.set("control", level, ": ".join(filter(None, (report.status.value, report.reason))))
 
     def close(self) -> None:
-        """Leave with the wheels told to stand."""
+        """Send zero before the node ends."""
         self._command_pub.publish(convert.twist(STOP))
 
 

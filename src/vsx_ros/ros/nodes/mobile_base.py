@@ -1,24 +1,24 @@
 """Node ``mobile_base``: driver, command mux and the last decision before the wheels, in one small process.
 
-Two more processes stop the wheels when this one is killed or hangs (vsx_hw.watchdog). Without both, or where the ROS
-master that answers does not have all that this node offers, the emergency stop above all, they stand.
+Two more processes stop the wheels when this one is killed or hangs (vsx_hw.watchdog). The wheels stand still if one of
+them is missing, or if the ROS master does not know all services and topics of this node, such as the emergency stop.
 
 Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this order; each has its own timeout).
 Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the low bits of
     vsx_hw.readings.Hazard, latched, on change), mobile_base/buttons (UInt8, those pressed, latched, on change; Kobuki:
     1, 2, 4 are B0, B1, B2; Create: 1 Play, 4 Advance; Create 2: 1 Clean, 2 Spot, 4 Dock), battery (1 Hz),
-    cmd_vel_mux/active (latched, on change), mobile_base/sensors/imu_data (where the base has a gyro) and imu_data_raw
-    (Kobuki: 100 samples a second of its three axes, the zero not taken off),
+    cmd_vel_mux/active (latched, on change), mobile_base/sensors/imu_data (if the base has a gyro) and imu_data_raw
+    (Kobuki: 100 samples a second of its three axes, bias not removed),
     mobile_base/sensors/bumper_pointcloud (while a bumper is pressed or a cliff seen, and once after).
-Services: mobile_base/estop (true stops, false allows; outlives a restart of the node), mobile_base/reset_odometry.
-Parameters: ~robot_type (auto: which one answers; kobuki, create, create2; ros or ros:ODOMETRY,COMMAND: a base with a
-    driver of its own, by its topics, odom and cmd_vel), ~port (/dev/kobuki), ~cmd_vel_timeout (s, 0.25: navi and the
-    driver), ~max_vel (m/s), ~max_angular_vel (rad/s): the wheels never turn faster (0.5 and 1.5, or what limits.v_m_s
-    and limits.omega_rad_s say if that is more),
+Services: mobile_base/estop (true stops, false allows; survives a restart of the node), mobile_base/reset_odometry.
+Parameters: ~robot_type (auto: whichever answers; kobuki, create, create2; ros or ros:ODOMETRY,COMMAND: a base with its
+    own ROS driver, by its topics, default odom and cmd_vel), ~port (/dev/kobuki), ~cmd_vel_timeout (s, 0.25: navi and
+    the driver), ~max_vel (m/s), ~max_angular_vel (rad/s): the wheels never turn faster (0.5 and 1.5, or limits.v_m_s
+    and limits.omega_rad_s if those are higher),
     ~odom_linear_scale_correction, ~odom_angular_scale_correction (as configured under robot.odometry),
-    ~publish_tf (bool, true; false: somebody else, an EKF, says where base_footprint is in odom),
-    ~allow_unknown_firmware (bool, false: a Kobuki with firmware, hardware or a protocol that is not known stands).
-    ~estopped is the emergency stop as this node remembers it."""
+    ~publish_tf (bool, true; false: another node, e.g. an EKF, publishes base_footprint in odom),
+    ~allow_unknown_firmware (bool, false: a Kobuki with unknown firmware, hardware or protocol does not drive).
+    ~estopped is where this node stores the emergency stop."""
 
 import time
 
@@ -36,12 +36,12 @@ from vsx_ros.ros.callbacks import offer_trigger
 from vsx_ros.ros.logs import Diagnostics
 from vsx_ros.ros.master_watch import master_watch
 
-LINK_PERIOD_S = 0.2  # a silent base is to be known within a second
+LINK_PERIOD_S = 0.2  # a silent base must be noticed within a second
 _UNGUARDED = "a watchdog of the wheels does not answer; a new one starts"
 
 
 class MobileBaseNode:
-    """Each report of the base is answered with a decision in the same cycle."""
+    """Answers each report of the base with a decision in the same cycle."""
 
     def __init__(self, config: Config) -> None:
         self._latest: tuple[BaseReading, Decision] | None = None
@@ -70,7 +70,7 @@ class MobileBaseNode:
             rospy.logwarn("%s: command refused, not finite or absurd:\n%s", topics.COMMANDS[source], msg)
 
     def _on_reading(self, reading: BaseReading) -> None:
-        """On the driver's thread: decide first, talk later."""
+        """On the driver's thread: send the decision first, then publish."""
         hold = self._master.trouble if self._watchdogs.answer else _UNGUARDED
         decision, signal = self._supervisor.answer(time.monotonic_ns(), reading, hold)
         self._driver.drive(decision.v_m_s, decision.omega_rad_s, decision.until_ns)
@@ -80,7 +80,7 @@ class MobileBaseNode:
         self._latest = reading, decision
 
     def _on_link(self, connected: bool, message: str) -> None:
-        """On the driver's thread. Old commands do not count any longer; a base that is away touches nothing."""
+        """On the driver's thread. Old commands become invalid; a disconnected base has no contacts."""
         self._supervisor.forget_commands()
         if not connected:
             self._topics.tell_hazards(Hazard.NONE, headers.now_ns())
@@ -96,7 +96,7 @@ class MobileBaseNode:
         return "odometry starts at the origin"
 
     def _report(self) -> None:
-        """Once a second: battery and health."""
+        """Report battery and health; called once a second."""
         with self._supervisor.lock:
             tell_systemd("WATCHDOG=1")
         self._watchdogs.revive()
@@ -105,7 +105,7 @@ class MobileBaseNode:
             self._health.report(*self._latest)
 
     def close(self) -> None:
-        """Stop the wheels and leave the base safe; where that failed, the watchdogs do it after this process."""
+        """Stop the wheels and leave the base safe; if that fails, the watchdogs do it after this process."""
         if self._driver.close():
             self._watchdogs.release()
 

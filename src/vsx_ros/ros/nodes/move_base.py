@@ -1,18 +1,18 @@
-"""Node ``move_base``: plans to goals so that the camera keeps its features, and sees them through.
+"""Node ``move_base``: plans to goals so that the camera keeps its features, and pursues them to the end.
 
 Subscribers: map, vslam/map_points, odom, vslam/pose, vslam/state, move_base_simple/goal, follower/status,
     move_base/lease.
-Publishers: move_base/global_plan, move_base/trajectory (latched; header stamp is its identity; one point with nothing
-    but a deceleration: stop on the way; without points: stop at once), move_base/stats/plan_ms, follower/lease.
+Publishers: move_base/global_plan, move_base/trajectory (latched; the header stamp is its identity; one point with only
+    a deceleration: stop along the path; no points: stop at once), move_base/stats/plan_ms, follower/lease.
 Services: move_base/make_plan.
 Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
     odometry alone: straight or along the trail, without a map. Plans keep the map points in view, drive slowly where
-    they cannot, and are refused where that would be long; points much older or newer than the map do not count.
+    they cannot, and are refused if that part would be long; points much older or newer than the map do not count.
 Parameters: ~config (tree of 'vsx config'), ~planner (fov, unconstrained, paper or a plug-in's; fov), ~seed (int, 0).
-    While it runs, for the plans to come, by dynamic_reconfigure: ~v_m_s and ~omega_rad_s (up to the configured limits),
-    ~phi_rad_m.
+    While it runs, dynamic_reconfigure changes these for later plans: ~v_m_s and ~omega_rad_s (up to the configured
+    limits), ~phi_rad_m.
 
-A client that ever renewed move_base/lease must go on doing so while its goal is pursued."""
+Once a client has renewed move_base/lease, it must continue to do so while its goal is pursued."""
 
 import math
 import threading
@@ -34,7 +34,7 @@ from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.planning_thread import PlanningThread
 from vsx_ros.ros.situation import LocalizationSubscriber
 
-_LOOK_WITHIN_S = 2.0  # looks at the drive take no time; a thread that needs this long hangs, and the base stops
+_LOOK_WITHIN_S = 2.0  # checks of the drive are fast; a thread that takes this long hangs, and the base stops
 _CANCELLED = "cancelled by the client"
 
 
@@ -55,7 +55,7 @@ class MoveBaseNode:
         self._server.start()
 
     def _execute(self, goal: MoveBaseGoal) -> None:
-        """Pursue the goal, and tell how it ended."""
+        """Pursue the goal and report its result."""
         with self._pursuing:
             done = self._pursue(goal.target_pose)
             self._lease.promise(0.0)
@@ -65,7 +65,7 @@ class MoveBaseNode:
             (self._server.set_succeeded if done.arrived else gave_up)(text=done.reason)
 
     def _pursue(self, target: PoseStamped) -> Done:
-        """Step the execution until the goal has ended; one that makes way for the next ends while the base brakes."""
+        """Step the execution until the goal ends; a goal replaced by a new one ends while the base still brakes."""
         frame = headers.bare(target.header.frame_id)
         try:
             self._execution.begin(headers.now_ns(), convert.se2(target.pose), frame)
@@ -107,7 +107,7 @@ class MoveBaseNode:
             self._follower.brake(now_ns, act.a_m_s2)
 
     def close(self) -> None:
-        """A last word to the follower, or to its successor; and the goal's end is told while topics are open."""
+        """Stop the follower (or its successor), and let the goal's result be published while topics are still open."""
         self._follower.brake(headers.now_ns(), math.inf)
         self._pursuing.acquire(timeout=0.5)
         self._server.action_server.status_timer.shutdown()

@@ -1,7 +1,7 @@
-"""Node ``teleop``: drive with the keyboard, above the exploration and below the safety controller.
+"""Node ``teleop``: drives with the keyboard; its priority is above the exploration and below the safety controller.
 
 Publishers: cmd_vel_mux/input/teleop, only while a key is held.
-Parameters: ~v_m_s (0.2), ~omega_rad_s (0.6); ``vsx teleop`` gives them as --v and --omega.
+Parameters: ~v_m_s (0.2), ~omega_rad_s (0.6); ``vsx teleop`` sets them with --v and --omega.
 
 Arrow keys or w a s d move, space stops, + and - change the speed, q ends. Releasing the key stops the robot."""
 
@@ -23,12 +23,12 @@ from vsx_ros.ros import convert, node, threads, topics
 from vsx_ros.ros.host_address import export_ros_address
 from vsx_ros.runs.process import DONE
 
-_PERIOD_S = 0.05  # a command lives 0.5 s
+_PERIOD_S = 0.05  # a command is valid for 0.5 s
 
 
 class TeleopNode:
-    """Reads the terminal on a thread, and gives it back as it was however the process ends. Raises ConfigError where
-    there is no terminal."""
+    """Reads the terminal on a thread, and restores its settings however the process ends. Raises ConfigError if there
+    is no terminal."""
 
     def __init__(self, v_m_s: float, omega_rad_s: float) -> None:
         if not sys.stdin.isatty():
@@ -58,7 +58,7 @@ class TeleopNode:
             driving = speeds is not None
 
     def _pressed_keys(self) -> list[str]:
-        """Those that arrive within one period. Never waits longer: a robot drives meanwhile."""
+        """Keys that arrive within one period. Never waits longer, because the robot drives meanwhile."""
         if not select.select([self._input], [], [], _PERIOD_S)[0]:
             return []
         content = os.read(self._input, 1024)
@@ -74,7 +74,7 @@ class TeleopNode:
         termios.tcsetattr(self._input, termios.TCSADRAIN, self._terminal)
 
     def close(self) -> None:
-        """Stop, and give the terminal back as it was."""
+        """Stop, and restore the terminal."""
         self._publisher.publish(convert.twist(STOP))
         self._give_back()
         sys.stderr.write("\n")
@@ -87,7 +87,7 @@ def main() -> None:
 
 
 def teleop(v_m_s: float, omega_rad_s: float) -> int:
-    """``vsx teleop``: the node at these speeds until its end."""
+    """``vsx teleop``: run the node at these speeds until it ends."""
     export_ros_address()
     node.run("teleop", lambda _: TeleopNode(v_m_s, omega_rad_s))
     return DONE

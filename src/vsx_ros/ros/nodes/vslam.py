@@ -1,17 +1,17 @@
-"""Node ``vslam``: images and odometry to pose, sparse map and ground map.
+"""Node ``vslam``: computes pose, sparse map and ground map from images and odometry.
 
 Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, camera/rgb/shutter, odom, mobile_base/hazards.
 Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera, gyro),
     vslam/state, vslam/stats/*, follower/lease; vslam/preview/compressed (while someone looks); map, map_metadata,
     vslam/{map_points,keyframes,path} (latched); vslam/planes, vslam/dense_points, scan (while someone listens).
-Services: static_map; vslam/save_map (Trigger: saves the SLAM map, the answer says where).
-Parameters: ~config (tree of 'vsx config'), ~seed (int, 0), ~run_dir (folder for the results of the run, gone
-    on with when it holds the map of an interrupted one; none),
+Services: static_map; vslam/save_map (Trigger: saves the SLAM map, the answer is its path).
+Parameters: ~config (tree of 'vsx config'), ~seed (int, 0), ~run_dir (folder for the results of the run; if it holds the
+    map of an interrupted run, that run is resumed; none),
     ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
-    ~load_map (SLAM map to go on in, the robot anywhere in it; none; not read where ~run_dir is gone on with),
-    ~save_map (file to save it to at the end; none),
-    ~save_map_to (file the service saves to; default map.vsxmap in ~run_dir, else in the folder for temporary files),
-    ~publish_tf (bool, true; false: somebody else, an EKF, says where odom is in map)."""
+    ~load_map (SLAM map to continue, the robot anywhere in it; none; not read if ~run_dir is resumed),
+    ~save_map (file for the map at the end; none),
+    ~save_map_to (file for the service; default map.vsxmap in ~run_dir, else in the folder for temporary files),
+    ~publish_tf (bool, true; false: another node, e.g. an EKF, publishes odom in map)."""
 
 import time
 
@@ -30,11 +30,11 @@ from vsx_ros.ros.slam_messages import PosePublisher, Preview, SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.slam.slam import ThreadedSlam
 
-_WRITE_PERIOD_S = 1.0  # looks whether a map was noted (runs.checkpoint_s)
+_WRITE_PERIOD_S = 1.0  # between checks for a noted map (runs.checkpoint_s)
 
 
 class VslamNode:
-    """Tracks on one thread, beside those that map and write; callbacks only hand over."""
+    """Tracks on one thread, beside the mapping and writing threads; callbacks only pass data."""
 
     def __init__(self, config: Config) -> None:
         warm_up()
@@ -59,7 +59,7 @@ class VslamNode:
         while not threads.is_ending():
             taken = self._input.next()
             if taken is not None and waits_for_odometry and taken[1] is None:
-                self._status.waiting_for(topics.ODOM)  # a map begun without odometry would have no scale for good
+                self._status.waiting_for(topics.ODOM)  # a map started without odometry would never get a scale
             elif taken is not None:
                 waits_for_odometry &= not self._track_frame(slam, *taken)
 
@@ -71,7 +71,7 @@ class VslamNode:
         except InputError as error:
             self._input.refused(str(error))
             return False
-        if self._pictures.is_new(frame.image, odometry):  # who drives by an old picture drives blind
+        if self._pictures.is_new(frame.image, odometry):  # driving on a repeated picture would be driving blind
             self._lease.renew()
         self._poses.publish(result, odometry)
         self._session.locate(result, odometry)
@@ -81,7 +81,7 @@ class VslamNode:
         return True
 
     def close(self) -> None:
-        """Nobody drives by this camera any longer; write the run's results after the last frame."""
+        """Let nothing drive by this camera any more; after the last frame, write the run's results."""
         self._lease.release()
         threads.join(self._tracking, 1.0)
         if self._slam is not None:
