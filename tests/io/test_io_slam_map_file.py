@@ -152,7 +152,7 @@ def put(index, value):
         ({"version": 2}, "format version 2.*reads up to 1, update vsx_ros"),
         ({"version": None}, "format version None"),
         ({"format": "another"}, "not that of a SLAM map"),
-        ({"camera": {"width": 160}}, "'distortion' is missing"),
+        ({"camera": {"width": 160}}, "'height' is missing"),
         ({"camera": None}, "cannot be used"),
         ({"T_base_cam": [[1.0]]}, "T_base_cam in its manifest is no pose"),
         ({"T_base_cam": [[float("nan")] * 4] * 4}, "T_base_cam in its manifest is no pose"),
