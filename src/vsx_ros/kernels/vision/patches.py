@@ -184,16 +184,13 @@ def refine(
     pixels: NDArray[np.uint8], layout: IntArray, template: Int32Array, core: Int32Array, contrast: float, x: float,
     y: float,
 ) -> tuple[bool, float, float, float]:  # fmt: skip
-    """Inverse-compositional alignment of the template's inner 8x8 (x, y, gain and offset) from a start [level px] in
-    the level whose row of the table is ``layout``. core, contrast: see ``quantize``.
-
-    Returns (converged, x, y, squared difference after gain and offset). Converged: last step below 0.03 px, at most
-    2 px from the start, patch inside the image."""
+    """Align the template's inner 8x8 (inverse-compositional; x, y, gain, offset) from a start [px] in the level with
+    table row ``layout``. core, contrast: see ``quantize``. Returns (converged, x, y, squared difference after gain
+    and offset). Converged: last step below 0.03 px, at most 2 px from the start, patch inside the image."""
     offset, height, width = layout[0], layout[1], layout[2]
     gx, gy = np.empty(64, np.int32), np.empty(64, np.int32)
     h = slopes(template, core, gx, gy)
-    # Gain and offset are eliminated first (projected out: Baker and Matthews, IJCV 2004, part 3); the rest is 2x2.
-    contrast = max(contrast, 1.0)
+    contrast = max(contrast, 1.0)  # gain and offset are projected out (Baker and Matthews, IJCV 2004, part 3)
     s00 = h.xx - h.x * h.x / 64.0 - h.core_x * h.core_x / contrast
     s01 = h.xy - h.x * h.y / 64.0 - h.core_x * h.core_y / contrast
     s11 = h.yy - h.y * h.y / 64.0 - h.core_y * h.core_y / contrast

@@ -5,11 +5,9 @@ Publishers: emulator/ground_truth/odometry (frame world: that of the world file,
     emulator/ground_truth/camera_pose (per image, with its stamp), emulator/ground_truth/collisions and
     .../least_clearance_m (smallest distance of the hull so far; both latched), emulator/render_rate_hz (1 Hz).
 Parameters: ~world (lab): lab, office, corridor, building, a world.yaml or a map. ~seed (0). ~robot_type (kobuki).
-    ~port (ttyVSX in the folder for temporary files): the serial port it makes.
-    ~camera_socket (vsx_kinect, same folder): the socket it makes; the camera's calibration is written beside it, with
-    .yaml appended. ~rate_hz (15.0): maximum images per second. ~config (tree of 'vsx config').
-
-The body and the board run on a thread of this process at 200 Hz; the camera renders in a child process."""
+    ~port (ttyVSX in the folder for temporary files): the serial port it makes. ~camera_socket (vsx_kinect, there):
+    the socket it makes; the camera's calibration is written beside it, with .yaml appended. ~rate_hz (15.0): maximum
+    images per second. ~config (tree of 'vsx config'). The board runs at 200 Hz; a child process renders."""
 
 import tempfile
 import time
