@@ -76,7 +76,7 @@ def figure6(drives: Drives) -> tuple[Section, dict[str, Any]]:
                 named = {**task._asdict(), "planner": arm, "tracker": tracker, "broken": judged["broken"]}
                 rows.append({**named, **deviation(drive["planned"], judged["estimate"])})
     words = "Blue: planned. Green: the camera as tracked (9 cm behind the base's middle). Purple: where it was lost."
-    told = "From the planned way of the camera to the tracked one, where it was tracked, a point to its nearest:"
+    told = "From each tracked point to the nearest one of the planned path:"
     body = paragraph(words) + figures(pictures) + paragraph(told) + _deviations(rows) + faults_table(faults(drives))
     return Section("Figure 6: planned and tracked trajectories", body), {"drives": rows}
 

@@ -72,7 +72,7 @@ def code_hash(rooms: Iterable[Path]) -> str:
 @cache
 def _code(source: bytes) -> bytes:
     """The source without comments, strings that are whole statements (docstrings), and empty lines."""
-    lines = source.decode().splitlines()
+    lines = source.decode().split("\n")
     tokens = [t for t in tokenize(BytesIO(source).readline) if t.type not in (token.NL, token.ENCODING)]
     begins = {token.NEWLINE, token.INDENT, token.DEDENT}
     for before, this, after in reversed(list(zip([None, *tokens], tokens, [*tokens[1:], None]))):

@@ -45,10 +45,8 @@ class LocalMap:
             chosen.append(reference)
         self.keyframes = chosen
         seen = [view.keyframes[k].observations.rows for k in chosen]
-        self._seen, self._observer = (
-            np.concatenate(seen),
-            np.repeat(np.arange(len(chosen)), [len(rows) for rows in seen]),
-        )
+        self._seen = np.concatenate(seen)
+        self._observer = np.repeat(np.arange(len(chosen)), [len(rows) for rows in seen])
         mark[self._seen] = True
         self.rows: IntArray = np.flatnonzero(mark & view.alive)
 

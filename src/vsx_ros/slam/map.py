@@ -69,7 +69,6 @@ class Map:
                 observations=observations,
                 median_depth=depth,
                 odom_segment=self.odom_segment,
-                anchor=None,
                 map_id=map_id,
             )
         )

@@ -100,18 +100,11 @@ class Preprocessor:
         T_odom_base = None if self._odometry is None else self._odometry.at(middle_ns, odometry)
         array, self.T_middle_stamp = self._shutter.exposure(odometry if T_odom_base is not None else None)
         small = small_image(pyramid)
-        if self._is_frozen(pyramid, T_odom_base):
+        frozen = self._is_frozen(pyramid, T_odom_base)
+        if frozen:
             self._gap(frame.stamp_ns, "the image is the last one to the bit though the base moves: the camera hangs")
-            return FrameData(
-                stamp_ns=frame.stamp_ns,
-                pyramid=pyramid,
-                corners=no_corners(pyramid),
-                small=small,
-                T_odom_base=T_odom_base,
-                camera=array,
-            )
-        blurred = self._blur.blurred(pyramid)
-        corners = self._detector.detect(pyramid, steer=not blurred)
+        blurred = not frozen and self._blur.blurred(pyramid)
+        corners = no_corners(pyramid) if frozen else self._detector.detect(pyramid, steer=not blurred)
         return FrameData(
             stamp_ns=frame.stamp_ns,
             pyramid=pyramid,
