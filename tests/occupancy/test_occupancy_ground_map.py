@@ -296,6 +296,20 @@ def test_a_lone_point_with_more_above_it_is_the_leg_of_a_table():
     assert one_view([leg, *higher, *beyond]).value_at(1.5, 0.0) != OCCUPIED
 
 
+def test_a_plain_leg_shows_only_where_it_meets_the_table():
+    beyond = abreast(3.0, 0.02, 0.2)
+
+    def occupied(*heights: float) -> bool:
+        return (
+            one_view([[1.5 + 0.002 * k, 0.0, z] for k, z in enumerate(heights)] + beyond).value_at(1.5, 0.0) == OCCUPIED
+        )
+
+    assert occupied(0.62, 0.70, 0.74)
+    assert not occupied(0.70, 0.72, 0.74)  # the edge of the table's top
+    assert not occupied(0.75, 0.85, 0.95)  # a thing on the table
+    assert not occupied(0.62, 0.63, 0.64)  # a shelf
+
+
 def test_points_that_only_two_keyframes_see_are_no_obstacle():
     points = [[1.5, 0.0, 0.3], [1.52, 0.01, 0.25], [1.51, -0.01, 0.2]]
     assert one_view(points, n=3).value_at(1.51, 0.0) == OCCUPIED

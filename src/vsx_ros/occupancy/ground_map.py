@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, Int32Array, IntArray, Points2, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray, Points2, Points3
 from vsx_ros.config import GroundMapConfig, RobotConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
@@ -28,6 +28,8 @@ _COARSE_LEVEL = 3
 """From this pyramid level on, a corner may lie on the floor beside the edge that produces it, as far off as an obstacle
 may be: half of eight pixels of the level are 6 cm at 1 m."""
 _SURE_POINTS = 3  # with fewer, few_overruled_ratio applies
+_POST_BELOW_M, _POST_SPAN_M = 0.05, 0.1
+"""A post reaches down almost to the obstacle height, and its points span more than the edge of a table top does."""
 _WALL_SHARE = 0.5  # least part of a wall with gaps that must have been seen
 _MIN_SPOTS = 6  # of surface in a cell and its neighbours; a cell of the dense map has four
 _SEEN_THROUGH = 0.25  # free votes per surface vote; more remove a surface
@@ -125,8 +127,17 @@ class GroundMap:
         hits, over = (
             ground_cells.count_hits(points, point, found, _POINT_HITS, lattice) for found in (scans.hit, scans.over)
         )
+        hits = self._with_posts(hits, over, ground_cells.height_range(points, point, scans.over, _POINT_HITS, lattice))
         overruled = self._config.overruled_ratio, self._config.few_overruled_ratio
         return believed(hits, over, free_votes, _MIN_POINTS, _SURE_POINTS, overruled)
+
+    def _with_posts(self, hits: Counts, over: Counts, heights: FloatArray) -> Counts:
+        """The hits, and those above the obstacle height where they belong to a thin post, such as a table leg: a plain
+        leg shows points only where it meets the top. heights (2, rows, columns): least and greatest of ``over`` [m]."""
+        square = np.ones((3, 3), np.uint8)
+        low, high = cv2.erode(heights[0], square), cv2.dilate(heights[1], square)
+        post = (low <= self._config.obstacle_max_height_m + _POST_BELOW_M) & (high - low >= _POST_SPAN_M)
+        return Counts(*(at + np.where(post, above, 0) for at, above in zip(hits, over)))
 
     def _touched(self, surfaces: Surfaces, n_keyframes: int) -> tuple[Surfaces, BoolArray, Points2]:
         """The surfaces in the kernels' types, which spots are at the robot's height and certain enough, and the corners

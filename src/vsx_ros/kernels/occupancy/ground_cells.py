@@ -70,6 +70,30 @@ def count_hits(points: FloatArray, obs_point: IntArray, hit: Float32Array, enoug
 
 
 @kernel
+def height_range(
+    points: FloatArray, obs_point: IntArray, hit: Float32Array, enough: int, lattice: Lattice
+) -> FloatArray:
+    """(2, rows, columns) least and greatest height [m] of the points that ``count_hits`` counts as members of a cell;
+    1e3 and -1e3 where there is none."""
+    found = np.empty((2, lattice.rows, lattice.columns))
+    found[0], found[1] = 1e3, -1e3
+    counted = np.zeros(points.shape[0], np.int32)
+    for o in range(obs_point.shape[0]):
+        if hit[o] <= 0.0:
+            continue
+        p = obs_point[o]
+        counted[p] += 1
+        if counted[p] != enough:
+            continue
+        column = math.floor((points[p, 0] - lattice.origin_x) / lattice.resolution)
+        row = math.floor((points[p, 1] - lattice.origin_y) / lattice.resolution)
+        if 0 <= row < lattice.rows and 0 <= column < lattice.columns:
+            found[0, row, column] = min(found[0, row, column], points[p, 2])
+            found[1, row, column] = max(found[1, row, column], points[p, 2])
+    return found
+
+
+@kernel
 def cover_discs(poses: FloatArray, radius: float, lattice: Lattice) -> BoolArray:
     """(rows, columns) whether the middle of a cell lies within radius [m] of one of the poses (N, 2)."""
     rows, columns, resolution, origin_x, origin_y = lattice
