@@ -17,6 +17,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy import ground_cells
 from vsx_ros.kernels.occupancy.ground_cells import Counts, Lattice
 from vsx_ros.kernels.occupancy.ground_map import PolarScans, Surfaces
+from vsx_ros.occupancy.certainty import Evidence, obstacle_probability
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import MIN_SURE_VOTES, gaps, rims, walls
 from vsx_ros.occupancy.virtual_scan import meet, virtual_scans
@@ -56,7 +57,8 @@ class GroundMap:
         driven: DriveHistory | None = None, surfaces: Surfaces | None = None, obs_level: IntArray | None = None,
     ) -> OccupancyGrid:  # fmt: skip
         """The grid. Evidence of an obstacle beats evidence of free space. Unseen cells stay unknown, except gaps in
-        walls and in the free ground (``unknown_ground.py``).
+        walls and in the free ground (``unknown_ground.py``). The probabilities follow from the evidence
+        (``certainty.py``) and change no cell.
 
         T_world_cams: K keyframes. points_world: (M, 3). obs_keyframe, obs_point: (O,) which keyframe saw which point.
         driven: where the base was, nowhere if None. surfaces: solid spots besides the points; the floor in front of
@@ -78,12 +80,15 @@ class GroundMap:
         extent = np.vstack([reached, outline, self._passed(trail, start), arcs])
         lattice = Lattice.around(extent, self._config.resolution_m)
         free_votes = ground_cells.count_free(scans, lattice)
-        occupied = self._occupied(scans, points, point, free_votes, lattice)
-        occupied |= _solid(spots, touched, free_votes, lattice)
-        data = self._judged(free_votes, occupied, self._known(trail, start, occupied, lattice), lattice)
+        hits, over = _hits(scans, points, point, lattice)
+        solid = ground_cells.count_hits(spots.points, np.arange(len(touched)), touched.astype(np.float32), 1, lattice)
+        occupied = self._occupied(hits, over, free_votes) | _solid(solid, free_votes)
+        known = self._known(trail, start, occupied, lattice)
+        data = self._judged(free_votes, occupied, known, lattice)
         grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
         data[tuple(grid.cells(arcs).T)] = OCCUPIED
-        return replace(grid, data=data)
+        evidence = Evidence.of(free_votes, hits, solid, known)
+        return replace(grid, data=data, probability=obstacle_probability(data, evidence))
 
     def _judged(
         self, free_votes: Int32Array, occupied: BoolArray, known: BoolArray, lattice: Lattice
@@ -118,13 +123,8 @@ class GroundMap:
         poses = [(pose.x, pose.y) for pose in (*trail, *([start] if start else []))]
         return np.array([*poses, *ahead]).reshape(-1, 2)
 
-    def _occupied(
-        self, scans: PolarScans, points: Points3, point: IntArray, free_votes: Int32Array, lattice: Lattice
-    ) -> BoolArray:
+    def _occupied(self, hits: Counts, over: Counts, free_votes: Int32Array) -> BoolArray:
         """Cells with enough observations of obstacle points, except those that too many keyframes look through."""
-        hits, over = (
-            ground_cells.count_hits(points, point, found, _POINT_HITS, lattice) for found in (scans.hit, scans.over)
-        )
         overruled = self._config.overruled_ratio, self._config.few_overruled_ratio
         return believed(hits, over, free_votes, _MIN_POINTS, _SURE_POINTS, overruled)
 
@@ -186,11 +186,17 @@ def _check_names(words: str, indices: IntArray, count: int) -> None:
         raise InputError(f"{words} {int(np.max(indices))} of {count}; all that is given must come from one snapshot")
 
 
-def _solid(spots: Surfaces, touched: BoolArray, free_votes: Int32Array, lattice: Lattice) -> BoolArray:
+def _hits(scans: PolarScans, points: Points3, point: IntArray, lattice: Lattice) -> tuple[Counts, Counts]:
+    """Observations of obstacle points, and of points above them."""
+    hits, over = (
+        ground_cells.count_hits(points, point, found, _POINT_HITS, lattice) for found in (scans.hit, scans.over)
+    )
+    return hits, over
+
+
+def _solid(spots: Counts, free_votes: Int32Array) -> BoolArray:
     """Cells under surfaces, except those that many keyframes look through."""
-    every = np.arange(len(touched))
-    hits = ground_cells.count_hits(spots.points, every, touched.astype(np.float32), 1, lattice)
-    return believed(hits, None, free_votes, _MIN_SPOTS, 0, (_SEEN_THROUGH, _SEEN_THROUGH))
+    return believed(spots, None, free_votes, _MIN_SPOTS, 0, (_SEEN_THROUGH, _SEEN_THROUGH))
 
 
 def believed(
