@@ -38,6 +38,7 @@ class Initializer:
     def __init__(self, T_base_cam: SE3 | None, config: InitializationConfig) -> None:
         self._T_base_cam, self._config = T_base_cam, config
         self._trails: Trails | None = None
+        self._tried = -1  # stamp of the reference that was proposed last
 
     def add(self, data: FrameData) -> InitialPair | str:
         """Follow the corners into this frame and propose it with an earlier one when they are far enough apart."""
@@ -56,7 +57,7 @@ class Initializer:
         before, now = first.data.T_odom_base, data.T_odom_base
         if motion is None or before is None or now is None:
             outcome = self._by_images(trails, data)
-            if self._trails is trails and isinstance(outcome, str):
+            if self._trails is trails:
                 trails.extend()
             return outcome
         sure = trails.straighten(first)
@@ -112,15 +113,25 @@ class Initializer:
         if not within:
             least = min(turn.turned_deg for turn in turns)
             return self._restart(data, f"turns: {least:.0f} deg and not aside; move the camera sideways to start")
-        trails.references = [turn.reference for turn in within]
         best = max(within, key=lambda turn: turn.flow_px)
         sure = trails.straighten(best.reference)
         wanted = self._config.min_flow_sigmas * TRAIL_SIGMA_PX
         if best.flow_px < wanted:
+            trails.references = [turn.reference for turn in within]
             told = f"corners moved {best.flow_px:.1f} px of the {wanted:.1f} px needed beyond a turn by"
             why = "the camera turns in place or has not moved far enough"
             return f"too little motion: {told} {best.turned_deg:.0f} deg; {why}"
-        return self._pair(trails.corners(best.reference, sure), best.reference.data, data, None)
+        chosen = best.reference
+        if self._tried == chosen.data.stamp_ns:  # others in turn: it may be blurred, or show one plane
+            chosen = min(
+                within, key=lambda turn: (turn.flow_px < wanted, turn.reference.tried, -turn.flow_px)
+            ).reference
+            sure = trails.straighten(chosen)
+        self._tried = chosen.data.stamp_ns
+        trails.references = [
+            turn.reference._replace(tried=turn.reference.tried + (turn.reference is chosen)) for turn in within
+        ]
+        return self._pair(trails.corners(chosen, sure), chosen.data, data, None)
 
     def _pair(
         self, corners: tuple[Candidates, Pixels], first: FrameData, data: FrameData, odometry: SE3 | None

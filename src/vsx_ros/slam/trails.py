@@ -26,12 +26,13 @@ _BORDER_PX = 14  # of the level, around a corner
 
 class Reference(NamedTuple):
     """An earlier frame: positions uv (N, 2) and rays (N, 2) of all present trails, NaN for those that began later.
-    began: the number of its trails at first."""
+    began: the number of its trails at first. tried: how often it was proposed for a map."""
 
     data: FrameData
     uv: Pixels
     rays: Points2
     began: int
+    tried: int = 0
 
     @property
     def rows(self) -> IntArray:
