@@ -20,6 +20,7 @@ from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.odometry import MotionModel, OdometryConsistency
 from vsx_ros.slam.preprocessing import Preprocessor
 from vsx_ros.slam.recovery import Recovery, Relocalization
+from vsx_ros.slam.start_watch import GiveUp
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 from vsx_ros.slam.track import Track, nothing_tracked
 from vsx_ros.slam.tracker import Tracker
@@ -28,7 +29,7 @@ from vsx_ros.slam.two_view_reconstruction import InitialPair
 
 # A new map that moves the last pose by more than this counts as a jump of the map.
 CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
-Outcome: TypeAlias = tuple[TrackingResult, InitialPair | KeyFrameRequest | None]
+Outcome: TypeAlias = tuple[TrackingResult, InitialPair | KeyFrameRequest | GiveUp | None]
 
 
 class FrontEnd:
@@ -219,7 +220,7 @@ class FrontEnd:
             data.stamp_ns, state, trusted, searched=len(track.searched_rows), keyframe_added=request is not None,
             reason=reason, map_id=self._map_id, T_map_cam=by_odometry, covariance=known,
         )  # fmt: skip
-        return result, pair or request
+        return result, recovery.gives_up(data, self._view) or pair or request
 
     def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> Outcome:
         """The camera was found in one of the maps. Unless odometry connects the poses, its next segment begins."""
