@@ -10,6 +10,7 @@ from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.two_view_certainty import certainty, pure_rotation
+from vsx_ros.robot import Frame
 from vsx_ros.slam.initialization import Initializer
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import TrackingState
@@ -219,3 +220,18 @@ def test_a_start_whose_depths_turn_out_wrong_is_begun_again(arc_drive):
     assert "0.5" in events[1].reason
     assert states[-1] is TrackingState.GOOD
     assert slam.snapshot().keyframe_ids[0] == 0
+
+
+def test_a_young_map_that_loses_the_camera_is_begun_again():
+    """After a jump to another part of the wall the map is useless; a new one begins there."""
+    slam, states, events = SequentialSlam(CAMERA, None, Config().slam), [], []
+    for k in range(36):
+        x = 0.03 * k - 3.0 * (k >= 14)
+        states.append(slam.track(Frame(k * 100_000_000, picture(moved(x=x), WALL))).state)
+        events += [event for event in slam.drain_events() if event.kind in ("initialised", "restarted", "second map")]
+    assert states[13] is TrackingState.GOOD
+    assert [event.kind for event in events] == ["initialised", "restarted", "initialised"]
+    assert "lost with" in events[1].reason
+    assert 14 + 5 <= events[1].stamp_ns // 100_000_000 <= 14 + 9
+    assert TrackingState.NOT_INITIALISED in states[16:]
+    assert states[-1] is TrackingState.GOOD
