@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import table_exploration
 import table_faults
+import table_free_cells
 import table_paper
 
 from vsx_ros.config import Config
@@ -37,6 +38,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "exploration": (*_IN_LOCK_STEP, "benchmarks/exploration", "benchmarks/nearest_frontier"),
     "drives": ("src/vsx_ros",),
     "exploration_strategy": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/nearest_frontier"),
+    "free_cells": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/free_cells"),
     "exploration_live": (*_IN_LOCK_STEP, "src/vsx_ros/ros", "hw/vsx_hw", "benchmarks/exploration"),
     "resume": (*_IN_LOCK_STEP, "src/vsx_ros/io", "src/vsx_ros/runs", "benchmarks/resume"),
     "fault_nodes": (*_NODES, "benchmarks/fault_nodes", "benchmarks/exploring_robot"),
@@ -91,6 +93,7 @@ TABLES: dict[str, Table] = {
     "totals": Table("README.md", "exploration", table_exploration.brief, _LAB),
     "live brief": Table("README.md", "exploration_live", table_exploration.brief, _LAB),
     "strategies": Table("docs/results.md", "exploration_strategy", table_exploration.strategies),
+    "free cells": Table("docs/results.md", "free_cells", table_free_cells.table),
     "exploration": Table("docs/results.md", "exploration", table_exploration.runs, _LAB),
     "exploration totals": Table("docs/results.md", "exploration", table_exploration.totals, _LAB),
     "growth": Table("docs/results.md", "exploration", table_exploration.growth, _LAB),

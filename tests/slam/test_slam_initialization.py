@@ -1,30 +1,23 @@
 """Which of several two-view motions starts the map."""
 
-import cv2
 import numpy as np
 import pytest
+from textured_planes import CAMERA, SCENE, WALL, frame, moved, picture
 
 from vsx_ros.config import Config
-from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.epipolar import two_view_motions
 from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.two_view_certainty import certainty, pure_rotation
+from vsx_ros.robot import Frame
 from vsx_ros.slam.initialization import Initializer
-from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.two_view_reconstruction import InitialMap, InitialPair, MotionHypothesis, TwoViewReconstruction
-from vsx_ros.vision.corners import CornerDetector
-from vsx_ros.vision.pyramid import build_pyramid, small_image
 
-CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
 CONFIG = Config().slam.initialization
 MOUNT = mount_pose(0.0, 0.0, 0.3, 0.0, 0.0)
-# (normal . x, distance [m], where it is: x below) in the first camera: a leaning wall; the same with a nearer one.
-WALL = [((0.35, 0.0, 1.0), 2.5, np.inf)]
-SCENE = [*WALL, ((0.0, 0.0, 1.0), 1.5, -0.1)]
 SIDEWAYS, AHEAD = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
@@ -64,33 +57,6 @@ def test_refinement_tells_the_true_motion_from_the_mirrored_one():
     assert maps[0].support > 0.8
     assert maps[1].support < 0.3
     assert TWO_VIEWS._choose(maps, None).T_b_a.translation == pytest.approx(true.translation / size, abs=0.03)
-
-
-def picture(T_first_cam, planes):
-    """(480, 640) uint8: the planes with a texture of blurred noise, the nearest in front."""
-    noise = np.random.default_rng(0).integers(0, 256, (1024, 1024)).astype(np.float32)
-    texture = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 2.0), None, 0, 255, cv2.NORM_MINMAX)
-    v, u = np.mgrid[0:480, 0:640]
-    rays = np.stack([(u - 319.5) / 525.0, (v - 239.5) / 525.0, np.ones(u.shape)], axis=-1) @ T_first_cam.rotation.T
-    nearest, image = np.full(u.shape, np.inf), np.zeros(u.shape, np.float32)
-    for normal, distance, beyond in planes:
-        depth = (distance - np.dot(normal, T_first_cam.translation)) / (rays @ np.array(normal))
-        place = T_first_cam.translation + depth[..., None] * rays
-        at = ((place[..., :2] * 210.0 + 37.0 * distance) % 1023).astype(np.float32)
-        seen = (depth > 0) & (depth < nearest) & (place[..., 0] < beyond)
-        image[seen] = cv2.remap(texture, at[..., 0], at[..., 1], cv2.INTER_LINEAR)[seen]
-        nearest[seen] = depth[seen]
-    return np.round(image).astype(np.uint8)
-
-
-def frame(stamp, image, base=None):
-    pyramid = build_pyramid(image)
-    corners = CornerDetector().detect(pyramid)
-    return FrameData(stamp, pyramid, corners, small_image(pyramid), base, kernel_camera(CAMERA))
-
-
-def moved(x=0.0, z=0.0, yaw=0.0):
-    return SE3.exp(np.array([x, 0.0, z, 0.0, yaw, 0.0]))
 
 
 def outcome(initializer, planes, poses, bases=None):
@@ -243,8 +209,8 @@ def test_what_a_rotation_leaves_is_the_noise():
 
 def test_a_start_whose_depths_turn_out_wrong_is_begun_again(arc_drive):
     slam, events, states = SequentialSlam(arc_drive.camera, None, Config().slam), [], []
-    for frame, _, _ in arc_drive.frames:
-        result = slam.track(frame)
+    for image, _, _ in arc_drive.frames:
+        result = slam.track(image)
         states.append(result.state)
         watch = slam._mapper._watch
         if watch is not None and not events:
@@ -254,3 +220,19 @@ def test_a_start_whose_depths_turn_out_wrong_is_begun_again(arc_drive):
     assert "0.5" in events[1].reason
     assert states[-1] is TrackingState.GOOD
     assert slam.snapshot().keyframe_ids[0] == 0
+
+
+def test_a_young_map_that_loses_the_camera_is_begun_again():
+    """After a change to another scene, which is the mirrored one, the map is useless; a new one begins there."""
+    slam, states, events = SequentialSlam(CAMERA, None, Config().slam), [], []
+    for k in range(26):
+        image = picture(moved(x=0.03 * k), WALL)
+        seen = image if k < 14 else np.ascontiguousarray(image[:, ::-1])
+        states.append(slam.track(Frame(k * 100_000_000, seen)).state)
+        events += [event for event in slam.drain_events() if event.kind in ("initialised", "restarted", "second map")]
+    assert states[13] is TrackingState.GOOD
+    assert [event.kind for event in events] == ["initialised", "restarted", "initialised"]
+    assert "lost with" in events[1].reason
+    assert 14 + 4 <= events[1].stamp_ns // 100_000_000 <= 14 + 9
+    assert TrackingState.NOT_INITIALISED in states[16:]
+    assert states[-1] is TrackingState.GOOD

@@ -15,6 +15,7 @@ from vsx_ros.limits import DAMAGE, LOG_BYTES, TEXT_BYTES, file_bytes, file_text,
 from vsx_ros.occupancy.grid import FREE, MAX_CELLS, MAX_EXTENT_M, OCCUPIED, UNKNOWN, OccupancyGrid
 
 _GRAY_OF_FREE, _GRAY_OF_OCCUPIED, _GRAY_OF_UNKNOWN = 254, 0, 205  # as map_server's map_saver writes them
+_DARKEST_FREE = 206
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196  # map_saver's, too
 _FINEST_M = 1e-3  # per cell; finer is a wrong unit
 _ROWS_AT_ONCE = 64  # to save memory
@@ -22,9 +23,11 @@ _LONGEST_NAME = 1000  # of a file; longer is invalid
 
 
 def save_map(grid: OccupancyGrid, path: Path) -> None:
-    """Write ``path`` with the endings .pgm and .yaml, as map_server's map_saver does. Raises MapFileError when they
-    cannot be written."""
-    known = [_GRAY_OF_FREE, _GRAY_OF_OCCUPIED]
+    """Write ``path`` with the endings .pgm and .yaml, as map_server's map_saver does; free cells are the darker the
+    more probable an obstacle is, but always free by the thresholds. Raises MapFileError when they cannot be written."""
+    doubt = np.zeros(grid.shape) if grid.probability is None else np.nan_to_num(grid.probability)
+    free = np.clip(np.rint(255.0 * (1.0 - doubt)), _DARKEST_FREE, _GRAY_OF_FREE)
+    known = [free, np.full(grid.shape, _GRAY_OF_OCCUPIED)]
     gray = np.select([grid.data == FREE, grid.data == OCCUPIED], known, _GRAY_OF_UNKNOWN).astype(np.uint8)
     rows, columns = grid.shape
     image, text = path.with_suffix(".pgm"), path.with_suffix(".yaml")

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, IntArray, Points2
+from vsx_ros.arrays import BoolArray, Float32Array, IntArray, Points2
 from vsx_ros.errors import MapFileError
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # of nav_msgs/OccupancyGrid
+MOST_FREE_PERCENT = 19  # map_server takes less than 19.6 % for free
 MAX_CELLS = 2**24  # of a map from outside: 200 x 200 m at 5 cm
 MAX_EXTENT_M = 1e6  # larger than any building; keeps cell indices in their range
 
@@ -18,12 +19,14 @@ class OccupancyGrid:
     """Cells as in nav_msgs/OccupancyGrid: -1 unknown, 0 free, 100 occupied.
 
     data: (H, W) int8, row 0 at the smallest y; read-only. resolution: metres per cell.
-    origin_x, origin_y: world position of the outer corner of cell (0, 0) [m]; axes parallel to the world's."""
+    origin_x, origin_y: world position of the outer corner of cell (0, 0) [m]; axes parallel to the world's.
+    probability: (H, W) of an obstacle in each cell, as ``certainty.py`` finds it, None if nothing is known of it."""
 
     data: NDArray[np.int8]
     resolution: float
     origin_x: float
     origin_y: float
+    probability: Float32Array | None = None
 
     def __post_init__(self) -> None:
         data = np.array(self.data, dtype=np.int8)
@@ -34,6 +37,10 @@ class OccupancyGrid:
             raise MapFileError(
                 f"grid with resolution {self.resolution} m and origin ({self.origin_x}, {self.origin_y}): "
                 f"resolution must be positive, and both below {MAX_EXTENT_M:g} m"
+            )
+        if self.probability is not None and self.probability.shape != data.shape:
+            raise MapFileError(
+                f"a grid of {data.shape} cells needs a probability of each, got {self.probability.shape}"
             )
         data.flags.writeable = False
         object.__setattr__(self, "data", data)
@@ -66,6 +73,14 @@ class OccupancyGrid:
         """The cell's value at a world position [m]; UNKNOWN outside."""
         cell = self.cells(np.array([[x, y]]))
         return int(self.data[cell[0, 0], cell[0, 1]]) if bool(self.contains(cell)[0]) else UNKNOWN
+
+    def percent(self) -> NDArray[np.int8]:
+        """(H, W) of nav_msgs/OccupancyGrid: the data, but free cells with the percentage of their probability, up to
+        the most that map_server takes for free."""
+        if self.probability is None:
+            return self.data
+        percent = np.minimum(np.rint(100.0 * np.nan_to_num(self.probability)), MOST_FREE_PERCENT)
+        return np.where(self.data == FREE, percent, self.data).astype(np.int8)
 
     @property
     def known_area_m2(self) -> float:

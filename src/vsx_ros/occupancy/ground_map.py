@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray, Points2, Points3
+from vsx_ros.arrays import BoolArray, Int32Array, IntArray, Points2, Points3
 from vsx_ros.config import GroundMapConfig, RobotConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
@@ -17,6 +17,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy import ground_cells
 from vsx_ros.kernels.occupancy.ground_cells import Counts, Lattice
 from vsx_ros.kernels.occupancy.ground_map import PolarScans, Surfaces
+from vsx_ros.occupancy.certainty import Evidence, obstacle_probability
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import MIN_SURE_VOTES, gaps, rims, walls
 from vsx_ros.occupancy.virtual_scan import meet, virtual_scans
@@ -58,7 +59,8 @@ class GroundMap:
         driven: DriveHistory | None = None, surfaces: Surfaces | None = None, obs_level: IntArray | None = None,
     ) -> OccupancyGrid:  # fmt: skip
         """The grid. Evidence of an obstacle beats evidence of free space. Unseen cells stay unknown, except gaps in
-        walls and in the free ground (``unknown_ground.py``).
+        walls and in the free ground (``unknown_ground.py``). The probabilities follow from the evidence
+        (``certainty.py``) and change no cell.
 
         T_world_cams: K keyframes. points_world: (M, 3). obs_keyframe, obs_point: (O,) which keyframe saw which point.
         driven: where the base was, nowhere if None. surfaces: solid spots besides the points; the floor in front of
@@ -80,12 +82,15 @@ class GroundMap:
         extent = np.vstack([reached, outline, self._passed(trail, start), arcs])
         lattice = Lattice.around(extent, self._config.resolution_m)
         free_votes = ground_cells.count_free(scans, lattice)
-        occupied = self._occupied(scans, points, point, free_votes, lattice)
-        occupied |= _solid(spots, touched, free_votes, lattice)
-        data = self._judged(free_votes, occupied, self._known(trail, start, occupied, lattice), lattice)
+        hits, over = self._hits(scans, points, point, lattice)
+        solid = ground_cells.count_hits(spots.points, np.arange(len(touched)), touched.astype(np.float32), 1, lattice)
+        occupied = self._occupied(hits, over, free_votes) | _solid(solid, free_votes)
+        known = self._known(trail, start, occupied, lattice)
+        data = self._judged(free_votes, occupied, known, lattice)
         grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
         data[tuple(grid.cells(arcs).T)] = OCCUPIED
-        return replace(grid, data=data)
+        evidence = Evidence.of(free_votes, hits, solid, known)
+        return replace(grid, data=data, probability=obstacle_probability(data, evidence))
 
     def _judged(
         self, free_votes: Int32Array, occupied: BoolArray, known: BoolArray, lattice: Lattice
@@ -120,24 +125,24 @@ class GroundMap:
         poses = [(pose.x, pose.y) for pose in (*trail, *([start] if start else []))]
         return np.array([*poses, *ahead]).reshape(-1, 2)
 
-    def _occupied(
-        self, scans: PolarScans, points: Points3, point: IntArray, free_votes: Int32Array, lattice: Lattice
-    ) -> BoolArray:
+    def _occupied(self, hits: Counts, over: Counts, free_votes: Int32Array) -> BoolArray:
         """Cells with enough observations of obstacle points, except those that too many keyframes look through."""
-        hits, over = (
-            ground_cells.count_hits(points, point, found, _POINT_HITS, lattice) for found in (scans.hit, scans.over)
-        )
-        hits = self._with_posts(hits, over, ground_cells.height_range(points, point, scans.over, _POINT_HITS, lattice))
         overruled = self._config.overruled_ratio, self._config.few_overruled_ratio
         return believed(hits, over, free_votes, _MIN_POINTS, _SURE_POINTS, overruled)
 
-    def _with_posts(self, hits: Counts, over: Counts, heights: FloatArray) -> Counts:
-        """The hits, and those above the obstacle height where they belong to a thin post, such as a table leg: a plain
-        leg shows points only where it meets the top. heights (2, rows, columns): least and greatest of ``over`` [m]."""
+    def _hits(
+        self, scans: PolarScans, points: Points3, point: IntArray, lattice: Lattice
+    ) -> tuple[Counts, Counts]:
+        """Observations of obstacle points, and of points above them. Those above are hits, too, where they belong to a
+        thin post, such as a table leg: a plain leg shows points only where it meets the top."""
+        hits, over = (
+            ground_cells.count_hits(points, point, found, _POINT_HITS, lattice) for found in (scans.hit, scans.over)
+        )
+        least, greatest = ground_cells.height_range(points, point, scans.over, _POINT_HITS, lattice)
         square = np.ones((3, 3), np.uint8)
-        low, high = cv2.erode(heights[0], square), cv2.dilate(heights[1], square)
+        low, high = cv2.erode(least, square), cv2.dilate(greatest, square)
         post = (low <= self._config.obstacle_max_height_m + _POST_BELOW_M) & (high - low >= _POST_SPAN_M)
-        return Counts(*(at + np.where(post, above, 0) for at, above in zip(hits, over)))
+        return Counts(*(at + np.where(post, above, 0) for at, above in zip(hits, over))), over
 
     def _touched(self, surfaces: Surfaces, n_keyframes: int) -> tuple[Surfaces, BoolArray, Points2]:
         """The surfaces in the kernels' types, which spots are at the robot's height and certain enough, and the corners
@@ -197,11 +202,9 @@ def _check_names(words: str, indices: IntArray, count: int) -> None:
         raise InputError(f"{words} {int(np.max(indices))} of {count}; all that is given must come from one snapshot")
 
 
-def _solid(spots: Surfaces, touched: BoolArray, free_votes: Int32Array, lattice: Lattice) -> BoolArray:
+def _solid(spots: Counts, free_votes: Int32Array) -> BoolArray:
     """Cells under surfaces, except those that many keyframes look through."""
-    every = np.arange(len(touched))
-    hits = ground_cells.count_hits(spots.points, every, touched.astype(np.float32), 1, lattice)
-    return believed(hits, None, free_votes, _MIN_SPOTS, 0, (_SEEN_THROUGH, _SEEN_THROUGH))
+    return believed(spots, None, free_votes, _MIN_SPOTS, 0, (_SEEN_THROUGH, _SEEN_THROUGH))
 
 
 def believed(

@@ -190,13 +190,13 @@ def grid(msg: OccupancyGridMsg) -> OccupancyGrid:
 
 
 def grid_msg(grid: OccupancyGrid, frame_id: str, stamp_ns: int) -> OccupancyGridMsg:
-    """The message of a map."""
+    """The message of a map: free cells have the percentage of their obstacle probability, ``OccupancyGrid.percent``."""
     msg = OccupancyGridMsg(header=header(frame_id, stamp_ns))
     msg.info.map_load_time = msg.header.stamp
     msg.info.resolution = grid.resolution
     msg.info.height, msg.info.width = grid.shape
     msg.info.origin = pose_msg(SE2(grid.origin_x, grid.origin_y, 0.0))
-    msg.data = grid.data.ravel().tolist()
+    msg.data = grid.percent().ravel().tolist()
     return msg
 
 

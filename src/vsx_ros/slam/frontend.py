@@ -14,12 +14,13 @@ from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.frame_tracker import FrameTracker, is_sure
 from vsx_ros.slam.initialization import Bootstrap
 from vsx_ros.slam.keyframe import FrameData, MapView, unit_of
-from vsx_ros.slam.local_map import LocalMap, becomes_keyframe, nearest_keyframes
+from vsx_ros.slam.local_map import LocalMap, becomes_keyframe, may_grow, nearest_keyframes
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.odometry import MotionModel, OdometryConsistency
 from vsx_ros.slam.preprocessing import Preprocessor
 from vsx_ros.slam.recovery import Recovery, Relocalization
+from vsx_ros.slam.start_watch import GiveUp
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 from vsx_ros.slam.track import Track, nothing_tracked
 from vsx_ros.slam.tracker import Tracker
@@ -28,7 +29,7 @@ from vsx_ros.slam.two_view_reconstruction import InitialPair
 
 # A new map that moves the last pose by more than this counts as a jump of the map.
 CORRECTION_M, CORRECTION_RAD = 0.05, 0.02
-Outcome: TypeAlias = tuple[TrackingResult, InitialPair | KeyFrameRequest | None]
+Outcome: TypeAlias = tuple[TrackingResult, InitialPair | KeyFrameRequest | GiveUp | None]
 
 
 class FrontEnd:
@@ -167,9 +168,9 @@ class FrontEnd:
         self._reference, self.tracking.coarse_next = reference, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
         local.leave_out(self.record.hopeless(local.rows))
-        config, seconds = self._config.keyframes, (data.stamp_ns - self._keyframe_ns) * 1e-9
-        has_waited = self._since_keyframe >= config.min_gap_frames or seconds >= config.min_gap_s
-        added = has_waited and not data.blurred and becomes_keyframe(config, local.linked, track, reference)
+        config, gap = self._config.keyframes, (self._since_keyframe, (data.stamp_ns - self._keyframe_ns) * 1e-9)
+        may = not data.blurred and may_grow(config, self._view, *gap)
+        added = may and becomes_keyframe(config, local.linked, track, reference)
         request = self._request(data, track) if added else None
         result = TrackingResult(
             data.stamp_ns, track.state, searched=len(track.searched_rows), found=len(track.rows), keyframe_added=added,
@@ -219,7 +220,7 @@ class FrontEnd:
             data.stamp_ns, state, trusted, searched=len(track.searched_rows), keyframe_added=request is not None,
             reason=reason, map_id=self._map_id, T_map_cam=by_odometry, covariance=known,
         )  # fmt: skip
-        return result, pair or request
+        return result, recovery.gives_up(data, self._view) or pair or request
 
     def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> Outcome:
         """The camera was found in one of the maps. Unless odometry connects the poses, its next segment begins."""

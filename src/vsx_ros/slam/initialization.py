@@ -3,25 +3,33 @@
 import math
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
-import cv2
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, GrayImage, IntArray, Pixels
+from vsx_ros.arrays import Pixels
 from vsx_ros.config.maps import InitializationConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.geometry.two_view_certainty import pure_rotation
 from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.robot import SILENCE_NS
-from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
+from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.odometry import motion_by_odometry
-from vsx_ros.slam.point_creation import candidates_in
+from vsx_ros.slam.point_creation import Candidates
+from vsx_ros.slam.trails import Reference, Trails
 from vsx_ros.slam.two_view_reconstruction import TRAIL_SIGMA_PX, InitialPair
 
-TRAILS = 600  # corners followed from the first frame on: several times min_matches, because many get lost
 STILL_PX = 2.0  # median motion of the corners; less is noise and vibration
 BLURRED = "the image is blurred: not used to start; move more slowly or add light"
 TRIED = "a map is being made of two frames"
+
+
+class _Turn(NamedTuple):
+    """The best pure rotation since a reference [deg], and the median flow that it leaves unexplained [px]."""
+
+    reference: Reference
+    turned_deg: float
+    flow_px: float
 
 
 class Initializer:
@@ -29,27 +37,32 @@ class Initializer:
 
     def __init__(self, T_base_cam: SE3 | None, config: InitializationConfig) -> None:
         self._T_base_cam, self._config = T_base_cam, config
-        self._reference: FrameData | None = None
+        self._trails: Trails | None = None
+        self._tried = -1  # stamp of the reference that was proposed last
 
     def add(self, data: FrameData) -> InitialPair | str:
-        """Follow the reference frame's corners into this frame and propose the two when they are far enough apart."""
-        reference = self._reference
-        if reference is None:
+        """Follow the corners into this frame and propose it with an earlier one when they are far enough apart."""
+        trails = self._trails
+        if trails is None:
             return self._restart(data, "the first frame was taken; drive straight ahead")
-        self._follow(reference, data)
-        silence = self._silence(reference, data)
+        trails.follow(data)
+        silence = self._silence(trails.references[0].data, data)
         if silence:
             return silence
-        wanted = max(self._config.min_matches, len(self._candidates.uv) // 4)
-        if len(self._index) < wanted:
-            return self._restart(data, f"sees too little: {len(self._index)} corners followed, {wanted} needed")
-        motion = motion_by_odometry(self._T_base_cam, data, reference)
-        before, now = reference.T_odom_base, data.T_odom_base
+        few = self._too_few(trails)
+        if few:
+            return self._restart(data, few)
+        first = trails.references[0]
+        motion = motion_by_odometry(self._T_base_cam, data, first.data)
+        before, now = first.data.T_odom_base, data.T_odom_base
         if motion is None or before is None or now is None:
-            refusal = self._too_early(data)
-        else:
-            refusal = self._odometry_refuses(data, before.distance_to(now), math.degrees(abs(before.angle_to(now))))
-        return refusal or self._pair(reference, data, motion)
+            outcome = self._by_images(trails, data)
+            if self._trails is trails:
+                trails.extend()
+            return outcome
+        sure = trails.straighten(first)
+        refusal = self._odometry_refuses(data, before.distance_to(now), math.degrees(abs(before.angle_to(now))))
+        return refusal or self._pair(trails.corners(first, sure), first.data, data, motion)
 
     def _silence(self, reference: FrameData, data: FrameData) -> str:
         """Why to wait or restart when only one of two frames has odometry (no scale); empty otherwise."""
@@ -65,27 +78,17 @@ class Initializer:
         return "odometry is silent: waiting for it"
 
     def _restart(self, data: FrameData, reason: str) -> str:
-        keyframe = KeyFrame(
-            id=0, data=data, T_world_cam=SE3.identity(), observations=Observations.none(), median_depth=0.0
-        )
-        self._reference = self._last = data
-        self._heard_ns = data.stamp_ns
-        self._candidates = candidates_in(keyframe, TRAILS)
-        self._index: IntArray = np.arange(len(self._candidates.uv))
-        self._positions: Pixels = self._candidates.uv.copy()
+        self._trails, self._heard_ns = Trails(data), data.stamp_ns
         return reason
 
-    def _follow(self, reference: FrameData, data: FrameData) -> None:
-        """Follow the corners into this frame, then match them with the reference frame so that they do not drift."""
-        before, now = self._last.pyramid.level(0), data.pyramid.level(0)
-        moved, ok = _flow(before, now, self._positions, self._positions)
-        self._index, moved = self._index[ok], moved[ok]
-        start = self._candidates.uv[self._index]
-        direct, sure = _flow(reference.pyramid.level(0), now, start, moved)
-        sure &= np.linalg.norm(direct - moved, axis=1) < 3.0
-        self._positions = np.where(sure[:, None], direct, moved)
-        self._sure: BoolArray = sure
-        self._last = data
+    def _too_few(self, trails: Trails) -> str:
+        """Forget references that have lost their corners; the reason when none is left."""
+        counts = [(len(r.rows), max(self._config.min_matches, r.began // 4)) for r in trails.references]
+        followed, wanted = max(counts, key=lambda count: count[0] - count[1])
+        if followed < wanted:
+            return f"sees too little: {followed} corners followed, {wanted} needed"
+        trails.references = [r for r, (n, least) in zip(trails.references, counts, strict=True) if n >= least]
+        return ""
 
     def _odometry_refuses(self, data: FrameData, driven: float, turned: float) -> str:
         config = self._config
@@ -99,54 +102,57 @@ class Initializer:
             return f"not far enough: has driven {driven:.2f} m of the {config.baseline_m:.2f} m needed to start"
         return ""
 
-    def _too_early(self, data: FrameData) -> str:
-        """Why the corners have no parallax yet (they rest, or a rotation explains their motion); else empty."""
-        shift = float(np.median(np.linalg.norm(self._positions - self._candidates.uv[self._index], axis=1)))
+    def _by_images(self, trails: Trails, data: FrameData) -> InitialPair | str:
+        """The pair with the reference that a rotation explains least, or why no reference has enough parallax yet: the
+        corners rest, or a rotation explains their motion."""
+        shift = max(trails.shift_px(reference) for reference in trails.references)
         if shift < STILL_PX:
             return f"camera stands still: corners moved {shift:.1f} px in all; move it sideways or ahead"
-        rays = unproject_pixels(data.camera, np.ascontiguousarray(self._positions))
-        R, left = pure_rotation(self._candidates.rays[self._index], rays)
-        turned = math.degrees(SE3.identity().rotation_angle_to(SE3(R, np.zeros(3))))
-        flow, wanted = float(np.median(left)) * float(data.camera[0]), self._config.min_flow_sigmas * TRAIL_SIGMA_PX
-        if turned > self._config.max_turn_deg:
-            return self._restart(data, f"turns: {turned:.0f} deg and not aside; move the camera sideways to start")
-        if flow < wanted:
-            told = f"corners moved {flow:.1f} px of the {wanted:.1f} px needed beyond a turn by {turned:.0f} deg"
-            return f"too little motion: {told}; the camera turns in place or has not moved far enough"
-        return ""
+        turns = [_turn(trails, reference, data) for reference in trails.references]
+        within = [turn for turn in turns if turn.turned_deg <= self._config.max_turn_deg]
+        if not within:
+            least = min(turn.turned_deg for turn in turns)
+            return self._restart(data, f"turns: {least:.0f} deg and not aside; move the camera sideways to start")
+        best = max(within, key=lambda turn: turn.flow_px)
+        sure = trails.straighten(best.reference)
+        wanted = self._config.min_flow_sigmas * TRAIL_SIGMA_PX
+        if best.flow_px < wanted:
+            trails.references = [turn.reference for turn in within]
+            told = f"corners moved {best.flow_px:.1f} px of the {wanted:.1f} px needed beyond a turn by"
+            why = "the camera turns in place or has not moved far enough"
+            return f"too little motion: {told} {best.turned_deg:.0f} deg; {why}"
+        chosen = best.reference
+        if self._tried == chosen.data.stamp_ns:  # others in turn: it may be blurred, or show one plane
+            chosen = min(
+                within, key=lambda turn: (turn.flow_px < wanted, turn.reference.tried, -turn.flow_px)
+            ).reference
+            sure = trails.straighten(chosen)
+        self._tried = chosen.data.stamp_ns
+        trails.references = [
+            turn.reference._replace(tried=turn.reference.tried + (turn.reference is chosen)) for turn in within
+        ]
+        return self._pair(trails.corners(chosen, sure), chosen.data, data, None)
 
-    def _pair(self, reference: FrameData, data: FrameData, odometry: SE3 | None) -> InitialPair | str:
-        index = self._index[self._sure]
-        if len(index) < self._config.min_matches:
-            return f"sees too little: {len(index)} corners match the first frame"
+    def _pair(
+        self, corners: tuple[Candidates, Pixels], first: FrameData, data: FrameData, odometry: SE3 | None
+    ) -> InitialPair | str:
+        candidates, uv = corners
+        if len(uv) < self._config.min_matches:
+            return f"sees too little: {len(uv)} corners match an earlier frame"
         T_world_first = SE3.identity()
-        if self._T_base_cam is not None and reference.T_odom_base is not None:
-            T_world_first = SE3.from_se2(reference.T_odom_base) @ self._T_base_cam
-        uv = np.ascontiguousarray(self._positions[self._sure])
+        if self._T_base_cam is not None and first.T_odom_base is not None:
+            T_world_first = SE3.from_se2(first.T_odom_base) @ self._T_base_cam
         return InitialPair(
-            first=reference,
-            second=data,
-            T_world_first=T_world_first,
-            odometry=odometry,
-            candidates=self._candidates,
-            chosen=index,
-            uv=uv,
+            first=first, second=data, T_world_first=T_world_first, odometry=odometry, candidates=candidates, uv=uv
         )
 
 
-def _flow(before: GrayImage, now: GrayImage, start: Pixels, guess: Pixels) -> tuple[Pixels, BoolArray]:
-    """Pyramidal Lucas-Kanade with a backward check: (positions (N, 2), kept (N,))."""
-    if not len(start):
-        return guess, np.zeros(0, np.bool_)
-    enough, flags = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 20, 0.01), cv2.OPTFLOW_USE_INITIAL_FLOW
-    flow = partial(cv2.calcOpticalFlowPyrLK, winSize=(15, 15), maxLevel=3, criteria=enough, flags=flags)
-    a, b = start.astype(np.float32), guess.astype(np.float32)
-    forward, ok, _ = flow(before, now, a, b.copy())
-    back, ok_back, _ = flow(now, before, forward, a.copy())
-    height, width = now.shape
-    inside = (forward >= 4).all(axis=1) & (forward[:, 0] < width - 5) & (forward[:, 1] < height - 5)
-    close = np.linalg.norm(back - a, axis=1) < 0.7
-    return forward.astype(np.float64), (ok.ravel() > 0) & (ok_back.ravel() > 0) & inside & close
+def _turn(trails: Trails, reference: Reference, data: FrameData) -> _Turn:
+    rows = reference.rows
+    rays = unproject_pixels(data.camera, np.ascontiguousarray(trails.positions[rows]))
+    R, left = pure_rotation(reference.rays[rows], rays)
+    turned_deg = math.degrees(SE3.identity().rotation_angle_to(SE3(R, np.zeros(3))))
+    return _Turn(reference, turned_deg, float(np.median(left)) * float(data.camera[0]))
 
 
 class Bootstrap:

@@ -85,6 +85,12 @@ def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:
     return living[np.argsort(offset / view.depths[living] + np.arccos(np.clip(cosine, -1.0, 1.0)), kind="stable")]
 
 
+def may_grow(config: KeyframeConfig, view: MapView, frames: int, seconds: float) -> bool:
+    """Whether the newest keyframe is old enough for the next. The third need not wait: what two near views show of the
+    scene is little, and is soon out of sight."""
+    return len(view.keyframes) == 2 or frames >= config.min_gap_frames or seconds >= config.min_gap_s
+
+
 def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, reference: int) -> bool:
     """Whether this frame should enter the map.
 

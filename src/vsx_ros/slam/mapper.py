@@ -22,7 +22,7 @@ from vsx_ros.slam.map import Map
 from vsx_ros.slam.map_points import MapPoints, cull_redundant
 from vsx_ros.slam.point_creation import observations_at
 from vsx_ros.slam.recount import Recount, recount
-from vsx_ros.slam.start_watch import StartWatch
+from vsx_ros.slam.start_watch import GiveUp, StartWatch
 from vsx_ros.slam.state import SlamEvent
 from vsx_ros.slam.two_view_reconstruction import InitialPair, TwoViewReconstruction
 from vsx_ros.vision.corners import dense_corners
@@ -157,12 +157,22 @@ class Mapper:
             self._watch = watch = None
         reason = watch.collapse(world) if watch is not None else ""
         if reason:
-            self.events.append(SlamEvent(world.keyframes[-1].data.stamp_ns, "restarted", reason))
-            world.clear()
-            self._watch, self._since_global = None, 0
-            self._loops = self._new_loops(np.random.default_rng(0))
+            self._clear(world.keyframes[-1].data.stamp_ns, reason)
         world.version += 1
         return world.view()
+
+    def give_up(self, lost: GiveUp) -> MapView:
+        """Begin again without the map if its start is still watched; else nothing happens."""
+        if self._watch is not None and not self._watch.is_over(self.map):
+            self._clear(*lost)
+            self.map.version += 1
+        return self.map.view()
+
+    def _clear(self, stamp_ns: int, reason: str) -> None:
+        self.events.append(SlamEvent(stamp_ns, "restarted", reason))
+        self.map.clear()
+        self._watch, self._since_global = None, 0
+        self._loops = self._new_loops(np.random.default_rng(0))
 
     def _movable(self, indices: list[int]) -> list[int]:
         """Keyframes that an adjustment may move: not the first one of a second map, which fixes its frame. (The

@@ -15,6 +15,7 @@ from vsx_ros.slam.keyframe import FrameData, MapView, unit_of
 from vsx_ros.slam.local_map import LocalMap, nearest_keyframes
 from vsx_ros.slam.odometry import MotionModel, motion_by_odometry
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition, occupied_cells
+from vsx_ros.slam.start_watch import GiveUp
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.track import Track
 from vsx_ros.slam.tracker import Tracker
@@ -34,6 +35,7 @@ REACH_M, REACH_RAD, REACH_PER_M, REACH_PER_RAD, PATIENCE_FRAMES = 0.06, 0.05, 0.
 # the base stood still, within these limits.
 CARRIED_FRAMES, CARRIED_CHANGE, STOOD_M, STOOD_RAD = 20, 0.5, 0.05, 0.1
 SECOND_MAP_FRAMES = 30
+GIVE_UP_S = 0.5  # lost for so long, a young map without odometry is worth less than another start
 ENOUGH_CORNERS = 150
 BRIDGE_GAP_FRAMES, BRIDGE_DISTANCE_M, BRIDGE_ANGLE_RAD = 2, 0.04, 0.07
 
@@ -204,6 +206,15 @@ class Recovery:
             self._initializer = Initializer(self._T_base_cam, self._config.initialization)
         outcome = self._initializer.add(data)
         return None if isinstance(outcome, str) else outcome
+
+    def gives_up(self, data: FrameData, view: MapView) -> GiveUp | None:
+        """Whether to begin again: a map of few keyframes, without odometry, lost the camera and cannot find it."""
+        few, last = len(view.keyframes) <= self._config.initialization.watched_keyframes, self._last_tracked
+        if not (few and self.is_lost) or last is None or self._T_base_cam is not None:
+            return None
+        waited_s = (data.stamp_ns - last.stamp_ns) * 1e-9
+        told = f"lost with {len(view.keyframes)} keyframes and not found again within {waited_s:.1f} s"
+        return GiveUp(data.stamp_ns, told) if waited_s >= GIVE_UP_S else None
 
     def bridges(self, data: FrameData, view: MapView, by_odometry: SE3, since_keyframe: int) -> bool:
         """Whether to place a keyframe by odometry, so that mapping continues: the camera is lost, the image shows

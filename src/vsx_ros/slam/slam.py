@@ -18,6 +18,7 @@ from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest, Mapper
 from vsx_ros.slam.recount import Recount
 from vsx_ros.slam.snapshot import MapSnapshot, SlamMap, TrackedFeatures, snapshot, tracked_features
+from vsx_ros.slam.start_watch import GiveUp
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
@@ -110,6 +111,9 @@ class SequentialSlam(TrackerAndMapper):
                 return result._replace(reason=made) if result.state is TrackingState.NOT_INITIALISED else result
             self._view = made
             result = self._front.started(made) or result
+        elif isinstance(work, GiveUp):
+            self._view = self._mapper.give_up(work)
+            self._front.use(self._view)
         elif work is not None:
             self._view = self._mapper.add_keyframe(work)
             if self._mapper.refinement_due:
@@ -131,7 +135,7 @@ class ThreadedSlam(TrackerAndMapper):
 
     def _begin(self) -> None:
         self._used: MapView = self._view
-        self._waiting: deque[KeyFrameRequest | InitialPair | Recount] = deque()
+        self._waiting: deque[KeyFrameRequest | InitialPair | GiveUp | Recount] = deque()
         self._tried: MapView | str | None = None
         self._work = threading.Condition()
         self._closing = False
@@ -148,11 +152,11 @@ class ThreadedSlam(TrackerAndMapper):
         if work is None:
             return result
         with self._work:
-            taken = isinstance(work, InitialPair) or len(self._waiting) < MAX_WAITING
+            taken = not isinstance(work, KeyFrameRequest) or len(self._waiting) < MAX_WAITING
             if taken:
                 self._waiting.append(work)
                 self._work.notify()
-        return result if isinstance(work, InitialPair) else result._replace(keyframe_added=taken)
+        return result._replace(keyframe_added=taken) if isinstance(work, KeyFrameRequest) else result
 
     def recount(self, wanted: Recount) -> None:
         """Correct a map made with a wrong wheel calibration, when the mapper has time."""
@@ -198,7 +202,7 @@ class ThreadedSlam(TrackerAndMapper):
         except BaseException as error:  # handed to the tracker's thread, which raises it
             self._failure = error
 
-    def _step(self, request: KeyFrameRequest | InitialPair | Recount | None) -> None:
+    def _step(self, request: KeyFrameRequest | InitialPair | GiveUp | Recount | None) -> None:
         if isinstance(request, InitialPair):
             tried = self._mapper.start(request)
             with self._work:
@@ -206,6 +210,8 @@ class ThreadedSlam(TrackerAndMapper):
                 self._view = self._view if isinstance(tried, str) else tried
         elif isinstance(request, Recount):
             self._view = self._mapper.recount(request)
+        elif isinstance(request, GiveUp):
+            self._view = self._mapper.give_up(request)
         elif request is None:
             # Waiting requests are more urgent than refining the map.
             self._view = self._mapper.refine(lambda: bool(self._waiting) or self._closing)

@@ -1,12 +1,20 @@
 """Checks that a map begun without odometry keeps its first depths (in paper 3.1 a person checks that)."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.config.maps import InitializationConfig
 from vsx_ros.slam.map import Map
+
+
+class GiveUp(NamedTuple):
+    """A map that is still watched has lost the camera; reason: in words."""
+
+    stamp_ns: int
+    reason: str
 
 
 class StartWatch:

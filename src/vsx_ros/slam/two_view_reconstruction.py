@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, Pixels, Points3
 from vsx_ros.config.maps import InitializationConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.epipolar import epipolar_error, essential_matrix, two_view_motions
@@ -30,15 +30,14 @@ TRAIL_SIGMA_PX = 0.2  # least error of followed corners, with that of lens and s
 
 class InitialPair(NamedTuple):
     """Two frames to make a map from. T_world_first: pose that the first shall have; odometry: T_second_first of the
-    cameras by odometry, None without. chosen (N,): candidates of the first that were followed into the second, uv (N,
-    2): their pixels there. odom_segment: that of the new keyframes."""
+    cameras by odometry, None without. candidates: N corners of the first, uv (N, 2): their pixels in the second.
+    odom_segment: that of the new keyframes."""
 
     first: FrameData
     second: FrameData
     T_world_first: SE3
     odometry: SE3 | None
     candidates: Candidates
-    chosen: IntArray
     uv: Pixels
     odom_segment: int = 0
 
@@ -69,7 +68,7 @@ class TwoViewReconstruction:
     def reconstruct(self, pair: InitialPair) -> InitialMap | str:
         """Limited work: a handful of hypotheses, each adjusted in few iterations."""
         config, odometry = self._config, pair.odometry
-        rays_a, rays_b = pair.candidates.rays[pair.chosen], unproject_pixels(pair.second.camera, pair.uv)
+        rays_a, rays_b = pair.candidates.rays, unproject_pixels(pair.second.camera, pair.uv)
         tolerance = 1.0 / self._camera.fx
         hypotheses = two_view_motions(rays_a, rays_b, tolerance)
         scale, parallax = config.unit_baseline_m, config.min_parallax_without_odometry_deg
@@ -86,7 +85,7 @@ class TwoViewReconstruction:
             return best
         if odometry is None and (doubt := self._doubt(best, rays_a, rays_b)):
             return doubt
-        kept, T_world_a = pair.chosen[best.good], pair.T_world_first
+        kept, T_world_a = np.flatnonzero(best.good), pair.T_world_first
         points = T_world_a @ (best.points_a[best.good] * scale)
         matches = TargetMatches(kept, pair.uv[best.good], pair.candidates.level[kept], points)
         return InitialMap(pair, (T_world_a, T_world_a @ best.T_b_a.scaled(scale).inverse()), matches)
