@@ -93,6 +93,7 @@ class PlannerConfig(Branch, frozen=True):
     # Clearance beside the body: always kept, and kept where that is no detour.
     clearance_m: NonNegative = 0.04
     preferred_clearance_m: NonNegative = 0.15
+    zone_margin_m: NonNegative = 0.05  # from closed zones, in addition: the map is a few centimetres off
     max_reverse_m: NonNegative = 1.5
     # What the tracker needs in view, how fast to drive where it is not, and how far at most in one go.
     sight_landmarks: Count = 20

@@ -68,6 +68,11 @@ class OccupancyGrid:
         return int(self.data[cell[0, 0], cell[0, 1]]) if bool(self.contains(cell)[0]) else UNKNOWN
 
     @property
+    def drivable(self) -> BoolArray:
+        """(H, W) cells that the body may be on: the free ones. ``ZonedGrid`` has fewer."""
+        return np.asarray(self.data == FREE)
+
+    @property
     def known_area_m2(self) -> float:
         """Area of all cells that are free or occupied [m2]."""
         return float(np.count_nonzero(self.data != UNKNOWN)) * self.resolution**2

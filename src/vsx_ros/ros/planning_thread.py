@@ -74,7 +74,7 @@ class PlanningThread:
         """Plan on this thread."""
         began_s = time.monotonic()
         with self._lock:
-            answer = self._planner.timed(request.start, request.goal, request.frame)
+            answer = self._planner.timed(request.start, request.goal, request.frame, request.T_map_frame)
         self._answers.put((request.number, answer))
         elapsed_ms = 1e3 * (time.monotonic() - began_s)
         self._plan_ms_pub.publish(elapsed_ms)
