@@ -56,7 +56,9 @@ def test_what_is_no_zone_is_refused_by_name(change: dict, says: str) -> None:
         zone_of({**tree, **change})
 
 
-@pytest.mark.parametrize("text", ["", "[1]", "version: 2\nzones: []", "version: 1", "version: 1\nzones: [3]", "{", "\0"])
+@pytest.mark.parametrize(
+    "text", ["", "[1]", "version: 2\nzones: []", "version: 1", "version: 1\nzones: [3]", "{", "\0"]
+)
 def test_a_damaged_file_is_refused_in_one_sentence(tmp_path: Path, text: str) -> None:
     path = tmp_path / "lab_zones.yaml"
     path.write_text(text)

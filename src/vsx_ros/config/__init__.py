@@ -10,13 +10,23 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from vsx_ros.config.maps import Branch, Count, DenseConfig, GroundMapConfig, NonNegative, Positive, Ratio, SlamConfig
+from vsx_ros.config.maps import (
+    Branch,
+    Count,
+    DenseConfig,
+    GroundMapConfig,
+    NonNegative,
+    Positive,
+    Ratio,
+    RoomsConfig,
+    SlamConfig,
+)
 from vsx_ros.errors import ConfigError
 
 __all__ = [
     "ComputingConfig", "Config", "DenseConfig", "ExplorationConfig", "FollowerConfig", "GroundMapConfig",
-    "LimitsConfig", "MountConfig", "OdometryConfig", "PlannerConfig", "RobotConfig", "RunsConfig", "SlamConfig",
-    "from_dict", "overridden", "to_dict",
+    "LimitsConfig", "MountConfig", "OdometryConfig", "PlannerConfig", "RobotConfig", "RoomsConfig", "RunsConfig",
+    "SlamConfig", "from_dict", "overridden", "to_dict",
 ]  # fmt: skip
 
 
@@ -188,6 +198,7 @@ class Config(Branch, frozen=True):
     follower: FollowerConfig = FollowerConfig()
     ground_map: GroundMapConfig = GroundMapConfig()
     dense: DenseConfig = DenseConfig()
+    rooms: RoomsConfig = RoomsConfig()
     exploration: ExplorationConfig = ExplorationConfig()
     runs: RunsConfig = RunsConfig()
     computing: ComputingConfig = ComputingConfig()

@@ -11,7 +11,7 @@ from vsx_ros.limits import file_text, yaml_tree
 from vsx_ros.occupancy.zones import MAX_ZONES, Zone, zone_of
 
 _VERSION = 1
-_HEADER = "# Zones of the map beside this file; corners in its coordinates [m]. 'vsx zone --help' says what they mean.\n"
+_HEADER = "# Zones of the map beside this file; corners in its coordinates [m]; see 'vsx zone --help'.\n"
 
 
 def zone_file(map_file: Path) -> Path:

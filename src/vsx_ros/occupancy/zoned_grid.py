@@ -28,12 +28,14 @@ _DEEPER_M, _LEAVE_M = 0.10, 2.0  # what a base that stands in a zone may do on i
 class ZoneCells(NamedTuple):
     """The zones on the cells of a grid. closed: (H, W) where no part of the body may be. v_m_s: (H, W) speed limit for
     the base's centre, infinite without one. owner: (H, W) index in ``names`` of the zone that closes a cell; -1: cells
-    outside all zones of the kind ONLY. version: of the user's drawing; it stays when zones only move with the map."""
+    outside all zones of the kind ONLY. wanted: (H, W) where unknown ground is worth a look; None: everywhere. version:
+    of the user's drawing; it stays when zones only move with the map."""
 
     closed: BoolArray
     v_m_s: FloatArray
     owner: FloatArray
     names: tuple[str, ...]
+    wanted: BoolArray | None
     version: int
 
 
@@ -83,15 +85,16 @@ def with_zones(
         if zone.kind is ZoneKind.SLOW and zone.v_m_s is not None:
             cells = _inside(grid, zone) | _near(grid, zone, margin_m + radius_m)
             v_m_s[cells] = np.minimum(v_m_s[cells], zone.v_m_s)
-        elif zone.kind is not ZoneKind.ONLY:
+        elif zone.kind in (ZoneKind.NO_GO, ZoneKind.WALL):
             cells = _near(grid, zone, margin_m)
             if zone.kind is ZoneKind.NO_GO:
                 cells |= _inside(grid, zone)
             closed |= cells
             owner[cells] = number
-    cells_of = ZoneCells(
-        closed=closed, v_m_s=v_m_s, owner=owner, names=tuple(zone.name for zone in zones), version=version
-    )
+    looks = [_inside(grid, zone) for zone in zones if zone.kind is ZoneKind.LOOK]
+    wanted = np.logical_or.reduce(looks) if looks else None
+    names = tuple(zone.name for zone in zones)
+    cells_of = ZoneCells(closed=closed, v_m_s=v_m_s, owner=owner, names=names, wanted=wanted, version=version)
     return ZonedGrid(grid.data, grid.resolution, grid.origin_x, grid.origin_y, zones=cells_of, margin_m=margin_m)
 
 

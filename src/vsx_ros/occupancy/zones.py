@@ -35,11 +35,12 @@ class ZoneKind(Enum):
     WALL = "wall"
     ONLY = "only"
     SLOW = "slow"
+    LOOK = "look"
 
 
 class Zone(NamedTuple):
-    """points: corners of a polygon, or of a line (WALL), in the map [m]. v_m_s: of SLOW, else None. Several zones of
-    the kind ONLY add up."""
+    """points: corners of a polygon, or of a line (WALL), in the map [m]. v_m_s: of SLOW, else None. ONLY: the body
+    stays inside. LOOK: unknown ground outside is not worth a drive. Several zones of these two kinds add up."""
 
     name: str
     kind: ZoneKind
@@ -139,6 +140,10 @@ class AnchoredZones:
             raise InputError(f"there is no zone {name!r:.60}; the zones are: {there}")
         self._zones = left
         self.version += 1
+
+    def clear(self) -> None:
+        """Remove all zones."""
+        self._zones, self.version = [], self.version + 1
 
     def zones(self, keyframe_ids: IntArray, T_world_cams: Sequence[SE3]) -> tuple[Zone, ...]:
         """The zones in a map of these keyframes (K,), ids ascending."""
