@@ -141,6 +141,12 @@ def test_out_of_a_zone_the_way_is_short_and_leads_nowhere_else(heading: float) -
     rows = np.array(run.base.rows)
     driven_m = float(np.hypot(*np.diff(rows[:, 1:3], axis=0).T).sum())
     assert 0.3 + BODY_M < driven_m < 1.9
-    refused = run.planner.plan(pose, SE2(-3.0, 0.0, 0.0), "map")
+
+
+def test_from_within_a_zone_no_way_leads_across_it() -> None:
+    run, pose = LockStep(), SE2(0.5, 0.0, math.pi)
+    run.planner.take_grid(zoned(box(0.0, 0.0, 0.8)), run.base.now_ns)
+    refused = run.planner.plan(pose, SE2(-2.0, 0.0, math.pi), "map")
     assert isinstance(refused, Refusal)
-    assert refused.kind in (RefusalKind.ZONE, RefusalKind.BUDGET)
+    assert refused.kind is RefusalKind.ZONE
+    assert "'rug'" in refused.reason

@@ -7,17 +7,23 @@ from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.io.room_file import load_rooms, room_file, save_rooms
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.occupancy.rooms import RoomMap, RoomTracker
+from vsx_ros.occupancy.rooms import Room, RoomMap, RoomTracker
 from vsx_ros.occupancy.zones import MAX_NAME, Zone, ZoneKind
 
 
-def look_into(ground: MappedGround, map_file: Path, name: str) -> None:
-    """Explore only the room of this name, of the rooms beside a map. Raises ConfigError when there is no such room."""
+def room_beside(map_file: Path, name: str) -> Room:
+    """The room of this name, of those beside a map. Raises ConfigError when there is no such room, MapFileError."""
     rooms = load_rooms(room_file(map_file))
     room = rooms.named(name) if rooms is not None else None
     if room is None:
         there = ", ".join(repr(room.name) for room in rooms.rooms) if rooms is not None else "none known yet"
         raise ConfigError(f"there is no room {name!r:.60} beside {map_file} (rooms: {there}); 'vsx room list'")
+    return room
+
+
+def look_into(ground: MappedGround, map_file: Path, name: str) -> None:
+    """Explore only the room of this name, of those beside a map. Raises as ``room_beside``."""
+    room = room_beside(map_file, name)
     ground.zones.add(Zone(f"look into {room.name}"[:MAX_NAME], ZoneKind.LOOK, room.outline))
 
 

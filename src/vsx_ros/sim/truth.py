@@ -62,7 +62,7 @@ def room_truth(world: World, grid: OccupancyGrid) -> IntArray:
     for a, b, thickness in _walls_with_doors_shut(world):
         low, high = np.minimum(a, b) - 0.5 * thickness - half, np.maximum(a, b) + 0.5 * thickness + half
         _fill(solid, grid, np.array([low, [high[0], low[1]], high, [low[0], high[1]]]), 1)
-    return cv2.connectedComponents(1 - solid, connectivity=4)[1].astype(np.int64)
+    return np.asarray(cv2.connectedComponents(1 - solid, connectivity=4)[1], np.int64)
 
 
 def _walls_with_doors_shut(world: World) -> list[tuple[Points2, Points2, float]]:
