@@ -21,6 +21,7 @@ from vsx_ros.config.maps import (
     RoomsConfig,
     SlamConfig,
 )
+from vsx_ros.config.running import ComputingConfig, RunsConfig
 from vsx_ros.errors import ConfigError
 
 __all__ = [
@@ -167,24 +168,6 @@ class ExplorationConfig(Branch, frozen=True):
     backtrack_max_m: Positive = 1.5
     retries_without_view: Count = 2
     retries_boxed_in: Count = 10
-
-
-class RunsConfig(Branch, frozen=True):
-    """The run folder: how often the map is written, so that an interrupted run can continue."""
-
-    checkpoint_s: Positive = 5.0
-
-
-class ComputingConfig(Branch, frozen=True):
-    """Computing time in lock-step, in emulated time: of a frame, from its stamp until its pose is known; of a ranking
-    of views, at least and per area of known ground; of a plan, at least and per metre of the path. The values are twice
-    the processor time that benchmarks/computing.py measures: on a laptop with two cores SLAM runs on them, too."""
-
-    frame_ms: NonNegative = 60.0
-    ranking_ms: NonNegative = 60.0
-    ranking_ms_m2: NonNegative = 1.3
-    plan_ms: NonNegative = 40.0
-    plan_ms_m: NonNegative = 11.0
 
 
 class Config(Branch, frozen=True):

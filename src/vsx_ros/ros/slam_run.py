@@ -93,6 +93,9 @@ class SlamRun:
         logs.attempt(lambda: self._write_results(slam, surface, grid))
         logs.attempt(lambda: self.write(driven))
         logs.attempt(lambda: self._write_map(slam, write_beside))
+        if self._folder is not None:
+            map_file = self._folder.path / "map.yaml"
+            logs.attempt(lambda: write_beside(slam.slam_map(), map_file))
 
     def write(self, driven: State) -> None:
         """Write the map noted last, with the newest state of the ground; may wait for the disk for seconds."""
@@ -111,8 +114,6 @@ class SlamRun:
 
     def _write_map(self, slam: ThreadedSlam, write_beside: WriteBeside) -> None:
         slam_map = slam.slam_map()
-        if self._folder is not None:
-            write_beside(slam_map, self._folder.path / "map.yaml")
         if self._save_map and slam_map is not None:
             save_slam_map(slam_map, Path(self._save_map))
             write_beside(slam_map, Path(self._save_map))
