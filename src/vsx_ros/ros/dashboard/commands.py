@@ -22,17 +22,17 @@ def commands() -> dict[str, Command]:
         "stop": _call(topics.EXPLORE_STOP, Trigger),
         "estop": _call(topics.ESTOP, SetBool, True),
         "release": _call(topics.ESTOP, SetBool, False),
-        "zones": _tell(topics.CHANGE_ZONES),
-        "name-room": _tell(topics.NAME_ROOM),
+        "zones?": _tell(topics.CHANGE_ZONES),
+        "name-room?": _tell(topics.NAME_ROOM),
     }
 
 
 def _call(service: str, kind: type[Any], *arguments: object) -> Command:
-    return lambda _: _answer(service, kind, *arguments)
+    return lambda: _answer(service, kind, *arguments)
 
 
 def _tell(service: str) -> Command:
-    return lambda argument: _answer(service, AddDiagnostics, argument)
+    return lambda text: _answer(service, AddDiagnostics, text)
 
 
 def _answer(service: str, kind: type[Any], *arguments: object) -> Answer:

@@ -48,8 +48,8 @@ class Answer(NamedTuple):
     message: str
 
 
-Command = Callable[[str], Answer]
-"""Takes what follows the command's name in the address after a question mark, decoded; most have no use for it."""
+Command = Callable[..., Answer]
+"""One whose name ends with a question mark takes the text that follows it in the address, decoded; others nothing."""
 
 
 class ViewServer(ThreadingHTTPServer):
@@ -145,12 +145,12 @@ class Handler(BaseHTTPRequestHandler):
             self._say(HTTPStatus.FORBIDDEN, "wrong token: open the address that the terminal shows")
             return
         self.server.connections.command(self.connection)
-        name, _, argument = self.path.removeprefix("/command/").partition("?")
-        command = self.server.commands.get(name)
+        name, mark, text = self.path.removeprefix("/command/").partition("?")
+        command = self.server.commands.get(name + mark)
         if command is None:
             self._say(HTTPStatus.NOT_FOUND, f"no such command; there are {', '.join(self.server.commands)}")
             return
-        answer = command(unquote(argument))
+        answer = command(unquote(text)) if mark else command()
         self._say(HTTPStatus.OK if answer.ok else HTTPStatus.SERVICE_UNAVAILABLE, answer.message, ok=answer.ok)
 
     def log_message(self, format: str, *args: Any) -> None:
