@@ -3,9 +3,10 @@
     python benchmarks/zones.py run [--seeds 0-99] [--jobs 2]
 
 In lock-step, everything in the loop: labs by seed. At a random moment, as soon as the base drives ahead at full speed
-in the map (after 30 s: at half speed), a zone appears: a square, a triangle or a wall, turned by chance, its nearest point ``ahead_m`` before the
-outline (at least what a stop from 0.3 m/s takes, ``--nearest``), or, one run in five, around the robot. The robot then
-has ``AFTER_S``. Measured is the true outline against the zone where it was drawn, every centimetre or less.
+in the map (after 30 s of waiting: at half speed), a zone appears: a square, a triangle or a wall, turned by chance, its
+nearest point ``ahead_m`` before the outline (at least what a stop from 0.3 m/s takes, ``--nearest``), or, one run in
+five, around the robot. The robot then has ``AFTER_S``. Measured is the true outline against the zone where it was
+drawn, every centimetre or less.
 A row is one run: kind of zone, ``ahead_m`` (null: around the robot), speed when it was drawn, ``least_m`` (the smallest
 gap between outline and zone from then on; negative: inside; for a zone around the robot: from when it had left),
 ``out_s`` (seconds until it had left a zone around it; null: it never did), ``said`` (whether an event tells so),
