@@ -82,6 +82,7 @@ def test_a_zone_drawn_around_the_robot_stops_it_and_it_drives_out_and_says_so() 
     stop = mission.decide(2 * SECOND, situation(grid, navigation=NavigationState.ACTIVE))
     assert stop.action is Action.CANCEL
     assert "stands in the zone 'rug'" in stop.reason
+    mission.decide(2 * SECOND + 1, situation(grid, navigation=NavigationState.ACTIVE))
     out = mission.decide(4 * SECOND, situation(grid, navigation=NavigationState.ABORTED))
     assert out.action is Action.GO
     assert "driving out of the zone 'rug'" in out.reason
@@ -96,6 +97,7 @@ def test_a_zone_drawn_around_the_robot_stops_it_and_it_drives_out_and_says_so() 
     assert not mission.view_selector.blacklist.left(9 * SECOND)
     reasons = [event.reason for event in mission.drain_events()]
     assert sum("driving out of the zone" in reason for reason in reasons) == 1
+    assert sum("stands in the zone" in reason for reason in reasons) == 1
 
 
 def test_without_a_way_out_it_waits_and_says_so_once() -> None:

@@ -96,7 +96,8 @@ class ViewTour:
         self.forget_goal()
         self.backing_off = False
         self._log.wait_until_ns = now_ns + _BRAKE_NS
-        self._log.note(now_ns, reason)
+        if reason != self._log.reason:  # the same until the base stands
+            self._log.note(now_ns, reason)
         return self._log.answer(Action.CANCEL if active else Action.WAIT, reason)
 
     def forget_goal(self) -> None:
