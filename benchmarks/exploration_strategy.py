@@ -35,6 +35,7 @@ from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
 from vsx_ros.planning.corridor import Visibility
 from vsx_ros.planning.path import Refusal, Trajectory
 from vsx_ros.planning.planner import Planner
+from vsx_ros.planning.slow_spans import blind_spans
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.sim.camera import EmulatedCamera
@@ -233,7 +234,7 @@ class Run:
         if isinstance(plan, Refusal):
             self._stop(NavigationState.ABORTED, plan.reason)
             return
-        timed = time_scale(plan.path, config.limits, plan.blind_spans, config.planner.blind_v_m_s)
+        timed = time_scale(plan.path, config.limits, blind_spans(plan.blind_spans, config.planner.blind_v_m_s))
         self._trajectory, self._navigation, self._hazard = (timed, self._now_s), NavigationState.ACTIVE, None
 
     def _stop(self, state: NavigationState, why: str) -> None:

@@ -59,6 +59,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
         "benchmarks/file_samples",
         "benchmarks/fuzz_files",
     ),
+    "zones": (*_IN_LOCK_STEP, "benchmarks/zones"),
     "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
 }
 """The code that the rows of a file judge: folders, and files without their .py."""

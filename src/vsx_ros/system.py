@@ -66,7 +66,7 @@ class ExplorationSystem:
         self._epochs = OdometryEpochs()
         self.odometry = Odometry(0, SE2())
         self._decided: tuple[int, Decision] | None = None
-        self._mapped = (-1, 0, 0)
+        self._mapped, self._zoned = (-1, 0, 0), 0
         self._decide_every_ns = round(1e9 * config.exploration.decide_s)
         self._next_map_ns = self._next_dense_ns = self._next_decision_ns = 0
         continued = (slam_map, None) if saved is None else (saved.slam_map, saved.state)
@@ -117,6 +117,8 @@ class ExplorationSystem:
         return spots.surfaces(self.slam.snapshot()).points if spots is not None else np.zeros((0, 3))
 
     def _refresh_map(self, now_ns: int) -> None:
+        if self.grid is not None and self._zoned != self.ground.zones.version:
+            self._take_ground(now_ns, self.grid)  # at once: the robot may be about to drive into a new zone
         if now_ns < self._next_map_ns:
             return
         snapshot = self.slam.snapshot()
@@ -128,9 +130,14 @@ class ExplorationSystem:
             self._next_dense_ns = now_ns + round(1e9 * update_every_s(len(snapshot.keyframe_ids)))
         self._next_map_ns = now_ns + _MAP_EVERY_NS
         self._mapped = known
-        self.grid = self.ground.grid(snapshot)
-        self.planner.take_grid(self.grid, now_ns)
+        self._take_ground(now_ns, self.ground.grid(snapshot))
         self.planner.take_landmarks(snapshot.points_world, now_ns)
+
+    def _take_ground(self, now_ns: int, ground: OccupancyGrid) -> None:
+        """Plan in this ground map from now on, with the zones."""
+        self._zoned = self.ground.zones.version
+        self.grid = self.ground.zoned(ground, self.slam.snapshot())
+        self.planner.take_grid(self.grid, now_ns)
 
     def _densify(self, snapshot: MapSnapshot) -> bool:
         """Update the dense map; returns whether there was work: a new keyframe, or work left from the last one."""

@@ -14,6 +14,7 @@ from vsx_ros.planning.joint_qp import connections
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import arc_piece, turn_piece
 from vsx_ros.planning.planner import Planner
+from vsx_ros.planning.slow_spans import blind_spans
 from vsx_ros.planning.time_scaling import time_scale
 
 OPEN = OccupancyGrid(np.zeros((160, 160), np.int8), 0.05, -4.0, -4.0)
@@ -110,7 +111,7 @@ def test_driving_long_without_the_map_is_refused_and_a_little_of_it_is_slow():
     assert isinstance(plan, Plan)
     assert plan.blind_spans is not None
     assert 0.5 < np.sum(np.diff(plan.blind_spans)) < plan.path.length_m
-    trajectory = time_scale(plan.path, LimitsConfig(), plan.blind_spans, 0.12)
+    trajectory = time_scale(plan.path, LimitsConfig(), blind_spans(plan.blind_spans, 0.12))
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(trajectory.poses[:, :2], axis=0).T))])
     inside = np.any((s[:, None] > plan.blind_spans[:, 0] + 0.01) & (s[:, None] < plan.blind_spans[:, 1] - 0.01), axis=1)
     assert 0.1 < np.abs(trajectory.v[inside]).max() <= 0.12 + 1e-9

@@ -1,6 +1,7 @@
 """What the node vslam hears and does beside its SLAM: images that do not fit, touches, and what it leaves behind."""
 
 import errno
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -105,14 +106,18 @@ def test_results_that_cannot_be_written_cost_neither_the_checkpoint_nor_the_map(
         raise trouble
 
     run = bare(
-        SlamRun, _save_map="end.vsxmap", _folder="a folder",
+        SlamRun, _save_map="end.vsxmap", _folder=SimpleNamespace(path=Path("run")),
         _keeper=SimpleNamespace(
             finish=finish, write=lambda ground: saved.append(f"bumps {ground['bumps']}"),
             record=SimpleNamespace(results=[]),
         ),
     )  # fmt: skip
     slam = SimpleNamespace(close=lambda: saved.append("slam ended"), slam_map=lambda: "a map")
-    maps = SimpleNamespace(close=lambda: (saved.append("maps ended"), None), driven={"bumps": 1})
+    maps = SimpleNamespace(
+        close=lambda: (saved.append("maps ended"), None), driven={"bumps": 1},
+        write_beside=lambda _, path: saved.append(f"beside {path}"),
+    )  # fmt: skip
     bare(VslamNode, _lease=Notes(), _tracking=Notes(), _maps=maps, _slam=slam, _run=run).close()
-    assert [entry for entry in saved if entry != "told"] == ["slam ended", "maps ended", "bumps 1", "end.vsxmap"]
+    kept = ["slam ended", "maps ended", "bumps 1", "end.vsxmap", "beside end.vsxmap", "beside run/map.yaml"]
+    assert [entry for entry in saved if entry != "told"] == kept
     assert ("told" in saved) != ("failed" in caplog.text), "one sentence, but for a mistake in here"

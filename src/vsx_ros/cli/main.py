@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from vsx_ros import __version__
-from vsx_ros.cli import options_robot, options_runs, options_study
+from vsx_ros.cli import options_places, options_robot, options_runs, options_study
 from vsx_ros.errors import VsxError, disk_trouble
 from vsx_ros.registry import load_plugins
 from vsx_ros.runs import process
@@ -29,6 +29,8 @@ COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "reproduce": (options_study.reproduce, "campaigns"),
     "sweep": (options_study.sweep, "campaigns"),
     "map": (options_runs.map, "results"),
+    "zone": (options_places.zone, "places"),
+    "room": (options_places.room, "places"),
     "view": (options_robot.view, "small_commands"),
     "status": (options_robot.status, "small_commands"),
     "stop": (options_robot.stop, "small_commands"),

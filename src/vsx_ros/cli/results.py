@@ -20,6 +20,8 @@ from vsx_ros.io.map_export import write_colmap, write_planes, write_ply
 from vsx_ros.io.map_file import save_map
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory, write_trajectory
+from vsx_ros.io.zone_file import save_zones, zone_file
+from vsx_ros.occupancy.zones import AnchoredZones
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.report import report_data, write_report
@@ -102,7 +104,12 @@ def _save(args: argparse.Namespace) -> int:
         return save_map(args.out)
     folder = RunFolder.open(args.run_folder)
     out = args.out or folder.path / "map.vsxmap"
-    save_slam_map(folder.checkpoint.read().slam_map, out)
+    saved = folder.checkpoint.read()
+    save_slam_map(saved.slam_map, out)
+    zones = AnchoredZones()
+    zones.restore(saved.state)
+    seen = snapshot(saved.slam_map.view)
+    save_zones(zones.zones(seen.keyframe_ids, seen.T_world_cams), zone_file(out))
     print(out)
     return 0
 

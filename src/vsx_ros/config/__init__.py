@@ -10,13 +10,24 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from vsx_ros.config.maps import Branch, Count, DenseConfig, GroundMapConfig, NonNegative, Positive, Ratio, SlamConfig
+from vsx_ros.config.maps import (
+    Branch,
+    Count,
+    DenseConfig,
+    GroundMapConfig,
+    NonNegative,
+    Positive,
+    Ratio,
+    RoomsConfig,
+    SlamConfig,
+)
+from vsx_ros.config.running import ComputingConfig, RunsConfig
 from vsx_ros.errors import ConfigError
 
 __all__ = [
     "ComputingConfig", "Config", "DenseConfig", "ExplorationConfig", "FollowerConfig", "GroundMapConfig",
-    "LimitsConfig", "MountConfig", "OdometryConfig", "PlannerConfig", "RobotConfig", "RunsConfig", "SlamConfig",
-    "from_dict", "overridden", "to_dict",
+    "LimitsConfig", "MountConfig", "OdometryConfig", "PlannerConfig", "RobotConfig", "RoomsConfig", "RunsConfig",
+    "SlamConfig", "from_dict", "overridden", "to_dict",
 ]  # fmt: skip
 
 
@@ -93,6 +104,7 @@ class PlannerConfig(Branch, frozen=True):
     # Clearance beside the body: always kept, and kept where that is no detour.
     clearance_m: NonNegative = 0.04
     preferred_clearance_m: NonNegative = 0.15
+    zone_margin_m: NonNegative = 0.05  # from closed zones, in addition: the map is a few centimetres off
     max_reverse_m: NonNegative = 1.5
     # What the tracker needs in view, how fast to drive where it is not, and how far at most in one go.
     sight_landmarks: Count = 20
@@ -158,24 +170,6 @@ class ExplorationConfig(Branch, frozen=True):
     retries_boxed_in: Count = 10
 
 
-class RunsConfig(Branch, frozen=True):
-    """The run folder: how often the map is written, so that an interrupted run can continue."""
-
-    checkpoint_s: Positive = 5.0
-
-
-class ComputingConfig(Branch, frozen=True):
-    """Computing time in lock-step, in emulated time: of a frame, from its stamp until its pose is known; of a ranking
-    of views, at least and per area of known ground; of a plan, at least and per metre of the path. The values are twice
-    the processor time that benchmarks/computing.py measures: on a laptop with two cores SLAM runs on them, too."""
-
-    frame_ms: NonNegative = 60.0
-    ranking_ms: NonNegative = 60.0
-    ranking_ms_m2: NonNegative = 1.3
-    plan_ms: NonNegative = 40.0
-    plan_ms_m: NonNegative = 11.0
-
-
 class Config(Branch, frozen=True):
     """The whole tree."""
 
@@ -187,6 +181,7 @@ class Config(Branch, frozen=True):
     follower: FollowerConfig = FollowerConfig()
     ground_map: GroundMapConfig = GroundMapConfig()
     dense: DenseConfig = DenseConfig()
+    rooms: RoomsConfig = RoomsConfig()
     exploration: ExplorationConfig = ExplorationConfig()
     runs: RunsConfig = RunsConfig()
     computing: ComputingConfig = ComputingConfig()

@@ -180,6 +180,18 @@ class GroundMapConfig(Branch, frozen=True):
     few_overruled_ratio: Positive = 0.25
 
 
+class RoomsConfig(Branch, frozen=True):
+    """Where the ground map is cut into rooms: at passages that are at most widest_door_m wide and at most door_ratio
+    times as wide as both rooms. Obstacles up to furniture_m long that touch no wall do not count. A part below
+    least_room_m2 belongs to the room beside it. Live, rooms are found every_s."""
+
+    widest_door_m: Positive = 1.8
+    door_ratio: Ratio = 0.75
+    furniture_m: NonNegative = 1.8
+    least_room_m2: Positive = 2.0
+    every_s: Positive = 5.0
+
+
 class PlanesConfig(Branch, frozen=True):
     """Planes of the sparse map by J-linkage (paper 5.1), tile by tile."""
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from vsx_ros.kernels.occupancy.ground_map import Surfaces
 from vsx_ros.occupancy.anchored_poses import BUMP_STEP_M, BUMP_STEP_RAD, TRAIL_STEP_M, AnchoredPoses, SuspectedObstacles
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
+from vsx_ros.occupancy.zoned_grid import with_zones
+from vsx_ros.occupancy.zones import AnchoredZones, Zone
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _QUARTERS = np.array([[-0.25, -0.25], [-0.25, 0.25], [0.25, -0.25], [0.25, 0.25]])  # [cells]
@@ -78,6 +80,8 @@ class MappedGround:
         self._news: deque[tuple[int | None, Callable[[], None]]] = deque()
         self.start = SE2()
         self.dense: AnchoredSurface | None = None
+        self.zones = AnchoredZones()
+        self._zone_margin_m, self._radius_m = config.planner.zone_margin_m, config.robot.radius_m
 
     def moved(self, pose: SE2, now_ns: int) -> None:
         """The base stands here [m], so the ground is free."""
@@ -97,17 +101,20 @@ class MappedGround:
             take()
             self._now_ns = self._now_ns if now_ns is None else now_ns
 
-    def state(self) -> dict[str, FloatArray]:
-        """Start, trail and bumps, for ``restore``. Surfaces are found again from the map; pushes are forgotten."""
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Start, trail, bumps and zones, for ``restore``. Surfaces are found again from the map; pushes are
+        forgotten."""
         self._take_over()
-        return {"start": self.start.as_array(), "trail": self._trail.state(), "bumps": self._bumps.state()}
+        driven = {"start": self.start.as_array(), "trail": self._trail.state(), "bumps": self._bumps.state()}
+        return {**driven, **self.zones.state()}
 
-    def restore(self, state: Mapping[str, FloatArray]) -> None:
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Continue from a ``state``. Raises InputError for anything else."""
         try:
             self.start = SE2(*(float(x) for x in state["start"]))
             self._trail.restore(state["trail"])
             self._bumps.restore(state["bumps"])
+            self.zones.restore(state)
         except (KeyError, TypeError) as error:
             raise InputError(f"the ground map to go on with is damaged ({error}); start a new run") from error
 
@@ -121,6 +128,15 @@ class MappedGround:
         """The driven poses, in the map of a snapshot."""
         self._take_over()
         return self._trail.poses(snapshot.keyframe_ids, snapshot.T_world_cams)
+
+    def zones_in(self, snapshot: MapSnapshot) -> tuple[Zone, ...]:
+        """The zones, in the map of a snapshot."""
+        return self.zones.zones(snapshot.keyframe_ids, snapshot.T_world_cams)
+
+    def zoned(self, grid: OccupancyGrid, snapshot: MapSnapshot) -> OccupancyGrid:
+        """The ground map of a snapshot with the zones laid over it."""
+        zones, version = self.zones_in(snapshot), self.zones.version
+        return with_zones(grid, zones, self._zone_margin_m, self._radius_m, version)
 
     def grid(self, snapshot: MapSnapshot, with_surfaces: bool = True) -> OccupancyGrid:
         """The ground map of a snapshot; without surfaces, the sparse one of the paper."""

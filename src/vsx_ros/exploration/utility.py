@@ -19,7 +19,7 @@ from vsx_ros.config import ExplorationConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.visibility import unknown_area_by_bearing
 from vsx_ros.occupancy.distance import landmarks_in_view
-from vsx_ros.occupancy.grid import FREE, OccupancyGrid
+from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import information_weights, opaque_walls
 from vsx_ros.registry import Registry
 
@@ -108,8 +108,8 @@ class Ranker(Protocol):
 
 
 def traversable_cells(grid: OccupancyGrid, radius_m: float) -> BoolArray:
-    """(H, W) cells where a round robot of this radius [m] stands on known free ground only."""
-    free = (grid.data == FREE).astype(np.uint8)
+    """(H, W) cells where a round robot of this radius [m] stands on known free ground only, outside closed zones."""
+    free = grid.drivable.astype(np.uint8)
     padded = cv2.copyMakeBorder(free, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     clearance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1] * grid.resolution
     return np.asarray(clearance - 0.5 * grid.resolution > radius_m)

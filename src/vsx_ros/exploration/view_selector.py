@@ -11,9 +11,11 @@ from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.config import Config, ExplorationConfig
 from vsx_ros.exploration.decision import SECOND_NS
 from vsx_ros.exploration.utility import RANKERS, Ranking, RankingInput, TravelCostsFrom, View, gain_at, near_poses
+from vsx_ros.exploration.zone_exit import way_out
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import Frontier, find_frontiers
+from vsx_ros.occupancy.zoned_grid import ZonedGrid
 
 _NEAR_RAD = 0.8  # a goal this close in heading to a failed one, within the radius, counts as the same
 _MOST_FAILURES = 3  # after so many a goal stays blacklisted
@@ -86,6 +88,12 @@ class ViewSelector:
     def frontiers(self) -> list[Frontier]:
         """Where the known free ground ends in the last ranked map, for display."""
         return find_frontiers(self._grid, self._config.min_frontier_m) if self._grid is not None else []
+
+    def way_out(self, grid: OccupancyGrid, T_map_base: SE2) -> SE2 | None:
+        """The pose outside all zones with the shortest way from here; None when there is none."""
+        if not isinstance(grid, ZonedGrid):
+            return None
+        return way_out(grid, T_map_base, self._radius_m, self._travel_costs)
 
     def expected_gain(self, view: View, grid: OccupancyGrid) -> ExpectedGain:
         """What the view should show."""

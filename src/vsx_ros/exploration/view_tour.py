@@ -6,6 +6,7 @@ from vsx_ros.exploration.decision import SECOND_NS, Action, Decision, MissionLog
 from vsx_ros.exploration.recovery import SPOT_TURN, Trail, escape_arc
 from vsx_ros.exploration.utility import Rejection, View
 from vsx_ros.exploration.view_selector import ExpectedGain, ViewSelector
+from vsx_ros.exploration.zone_exit import ZoneWatch
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
@@ -58,7 +59,8 @@ class ViewTour:
         self._log, self._home, self._trail, self._view_selector = log, home, trail, view_selector
         self._goal: View | None = None
         self._gain: ExpectedGain | None = None
-        self._stopped_for = ""
+        self._stopped_for = self._leaving = ""
+        self._zones = ZoneWatch(config.robot.radius_m)
         self._empty_rankings = self._blocked = 0
         self.backing_off = self.has_gone = False
 
@@ -68,7 +70,8 @@ class ViewTour:
             self._blocked = 0
         if situation.navigation is NavigationState.ACTIVE:
             return self._supervise(now_ns, situation)
-        if situation.navigation is NavigationState.ABORTED and (self._goal is not None or self.backing_off):
+        pursued = self._goal is not None or self.backing_off or bool(self._leaving)
+        if situation.navigation is NavigationState.ABORTED and pursued:
             self.goal_failed(now_ns, self._stopped_for or situation.navigation_reason)
             self._log.wait_until_ns = now_ns + (_HOME_AGAIN_NS if self._home.asked else _SETTLE_NS)
             return self._log.answer(Action.WAIT, "coming to rest")
@@ -76,7 +79,7 @@ class ViewTour:
             return self._log.answer(Action.WAIT, "coming to rest")
         if situation.hazard:
             return self._leave(now_ns, situation, situation.hazard)
-        self.backing_off = False
+        self.backing_off, self._leaving = False, ""
         if self._home.asked and self._goal is not None:
             return self._log.finish(now_ns, Outcome.HOME, "returned to the start")
         if self._goal is not None:
@@ -84,6 +87,8 @@ class ViewTour:
         self.forget_goal()
         if situation.grid is None or situation.T_map_base is None:
             return self._log.answer(Action.WAIT, "waiting for the ground map")
+        if zone := self._zones.zone_at(situation.grid, situation.T_map_base):
+            return self._drive_out(now_ns, zone, situation.grid, situation.T_map_base)
         return self._choose(now_ns, situation, situation.grid, situation.T_map_base)
 
     def rest(self, now_ns: int, active: bool, reason: str) -> Decision:
@@ -91,7 +96,8 @@ class ViewTour:
         self.forget_goal()
         self.backing_off = False
         self._log.wait_until_ns = now_ns + _BRAKE_NS
-        self._log.note(now_ns, reason)
+        if reason != self._log.reason:  # the same until the base stands
+            self._log.note(now_ns, reason)
         return self._log.answer(Action.CANCEL if active else Action.WAIT, reason)
 
     def forget_goal(self) -> None:
@@ -105,8 +111,10 @@ class ViewTour:
         elif self._goal is not None:
             seconds = self._view_selector.blacklist.add(now_ns, self._goal.pose)
             self._log.note(now_ns, f"goal blacklisted for {seconds:.0f} s: {reason}")
+        elif self._leaving:
+            self._log.note(now_ns, f"still in the zone {self._leaving!r}: {reason}")
         self.forget_goal()
-        self.backing_off = False
+        self.backing_off, self._leaving = False, ""
 
     def _supervise(self, now_ns: int, situation: Situation) -> Decision:
         if situation.hazard and not self.backing_off:
@@ -114,10 +122,29 @@ class ViewTour:
                 self._stopped_for = situation.hazard
                 self._log.note(now_ns, f"stopping: {situation.hazard}")
             return self._log.answer(Action.CANCEL, f"stopping: {situation.hazard}")
-        if self._home.asked and self._goal is None and not self.backing_off:
+        free = not self.backing_off and not self._leaving
+        if free and (zone := self._zones.zone_at(situation.grid, situation.T_map_base)):
+            return self.rest(now_ns, True, f"the robot stands in the zone {zone!r}: stopping")
+        if self._home.asked and self._goal is None and free:
             return self.rest(now_ns, True, "leaving the goal to drive home")
+        view = None if self._goal is None or self._home.asked else self._goal.pose
+        if zone := self._zones.zone_at(situation.grid, view):
+            return self.rest(now_ns, True, f"the goal now lies in the zone {zone!r}")
         reason = self._gain.why_obsolete(situation.grid) if self._gain and situation.grid is not None else ""
         return self.rest(now_ns, True, reason) if reason else self._log.on_the_way()
+
+    def _drive_out(self, now_ns: int, zone: str, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
+        """The shortest way out of a zone that was drawn around the robot."""
+        goal = self._view_selector.way_out(grid, T_map_base)
+        if goal is None:
+            self._log.wait_until_ns = now_ns + _EMPTY_WAIT_NS
+            reason = f"the robot stands in the zone {zone!r}, and no way leads out of it: waiting"
+            if reason != self._log.reason:
+                self._log.note(now_ns, reason)
+            return self._log.answer(Action.WAIT, reason)
+        self._leaving = zone
+        away_m = T_map_base.distance_to(goal)
+        return self._go(now_ns, goal, "map", f"driving out of the zone {zone!r}: {away_m:.1f} m to the nearest place")
 
     def _choose(self, now_ns: int, situation: Situation, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
         if self._home.asked and self._home.pose is not None:

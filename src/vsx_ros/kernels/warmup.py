@@ -5,7 +5,7 @@ import numpy as np
 from vsx_ros.kernels import geometry
 from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, surface_cells
 from vsx_ros.kernels.dense.view_choice import Views
-from vsx_ros.kernels.occupancy import clearance, ground_cells, ground_map, visibility
+from vsx_ros.kernels.occupancy import basins, clearance, ground_cells, ground_map, visibility
 from vsx_ros.kernels.planning import curves, flood, lattice, motions, reeds_shepp, shortcuts
 from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph
 from vsx_ros.kernels.slam.factors import Factors, no_floor
@@ -65,6 +65,7 @@ def _ground_map() -> None:
     ground_cells.cover_discs(np.zeros((1, 2)), 0.2, lattice)
     ground_cells.count_free(scans, lattice)
     ground_cells.count_hits(points, one, scans.hit, 3, lattice)
+    basins.flood_basins(np.ones((2, 2)), np.arange(4), 0.9, 0.75)
 
 
 def _tracking() -> None:

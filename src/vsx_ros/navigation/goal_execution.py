@@ -18,8 +18,9 @@ from vsx_ros.control.localization import MAP_FRAME, LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower import FollowerReport
+from vsx_ros.navigation.way_watch import WayWatch, frame_in_map
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.corridor import braking_before, obstacle_ahead
+from vsx_ros.planning.corridor import braking_before
 from vsx_ros.planning.path import Refusal, TimedPlan
 
 _FOLLOWER_S = 1.0  # The follower reports its status five times a second
@@ -40,12 +41,14 @@ class ExecutionInput(NamedTuple):
 
 
 class PlanRequest(NamedTuple):
-    """Plan, and answer with this number. again: why the previous plan was not followed to its end; empty at first."""
+    """Plan, and answer with this number. T_map_frame: the frame in the map; None while unknown. again: why the previous
+    plan was not followed to its end; empty at first."""
 
     number: int
     start: SE2
     goal: SE2
     frame: str
+    T_map_frame: SE2 | None
     again: str
 
 
@@ -84,7 +87,7 @@ class GoalExecution:
     """One goal at a time; not thread-safe."""
 
     def __init__(self, config: Config) -> None:
-        self._limits, self._radius_m = config.limits, config.robot.radius_m
+        self._limits, self._watch = config.limits, WayWatch(config)
         self._replans = config.follower.replans_after_divergence
         self._phase, self._since_ns = _Phase.IDLE, 0
         self._goal, self._frame = SE2(), MAP_FRAME
@@ -95,7 +98,6 @@ class GoalExecution:
         self._answer: TimedPlan | Refusal | None = None
         self._driven: Follow | None = None
         self._braking_m_s2 = 0.0
-        self._checked: OccupancyGrid | None = None
         self._ending = ""
 
     def begin(self, now_ns: int, goal: SE2, frame: str) -> None:
@@ -152,25 +154,29 @@ class GoalExecution:
                 return [self._done(False, f"the planner has not answered within {_PLANNER_S:g} s")]
             return []
         if self._answer is None and not seen.where.stands and (stop := seen.follower.stop_in(self._frame)) is not None:
-            return [self._ask(now_ns, stop, predicted=True)]  # where the base will stand
+            return [self._ask(now_ns, stop, seen, predicted=True)]  # where the base will stand
         if not self._has_rested(now_ns, seen):
             return []
         if pose is None:
             return [self._done(False, f"no pose of the base in frame {self._frame!r}; goals are in map or odom")]
         if self._answer is None or (self._start_is_predicted and not _near(self._start, pose)):
-            return [self._ask(now_ns, pose, predicted=False)]
+            return [self._ask(now_ns, pose, seen, predicted=False)]
         if isinstance(self._answer, Refusal):
             return [self._done(False, self._answer.reason)]
         self._driven = follow = Follow(now_ns, self._answer, self._frame)
-        self._braking_m_s2, self._checked = 0.0, None
+        self._braking_m_s2 = 0.0
+        self._watch.begin(seen.grid)
         self._enter(_Phase.DRIVING, now_ns)
         return [follow]
 
-    def _ask(self, now_ns: int, start: SE2, *, predicted: bool) -> PlanRequest:
+    def _ask(self, now_ns: int, start: SE2, seen: ExecutionInput, *, predicted: bool) -> PlanRequest:
         self._number += 1
         self._start, self._start_is_predicted = start, predicted
         self._waits_for_plan, self._answer, self._since_ns = True, None, now_ns
-        return PlanRequest(number=self._number, start=start, goal=self._goal, frame=self._frame, again=self._again)
+        return PlanRequest(
+            number=self._number, start=start, goal=self._goal, frame=self._frame,
+            T_map_frame=frame_in_map(self._frame, seen.where), again=self._again,
+        )  # fmt: skip
 
     # The drive -----------------------------------------------------------------------------------------------
 
@@ -200,31 +206,25 @@ class GoalExecution:
             self._enter(_Phase.RESTING, now_ns)
 
     def _brake(self, now_ns: int, seen: ExecutionInput) -> list[Act]:
-        """Brake for an obstacle that a new map shows on the path, in every phase; and when the path is not to be driven
-        to its end."""
+        """Brake for what a new map shows on the path, in every phase; and when the path is not to be driven to its
+        end."""
         if self._driven is None:
             return []
-        obstacle_m, wanted = self._obstacle(self._driven, seen), 0.0
-        if obstacle_m is not None:
+        found, wanted = None, 0.0
+        if seen.grid is not None and seen.follower.trajectory == self._driven.identity:
+            way = self._driven.way.trajectory
+            found = self._watch.hindrance(way, self._driven.frame, seen.follower, seen.grid, seen.where)
+        if found is not None and found.ahead_m is not None:
             v_m_s = seen.where.odometry.v if seen.where.odometry is not None else 0.0
-            wanted = braking_before(obstacle_m, v_m_s, self._limits)
-            if self._phase is _Phase.DRIVING:
-                self._try_again(now_ns, f"an obstacle has come to light {obstacle_m:.1f} m ahead on the way")
-        elif self._phase is not _Phase.DRIVING:
-            wanted = self._limits.a_m_s2
+            wanted = braking_before(found.ahead_m, v_m_s, self._limits)
+        if found is not None and self._phase is _Phase.DRIVING:
+            self._try_again(now_ns, found.reason)
+        if self._phase is not _Phase.DRIVING:
+            wanted = max(wanted, self._limits.a_m_s2)
         if wanted <= self._braking_m_s2:
             return []
         self._braking_m_s2 = wanted
         return [Brake(wanted)]
-
-    def _obstacle(self, driven: Follow, seen: ExecutionInput) -> float | None:
-        """Distance to an obstacle that a new map shows on the rest of the path [m]; None without one."""
-        if driven.frame != MAP_FRAME or seen.grid is None or seen.grid is self._checked:
-            return None
-        if seen.follower.trajectory != driven.identity:
-            return None
-        self._checked = seen.grid
-        return obstacle_ahead(driven.way.trajectory, seen.follower.at_s, seen.grid, self._radius_m)
 
 
 def _near(planned: SE2, real: SE2) -> bool:

@@ -13,13 +13,16 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower import Follower
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.zoned_grid import KeepOut, ZonedGrid
 from vsx_ros.planning.corridor import Visibility
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind, TimedPlan
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.planners import PLANNERS
+from vsx_ros.planning.slow_spans import blind_spans, zone_spans
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import STOP
 
+_CHECK_STEP_M = 0.01  # between places of a way that are checked against zones
 _SAME_MAP_NS = 3_000_000_000  # landmarks that are older or newer than the map by more do not belong to it
 
 
@@ -48,29 +51,48 @@ class GoalPlanner:
         """Take the newest points (N, 3) of the map [m]."""
         self._landmarks, self._landmarks_ns = points_map, stamp_ns
 
-    def timed(self, start: SE2, goal: SE2, frame: str) -> TimedPlan | Refusal:
+    def timed(self, start: SE2, goal: SE2, frame: str, T_map_frame: SE2 | None = None) -> TimedPlan | Refusal:
         """As ``plan``, with the speeds to drive at; returns a refusal instead of raising PlanningError."""
-        config = self._config
+        config, grid = self._config, self.grid
+        T_map_frame = SE2() if frame == MAP_FRAME else T_map_frame
         try:
-            plan = self.plan(start, goal, frame)
+            plan = self.plan(start, goal, frame, T_map_frame)
             if isinstance(plan, Refusal):
                 return plan
-            return TimedPlan(plan, time_scale(plan.path, config.limits, plan.blind_spans, config.planner.blind_v_m_s))
+            slow = blind_spans(plan.blind_spans, config.planner.blind_v_m_s)
+            slow = np.vstack([slow, zone_spans(plan.path, grid, T_map_frame)])
+            return TimedPlan(plan, time_scale(plan.path, config.limits, slow))
         except PlanningError as error:
             return Refusal(RefusalKind.INFEASIBLE, str(error))
 
-    def plan(self, start: SE2, goal: SE2, frame: str) -> Plan | Refusal:
-        """From start to goal, both in ``frame``. In map it uses the newest map, in odom no map.
+    def plan(self, start: SE2, goal: SE2, frame: str, T_map_frame: SE2 | None = None) -> Plan | Refusal:
+        """From start to goal, both in ``frame``. In map it uses the newest map, in odom no map. T_map_frame: the frame
+        odom in the map; if it is known, the way keeps out of zones there, too.
 
         Raises PlanningError for poses that are not finite."""
         grid = self.grid
         if frame == ODOM_FRAME:
-            return self.blind.plan_blind(start, goal)
+            return self._outside(self.blind.plan_blind(start, goal), grid, T_map_frame)
         if frame != MAP_FRAME:
             return Refusal(RefusalKind.INFEASIBLE, f"goals are in map or odom, not in frame {frame!r}")
         if grid is None:
             return Refusal(RefusalKind.INFEASIBLE, "there is no map yet to plan in")
-        return self._planner.plan(start, goal, grid, self._rng, self._visibility())
+        around, in_zone = grid, self._keep_out(grid).zone_at(start.x, start.y)
+        if isinstance(grid, ZonedGrid) and in_zone:
+            around = grid.opened_at(start.x, start.y)
+        return self._outside(self._planner.plan(start, goal, around, self._rng, self._visibility()), grid, SE2())
+
+    def _outside(self, plan: Plan | Refusal, grid: OccupancyGrid | None, T_map_frame: SE2 | None) -> Plan | Refusal:
+        """The plan, or a refusal when it enters a zone. A base in a zone may leave it."""
+        if isinstance(plan, Refusal) or grid is None or T_map_frame is None:
+            return plan
+        found = self._keep_out(grid).entered(T_map_frame @ plan.path.sample(_CHECK_STEP_M)[:, :2])
+        if found is None:
+            return plan
+        return Refusal(RefusalKind.ZONE, f"after {found.ahead_m:.1f} m the way leads into the zone {found.zone!r}")
+
+    def _keep_out(self, grid: OccupancyGrid) -> KeepOut:
+        return KeepOut(grid, self._config.robot.radius_m)
 
     def plan_between(self, start: tuple[str, SE2], goal: tuple[str, SE2]) -> Plan | Refusal:
         """As ``plan``, for poses that each name their frame."""
@@ -154,6 +176,6 @@ class Navigator:
     def _plan(self, now_ns: int, request: PlanRequest) -> None:
         """One at a time, as in the planner's thread: an older request is answered first."""
         self.plans += 1
-        way = self._planner.timed(request.start, request.goal, request.frame)
+        way = self._planner.timed(request.start, request.goal, request.frame, request.T_map_frame)
         self._busy_until_ns = max(now_ns, self._busy_until_ns) + self._computing_time.plan_ns(way)
         self._answer = self._busy_until_ns, request.number, way

@@ -8,17 +8,17 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.kernels.occupancy.clearance import DistanceField, signed_distance, wavefront
 from vsx_ros.kernels.occupancy.visibility import visible_landmarks
-from vsx_ros.occupancy.grid import FREE, OccupancyGrid
+from vsx_ros.occupancy.grid import OccupancyGrid
 
 CLEARANCE_REACH_M = 1.5  # farther obstacles change no plan but cost time
 
 
 def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> DistanceField:
-    """Distance to the nearest cell that is occupied, unknown or outside the map; negative inside such a cell.
+    """Distance to the nearest cell that is occupied, unknown, closed by a zone or outside the map; negative inside it.
 
     Distances are to the cells' edges, exact at the centres of cells, and limited to reach_m."""
     blocked = np.ones((grid.shape[0] + 2, grid.shape[1] + 2), np.bool_)
-    blocked[1:-1, 1:-1] = grid.data != FREE
+    blocked[1:-1, 1:-1] = ~grid.drivable
     values = signed_distance(blocked, math.ceil(reach_m / grid.resolution))
     values *= grid.resolution
     return DistanceField(values, grid.resolution, grid.origin_x - grid.resolution, grid.origin_y - grid.resolution)

@@ -83,6 +83,11 @@ class OccupancyGrid:
         return np.where(self.data == FREE, percent, self.data).astype(np.int8)
 
     @property
+    def drivable(self) -> BoolArray:
+        """(H, W) cells that the body may be on: the free ones. ``ZonedGrid`` has fewer."""
+        return np.asarray(self.data == FREE)
+
+    @property
     def known_area_m2(self) -> float:
         """Area of all cells that are free or occupied [m2]."""
         return float(np.count_nonzero(self.data != UNKNOWN)) * self.resolution**2

@@ -17,6 +17,7 @@ from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray, Points2
 from vsx_ros.config import ExplorationConfig
 from vsx_ros.kernels.occupancy.visibility import count_looks, weights_of_looks
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.zoned_grid import ZonedGrid
 
 _ROW_CELLS, _ROW_LENGTH_M, _ROW_STEP_RAD = 12, 1.0, math.pi / 90
 """A line with this many obstacle cells and this length is a wall; angular step of the search for it."""
@@ -121,10 +122,13 @@ def information_weights(grid: OccupancyGrid, looked_from: FloatArray, config: Ex
     where the ground is known.
 
     Every ``looks_to_half`` looks in that sector from within ``look_range_m``, among the poses looked_from (N, 3), halve
-    the weight. Looks in the two adjacent sectors count half."""
+    the weight. Looks in the two adjacent sectors count half. Ground outside the zones to look into has no weight."""
     looks = count_looks(
         grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(looked_from).reshape(-1, 3),
         0.5 * config.sensor_fov_rad, config.look_range_m, SECTORS,
     )  # fmt: skip
     left: FloatArray = np.exp2(-0.5 * np.arange(2 * len(looked_from) + 1) / config.looks_to_half)
-    return weights_of_looks(grid.data, looks, left)
+    weights = weights_of_looks(grid.data, looks, left)
+    if isinstance(grid, ZonedGrid) and grid.zones.wanted is not None:
+        weights *= grid.zones.wanted
+    return weights

@@ -13,6 +13,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField, least_on_curve
 from vsx_ros.occupancy.distance import clearance_field, landmarks_in_view
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.occupancy.zoned_grid import Entry, KeepOut
 from vsx_ros.planning.path import Path, Refusal, RefusalKind, Trajectory
 
 # Searches check single points, with a centimetre of margin for the gaps; finished paths are checked at this step.
@@ -74,7 +75,7 @@ def build_corridor(
     if here < 0.0:
         return Refusal(
             RefusalKind.START_BLOCKED,
-            f"the start ({start.x:.2f}, {start.y:.2f}) lies {-here:.2f} m inside ground that is not known to be free",
+            f"the start ({start.x:.2f}, {start.y:.2f}) lies {-here:.2f} m inside {_words(grid, start, robot)}",
         )
     needed = np.full(clearance.values.shape, need)
     _relax(needed, clearance, start, here, need)
@@ -83,7 +84,7 @@ def build_corridor(
         if there < robot.radius_m:
             return Refusal(
                 RefusalKind.GOAL_BLOCKED,
-                f"the goal ({goal.x:.2f}, {goal.y:.2f}) has {there:.2f} m to ground that is not known to be free; "
+                f"the goal ({goal.x:.2f}, {goal.y:.2f}) has {there:.2f} m to {_words(grid, goal, robot)}; "
                 f"the base needs {robot.radius_m:.2f} m",
             )
         _relax(needed, clearance, goal, there, need)
@@ -91,6 +92,13 @@ def build_corridor(
     values -= _SEARCH_MARGIN_M
     margin = DistanceField(values, clearance.resolution, clearance.origin_x, clearance.origin_y)
     return Corridor(clearance, margin)
+
+
+def _words(grid: OccupancyGrid, pose: SE2, robot: RobotConfig) -> str:
+    """What keeps the base from a pose."""
+    keep_out = KeepOut(grid, robot.radius_m)
+    zoned = float(keep_out.clearance(np.array([[pose.x, pose.y]]))[0]) < robot.radius_m
+    return f"the zone {keep_out.zone_near(pose.x, pose.y)!r}" if zoned else "ground that is not known to be free"
 
 
 def _relax(needed: FloatArray, field: DistanceField, pose: SE2, clearance: float, need: float) -> None:
@@ -112,14 +120,30 @@ def obstacle_ahead(trajectory: Trajectory, from_s: float, grid: OccupancyGrid, r
 
     from_s: position on the trajectory, in its own time [s]. Only obstacles count: ground that is unknown again was free
     when the plan was made. A base that already stands closer to an obstacle may leave."""
+    positions = _watched(trajectory, from_s)
+    way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(positions, axis=0).T))])
+    ground = np.where(grid.data == OCCUPIED, OCCUPIED, FREE).astype(np.int8)
+    obstacles = OccupancyGrid(ground, grid.resolution, grid.origin_x, grid.origin_y)
+    field = clearance_field(obstacles, 2.0 * radius_m)
+    clearance_m = field.at(positions)
+    touching = np.flatnonzero(clearance_m < min(radius_m, float(clearance_m[0])) - _GIVE_AHEAD_M)
+    return float(way_m[touching[0]]) if len(touching) else None
+
+
+def _watched(trajectory: Trajectory, from_s: float) -> FloatArray:
+    """(N, 2) the positions on the next 1.5 m of a trajectory, from a time on [s]."""
     rest = trajectory.poses[trajectory.times_s - trajectory.times_s[0] >= from_s]
     positions = np.vstack([trajectory.at(from_s)[0].as_array()[None, :2], rest[:, :2]])
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(positions, axis=0).T))])
-    obstacles = replace(grid, data=np.where(grid.data == OCCUPIED, OCCUPIED, FREE))
-    field = clearance_field(obstacles, 2.0 * radius_m)
-    clearance_m = field.at(positions[way_m <= _AHEAD_M])
-    touching = np.flatnonzero(clearance_m < min(radius_m, float(clearance_m[0])) - _GIVE_AHEAD_M)
-    return float(way_m[touching[0]]) if len(touching) else None
+    return positions[way_m <= _AHEAD_M]
+
+
+def zone_ahead(
+    trajectory: Trajectory, from_s: float, grid: OccupancyGrid, radius_m: float, T_map_frame: SE2
+) -> Entry | None:
+    """Where the next 1.5 m of a trajectory enter a zone; None where they do not. T_map_frame: the trajectory's frame in
+    the map."""
+    return KeepOut(grid, radius_m).entered(T_map_frame @ _watched(trajectory, from_s))
 
 
 def braking_before(obstacle_m: float, v_m_s: float, limits: LimitsConfig) -> float:

@@ -26,6 +26,7 @@ class RefusalKind(enum.Enum):
     BUDGET = "budget"
     INFEASIBLE = "infeasible"
     BLIND = "blind"
+    ZONE = "zone"
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.config import LimitsConfig
 from vsx_ros.planning.pieces import Piece
 
-NOWHERE: FloatArray = np.zeros((0, 2))  # no spans
+NOWHERE: FloatArray = np.zeros((0, 3))  # no spans
 _CHECK_S = 0.002  # between samples at which a profile is checked against the limits
 _SLOPE_SHARE = 0.8  # of the turn acceleration, for the change of curvature
 _NOTHING = 1e-9  # m, m/s: rounding
@@ -24,8 +24,9 @@ _NOTHING = 1e-9  # m, m/s: rounding
 class Geometry:
     """Curvature over the arc length of one stretch."""
 
-    def __init__(self, pieces: list[Piece], slow: FloatArray = NOWHERE, slow_v_m_s: float = math.inf) -> None:
-        self.slow, self.slow_v_m_s = slow, slow_v_m_s
+    def __init__(self, pieces: list[Piece], slow: FloatArray = NOWHERE) -> None:
+        """slow: (K, 3) spans of arc length from and to [m], and the speed allowed there [m/s]."""
+        self.slow = slow
         offsets = np.cumsum([0.0] + [piece.length_m for piece in pieces])
         self.pieces, self.offsets, self.direction = pieces, offsets, pieces[0].direction
         s = np.concatenate([piece.table[:, 0] + offset for piece, offset in zip(pieces, offsets)])
@@ -61,8 +62,8 @@ def segment_limits(g: Geometry, cuts: FloatArray, limits: LimitsConfig) -> tuple
         slope = np.abs(g.slope[first:last])
         kappa = float(np.max(np.abs(g.kappa[first : last + 1])))
         v = min(limits.v_m_s, limits.omega_rad_s / max(kappa, 1e-9))
-        if np.any((g.slow[:, 0] < high) & (g.slow[:, 1] > low)):
-            v = min(v, g.slow_v_m_s)
+        slow = (g.slow[:, 0] < high) & (g.slow[:, 1] > low)
+        v = min(v, float(g.slow[slow, 2].min(initial=math.inf)))
         # Near a stop the curvature may change steeply, but the distance from rest bounds the speed there.
         room = from_rest[first:last]
         steep = slope * np.minimum(v * v, room)

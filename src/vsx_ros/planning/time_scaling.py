@@ -57,14 +57,13 @@ def _scale_turn(piece: Piece, limits: LimitsConfig, sample_s: float) -> _Samples
 
 
 def time_scale(
-    path: Path, limits: LimitsConfig, slow_spans: FloatArray | None = None, slow_v_m_s: float = math.inf,
-    sample_s: float = SAMPLE_S,
-) -> Trajectory:  # fmt: skip
+    path: Path, limits: LimitsConfig, slow_spans: FloatArray | None = None, sample_s: float = SAMPLE_S
+) -> Trajectory:
     """The path in time. It starts and ends at rest, and stops at cusps and curvature jumps.
 
-    Speed, acceleration, jerk, turn rate and turn acceleration stay within ``limits``, and the speed within slow_v_m_s
-    along slow_spans (K, 2), arc lengths from and to [m]; samples are sample_s apart. An empty path gives one
-    sample."""
+    Speed, acceleration, jerk, turn rate and turn acceleration stay within ``limits``. slow_spans: (K, 3) arc lengths
+    from and to [m] between which the speed also stays within the third number [m/s]. Samples are sample_s apart. An
+    empty path gives one sample."""
     slow = NOWHERE if slow_spans is None else slow_spans
     driven_m, now = 0.0, 0.0
     parts: list[_Samples] = [(np.zeros(1), path.start.as_array()[None], np.zeros(1), np.zeros(1))]
@@ -74,7 +73,7 @@ def time_scale(
                 continue
             times, *moved = _scale_turn(run[0], limits, sample_s)
         else:
-            geometry = Geometry(run, slow - driven_m, slow_v_m_s)
+            geometry = Geometry(run, slow - [driven_m, driven_m, 0.0])
             driven_m += geometry.length
             if geometry.length < _NOTHING:
                 continue

@@ -66,10 +66,12 @@ def emulation(
     return [LaunchNode("emulator", {**emulator, "rate_hz": rate_hz}), *bringup(base, port, f"emulator:{camera_socket}")]
 
 
-def exploration(planner: str = "fov", seed: int = 0, run_dir: str = "", load_map: str = "") -> list[LaunchNode]:
-    """All nodes above the robot. load_map: a SLAM map to continue."""
+def exploration(
+    planner: str = "fov", seed: int = 0, run_dir: str = "", load_map: str = "", room: str = ""
+) -> list[LaunchNode]:
+    """All nodes above the robot. load_map: a SLAM map to continue. room: the only one of it to explore."""
     return [
-        LaunchNode("vslam", {"seed": seed, "run_dir": run_dir, "load_map": load_map}),
+        LaunchNode("vslam", {"seed": seed, "run_dir": run_dir, "load_map": load_map, "room": room}),
         LaunchNode("move_base", {"planner": planner, "seed": seed}, respawn=True),
         LaunchNode("follower", {}, respawn=True),
         LaunchNode("explore", {"run_dir": run_dir}),

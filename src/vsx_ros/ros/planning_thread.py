@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import rospy
 from dynamic_reconfigure.encoding import Config as Values
 from dynamic_reconfigure.server import Server
-from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float32
@@ -28,10 +27,11 @@ from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.driving import path_msg
 from vsx_ros.ros.logs import OK, Diagnostics
+from vsx_ros.ros.zones import ZonedMap
 
 
 class PlanningThread:
-    """Subscribers: map, vslam/map_points. Publishers: move_base/stats/plan_ms. Services: move_base/make_plan."""
+    """Subscribers: map, zones, vslam/map_points. Publishers: move_base/stats/plan_ms. Services: move_base/make_plan."""
 
     def __init__(self, config: Config, diagnostics: Diagnostics) -> None:
         """Raises ConfigError for an unknown ~planner."""
@@ -42,7 +42,7 @@ class PlanningThread:
         self._requests: queue.SimpleQueue[PlanRequest] = queue.SimpleQueue()
         self._answers: queue.SimpleQueue[tuple[int, TimedPlan | Refusal]] = queue.SimpleQueue()
         self._plan_ms_pub = rospy.Publisher(topics.PLAN_MS, Float32, queue_size=10, latch=True)
-        subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
+        ZonedMap(config, self._planner.take_grid)
         subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
         rospy.Service(topics.MAKE_PLAN, GetPlan, self._on_make_plan)
         threads.worker("planner", self._work)
@@ -74,7 +74,7 @@ class PlanningThread:
         """Plan on this thread."""
         began_s = time.monotonic()
         with self._lock:
-            answer = self._planner.timed(request.start, request.goal, request.frame)
+            answer = self._planner.timed(request.start, request.goal, request.frame, request.T_map_frame)
         self._answers.put((request.number, answer))
         elapsed_ms = 1e3 * (time.monotonic() - began_s)
         self._plan_ms_pub.publish(elapsed_ms)
@@ -83,9 +83,6 @@ class PlanningThread:
     def _change(self, config: Config) -> None:
         with self._lock:
             self._planner.change(config)
-
-    def _on_map(self, msg: OccupancyGridMsg) -> None:
-        self._planner.take_grid(convert.grid(msg), msg.header.stamp.to_nsec())
 
     def _on_points(self, msg: PointCloud2) -> None:
         self._planner.take_landmarks(convert.cloud_points(msg), msg.header.stamp.to_nsec())

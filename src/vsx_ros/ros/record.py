@@ -31,7 +31,7 @@ _TOPICS = (
     topics.CAMERA_INFO, topics.SHUTTER, topics.ODOM, topics.TF, topics.TF_STATIC, topics.IMU, topics.HAZARDS,
     topics.BUTTONS, topics.BATTERY, topics.MUX_ACTIVE, topics.COMMAND_SAFETY, topics.COMMAND_TELEOP,
     topics.COMMAND_NAVI, topics.POSE, topics.SLAM_STATE, topics.EXPLORE_STATUS, topics.EXPLORE_EVENTS,
-    topics.DIAGNOSTICS, topics.GLOBAL_PLAN, topics.PLAN_MS, topics.COVERAGE,
+    topics.DIAGNOSTICS, topics.GLOBAL_PLAN, topics.PLAN_MS, topics.COVERAGE, topics.ZONES, topics.ROOMS,
     *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
 )  # fmt: skip
 _NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)

@@ -102,7 +102,9 @@ def _nodes(
     args: argparse.Namespace, folder: RunFolder, world: World | None, devices: Path, T_world_base: SE2 | None
 ) -> list[LaunchNode]:
     """T_world_base: where an emulated robot stood when the run was interrupted."""
-    above = launch.exploration(args.planner, args.seed, str(folder.path.resolve()), args.load_map or "")
+    above = launch.exploration(
+        args.planner, args.seed, str(folder.path.resolve()), args.load_map or "", args.room or ""
+    )
     if world is None:
         return [*launch.bringup(args.base, args.port, args.camera), *above]
     path = folder.path.resolve() / "world.yaml"

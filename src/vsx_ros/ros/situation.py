@@ -7,18 +7,19 @@ import time
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import UInt8
 
 from vsx_hw.readings import Hazard
 from vsx_ros.arrays import Points3
+from vsx_ros.config import Config
 from vsx_ros.control.localization import Localization, LocalizationState
 from vsx_ros.exploration.decision import NavigationState, Situation
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import hear_odometry, subscribe
+from vsx_ros.ros.zones import ZonedMap
 
 
 class LocalizationSubscriber:
@@ -60,20 +61,20 @@ class LocalizationSubscriber:
 
 
 class HeardSituation:
-    """Subscribers: map, vslam/map_points, mobile_base/hazards, and those of ``LocalizationSubscriber``. grid: the
-    newest map, if any."""
+    """Subscribers: map, zones, vslam/map_points, mobile_base/hazards, and those of ``LocalizationSubscriber``. grid:
+    the newest map with the zones, if any."""
 
-    def __init__(self) -> None:
+    def __init__(self, config: Config) -> None:
         self.grid: OccupancyGrid | None = None
         self.where = LocalizationSubscriber()
         self._landmarks: Points3 = np.zeros((0, 3))
         self._hazards = 0
-        subscribe(topics.MAP, OccupancyGridMsg, self._on_map, queue_size=1)
+        ZonedMap(config, self._on_map)
         subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
 
-    def _on_map(self, msg: OccupancyGridMsg) -> None:
-        self.grid = convert.grid(msg)
+    def _on_map(self, grid: OccupancyGrid, _: int) -> None:
+        self.grid = grid
 
     def _on_points(self, msg: PointCloud2) -> None:
         self._landmarks = convert.cloud_points(msg)

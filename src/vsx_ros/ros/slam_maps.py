@@ -2,6 +2,7 @@
 
 import math
 import time
+from pathlib import Path
 
 import numpy as np
 import rospy
@@ -27,11 +28,14 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.virtual_scan import laser_scan
 from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.dense_process import DenseProcess
+from vsx_ros.ros.rooms import RoomServer
 from vsx_ros.ros.slam_messages import SlamStatus
+from vsx_ros.ros.zones import ZoneServer
+from vsx_ros.runs.zones import write_zones
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.slam import ThreadedSlam
-from vsx_ros.slam.snapshot import MapSnapshot
+from vsx_ros.slam.snapshot import MapSnapshot, SlamMap
 from vsx_ros.slam.snapshot import snapshot as snapshot_of
 
 _PERIOD_S = 1.0  # of the ground map: meanwhile it gains one or two keyframes
@@ -46,11 +50,13 @@ _SCAN_BEARINGS = 720  # every half degree
 
 class SlamMaps:
     """Makes the ground map on one thread and the dense map on another. Publishers: map, map_metadata, vslam/map_points,
-    vslam/keyframes, vslam/path (all latched), and those of ``DenseMapping``. Services: static_map.
+    vslam/keyframes, vslam/path (all latched), and those of ``DenseMapping``, ``ZoneServer`` and ``RoomServer``.
+    Services: static_map.
 
     driven: the newest state of the session's ground."""
 
-    def __init__(self, config: Config, session: SlamSession, status: SlamStatus) -> None:
+    def __init__(self, config: Config, session: SlamSession, status: SlamStatus, continued: Path | None = None) -> None:
+        """continued: the file of the map that is continued, with rooms beside it."""
         self._session, self._status = session, status
         self._slam: ThreadedSlam | None = None
         self._metric = True
@@ -64,6 +70,7 @@ class SlamMaps:
         self._keyframes_pub = rospy.Publisher(topics.KEYFRAMES, PoseArray, queue_size=1, latch=True)
         self._path_pub = rospy.Publisher(topics.SLAM_PATH, PathMsg, queue_size=1, latch=True)
         rospy.Service(topics.STATIC_MAP, GetMap, lambda _: GetMapResponse(self._message))
+        self._zones, self._rooms = ZoneServer(session.ground, self._snapshot), RoomServer(config, continued)
         self.driven = session.ground.state()
         self._mapping = threads.every(_PERIOD_S, "ground map", self._map)
         threads.every(UPDATE_EVERY_S, "dense map", self._densify)
@@ -73,13 +80,27 @@ class SlamMaps:
         self._slam, self._metric = slam, metric
         self._dense.start(camera, self._session.T_base_cam if metric else None, seed)
 
+    def _snapshot(self) -> MapSnapshot:
+        return self._slam.snapshot() if self._slam is not None else snapshot_of(Map().view())
+
     def _map(self) -> None:
-        slam, session = self._slam, self._session
-        snapshot = slam.snapshot() if slam is not None else snapshot_of(Map().view())
+        session, snapshot = self._session, self._snapshot()
         grid = self._ground(snapshot)
+        self._zones.publish(snapshot)
+        self._rooms.update(grid)
         self._dense.publish(snapshot, grid, session.where.T_map_base or session.ground.start)
-        self._status.map(snapshot if slam is not None else None)
-        self.driven = session.ground.state()
+        self._status.map(snapshot if self._slam is not None else None)
+        self._keep_state()
+
+    def _keep_state(self) -> None:
+        with self._zones.lock:
+            self.driven = self._session.ground.state()
+
+    def write_beside(self, slam_map: SlamMap | None, map_file: Path) -> None:
+        """Write zones and rooms beside a map. Raises MapFileError."""
+        with self._zones.lock:
+            write_zones(self._session.ground, slam_map, map_file)
+        self._rooms.write(map_file)
 
     def _ground(self, snapshot: MapSnapshot) -> OccupancyGrid:
         """Build and publish what changed. Without keyframes the map is the strip assumed free at the start."""
@@ -107,7 +128,7 @@ class SlamMaps:
         """The last surface points (N, 3) [m] and the last ground map. ``driven`` then includes paths and bumps after
         that map."""
         if threads.join(self._mapping, 2.0):
-            self.driven = self._session.ground.state()
+            self._keep_state()
         surface = None if self._slam is None else self._dense.points(self._slam.snapshot())
         return surface, self._grid if self._metric else None
 

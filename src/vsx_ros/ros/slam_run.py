@@ -1,13 +1,14 @@
 """The run of the node vslam: how it resumes, what it stores while running and what it writes at the end."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import rospy
+from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.mount import mounted
@@ -16,18 +17,23 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import logs
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.rooms import look_into
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
+from vsx_ros.runs.zones import read_zones
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import ThreadedSlam
+from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingResult
 
-State: TypeAlias = Mapping[str, FloatArray]
+State: TypeAlias = Mapping[str, NDArray[Any]]
+WriteBeside: TypeAlias = Callable[[SlamMap | None, Path], None]  # writes zones and rooms beside a map's file
 _REST = 4.0  # Pause after writing, as a multiple of the writing time: the map of a 40 m x 25 m building has 120 MB
 
 
 class SlamRun:
-    """session: new, or in the map of ~load_map, or resumed from ~run_dir. first_epoch: the odometry's epoch at the
+    """session: new, or in the map of ~load_map, or resumed from ~run_dir. continued: a file beside which the rooms of
+    that map are. first_epoch: the odometry's epoch at the
     start. Raises MapFileError or InputError for damaged files."""
 
     def __init__(self, config: Config) -> None:
@@ -36,14 +42,24 @@ class SlamRun:
         self._save_map = str(rospy.get_param("~save_map", ""))  # read now: the master may be gone at the end
         self._save_map_to = Path(run_dir or tempfile.gettempdir()) / "map.vsxmap"
         self._folder = RunFolder(Path(run_dir)) if run_dir else None
+        self.continued = self._folder.path / "map.yaml" if self._folder is not None else None
         before = PreviousSessions.of(self._folder) if self._folder is not None else None
         if before is not None:
             self.session = SlamSession(T_base_cam, config, before.saved.slam_map, before.saved.state)
         else:
             path = str(rospy.get_param("~load_map", ""))
             self.session = SlamSession(T_base_cam, config, load_slam_map(Path(path)) if path else None)
+            if path:
+                self.continued = Path(path)
+                self._begin_in(Path(path))
         self._keeper = RunWriter(T_base_cam, self._folder, before, logs.log_errors, _REST, config.runs)
         self.first_epoch = 1 + self._keeper.record.odom_epoch
+
+    def _begin_in(self, map_file: Path) -> None:
+        """Take over the zones of a loaded map; explore one room of it, if ~room names it."""
+        read_zones(self.session.ground, map_file)
+        if room := str(rospy.get_param("~room", "")):
+            look_into(self.session.ground, map_file, room)
 
     def odometry(self, odometry: Odometry) -> None:
         """Store a reading; any thread."""
@@ -57,21 +73,29 @@ class SlamRun:
             self._keeper.frame(result, odometry, track_s, slam.statistics().u2_frames, events)
             self._keeper.note(slam, result.stamp_ns)
 
-    def save_map(self, slam: ThreadedSlam | None) -> str:
-        """Save the map as it is now, while the SLAM goes on; returns the path. Raises InputError or MapFileError."""
+    def save_map(self, slam: ThreadedSlam | None, write_beside: WriteBeside) -> str:
+        """Save the map, its zones and rooms as they are now, while the SLAM goes on; returns the path. Raises
+        InputError or MapFileError."""
         slam_map = slam.slam_map() if slam is not None else None
         if slam_map is None:
             raise InputError("there is no map yet: it starts with the first straight drive")
         path = Path(str(rospy.get_param("~save_map_to", "")) or self._save_map_to)
         save_slam_map(slam_map, path)
+        write_beside(slam_map, path)
         return str(path)
 
-    def end(self, slam: ThreadedSlam, driven: State, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
+    def end(
+        self, slam: ThreadedSlam, driven: State, surface: Points3 | None, grid: OccupancyGrid | None,
+        write_beside: WriteBeside,
+    ) -> None:  # fmt: skip
         """Write the results, the last checkpoint and the map of ~save_map; if one fails, the others are still
         written."""
         logs.attempt(lambda: self._write_results(slam, surface, grid))
         logs.attempt(lambda: self.write(driven))
-        logs.attempt(lambda: self._write_map(slam))
+        logs.attempt(lambda: self._write_map(slam, write_beside))
+        if self._folder is not None:
+            map_file = self._folder.path / "map.yaml"
+            logs.attempt(lambda: write_beside(slam.slam_map(), map_file))
 
     def write(self, driven: State) -> None:
         """Write the map noted last, with the newest state of the ground; may wait for the disk for seconds."""
@@ -88,7 +112,8 @@ class SlamRun:
         if said := self._keeper.finish(folder, slam, None, surface, grid, *more):
             raise InputError(said)
 
-    def _write_map(self, slam: ThreadedSlam) -> None:
+    def _write_map(self, slam: ThreadedSlam, write_beside: WriteBeside) -> None:
         slam_map = slam.slam_map()
         if self._save_map and slam_map is not None:
             save_slam_map(slam_map, Path(self._save_map))
+            write_beside(slam_map, Path(self._save_map))

@@ -35,7 +35,7 @@ from vsx_ros.runs.journal import RunEvent
 FILES = (
     "summary.json", "config.yaml", "trajectory.txt", "trajectory_final.txt", "odometry.txt", "groundtruth.txt",
     "map.pgm", "map.yaml", "sparse.ply", "dense.ply", "planes.json", "events.jsonl", "frames.csv", "report.html",
-    "map.vsxmap", "odometry_calibration.yaml",
+    "map.vsxmap", "map_zones.yaml", "map_rooms.json", "map_rooms.pgm", "odometry_calibration.yaml",
 )  # fmt: skip
 _FRAME_COLUMNS_ONCE = 6  # older versions stored no u2_frames
 _MOST = 1e12  # limit of all numbers in a frame

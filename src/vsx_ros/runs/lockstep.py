@@ -20,9 +20,11 @@ from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
 from vsx_ros.runs.process import DONE, LOST, STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
+from vsx_ros.runs.rooms import look_into, write_rooms
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
+from vsx_ros.runs.zones import read_zones, write_zones
 from vsx_ros.sim.robot import EmulatedRobot, Observation, SimulationConfig
 from vsx_ros.sim.world import Start, World
 from vsx_ros.slam.snapshot import SlamMap
@@ -44,6 +46,7 @@ class FastRun:
         """before: an interrupted run to resume, in the same world with the same seed; the robot starts where it stood
         at the end. slam_map: a map to continue. folder: where to store the state for a later resume."""
         self.world, self._config = world, config
+        self.continued: Path | None = None  # the file of a loaded map; its rooms keep their names
         # Compares maps with the world; the position of a loaded map in the world is unknown.
         self.judge = MapJudge(world, config) if slam_map is None else None
         self._before, self._truth_before = before, before.truth if before is not None else None
@@ -193,6 +196,8 @@ class FastRun:
         calibration, known = system.session.calibration, self._config.robot.odometry
         more: list[Callable[[], object]] = [
             lambda: folder.write_poses("groundtruth", self.truth),
+            lambda: write_zones(system.ground, system.slam.slam_map(), folder.path / "map.yaml"),
+            lambda: write_rooms(system.grid, folder.path / "map.yaml", self._config, self.continued),
             lambda: write_self_calibration(folder.path, calibration, known),
             lambda: write_report(folder),
         ]
@@ -211,6 +216,11 @@ def explore_fast(args: argparse.Namespace) -> int:
     if args.load_map:  # the file may be gone by now; the checkpoint holds the newer map
         slam_map = load_slam_map(Path(args.load_map)) if before is None else before.saved.slam_map
     run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder)
+    if args.load_map and before is None:
+        run.continued = Path(args.load_map)
+        read_zones(run.system.ground, run.continued)
+        if args.room is not None:
+            look_into(run.system.ground, run.continued, args.room)
     reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)
     facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
     summary = run.summary(reason, **facts)

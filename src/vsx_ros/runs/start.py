@@ -18,6 +18,7 @@ from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import load, robot_file_here
 from vsx_ros.runs.process import DONE, FAILED, LOST
+from vsx_ros.runs.rooms import room_beside
 from vsx_ros.runs.session import end_trail
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.world import World
@@ -44,6 +45,10 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
         if not Path(args.load_map).is_file():
             raise ConfigError(f"there is no map {args.load_map}; 'vsx map save' makes one")
         load_slam_map(Path(args.load_map))
+    if args.room is not None:
+        if args.load_map is None:
+            raise ConfigError(f"--room {args.room}: rooms are known of a saved map; give it with --load-map")
+        room_beside(Path(args.load_map), args.room)
     if args.config is None and args.world is None:
         args.config = robot_file_here()
     parameters = load(args.config, args.set)
@@ -67,7 +72,7 @@ def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
 
 
 def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, World | None]:
-    fixed = ("world", "seed", "base", "planner", "phi", "load_map", "config", "set", "out")
+    fixed = ("world", "seed", "base", "planner", "phi", "load_map", "room", "config", "set", "out")
     contradicting = [name.replace("_", "-") for name in fixed if getattr(args, name) not in (None, [])]
     if contradicting:
         raise ConfigError(f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0]}")

@@ -5,8 +5,9 @@ import math
 import cv2
 import numpy as np
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, Points2
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.errors import ConfigError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.sim.world import Start, World, obstacle_segments, prisms
@@ -18,6 +19,7 @@ START_AHEAD_M = 1.2  # free ahead of the start, for the drive that starts the ma
 START_GAP_M = 0.5  # free around it
 START_TRIES = 120  # places drawn
 BAND_M = 0.6  # height of what the base can touch
+DOOR_M = 1.65  # a wider gap between two walls in line is no door
 
 
 def ground_truth_grid(world: World, resolution: float, z_min: float, z_max: float) -> OccupancyGrid:
@@ -48,6 +50,39 @@ def ground_truth_grid(world: World, resolution: float, z_min: float, z_max: floa
     data[near & (solid == 1)] = OCCUPIED
     data[inside] = FREE
     return OccupancyGrid(data, resolution, origin_x, origin_y)
+
+
+def room_truth(world: World, grid: OccupancyGrid) -> IntArray:
+    """(H, W) the true rooms on the cells of a grid in the world's frame, numbered from 1; 0 in walls and outside. Doors
+    are gaps between free-standing walls in line along an axis; furniture counts as ground."""
+    solid = np.ones(grid.shape, np.uint8)
+    for outline in world.outlines:
+        _fill(solid, grid, np.asarray(outline.points, float), 0 if signed_area(np.asarray(outline.points)) > 0 else 1)
+    half = 0.5 * grid.resolution
+    for a, b, thickness in _walls_with_doors_shut(world):
+        low, high = np.minimum(a, b) - 0.5 * thickness - half, np.maximum(a, b) + 0.5 * thickness + half
+        _fill(solid, grid, np.array([low, [high[0], low[1]], high, [low[0], high[1]]]), 1)
+    return np.asarray(cv2.connectedComponents(1 - solid, connectivity=4)[1], np.int64)
+
+
+def _walls_with_doors_shut(world: World) -> list[tuple[Points2, Points2, float]]:
+    """Ends and thickness of each wall, and of what would shut each door."""
+    walls = [(np.array(w.points[0]), np.array(w.points[-1]), w.thickness) for w in world.walls]
+    shut = []
+    for axis in (0, 1):
+        along = [wall for wall in walls if abs(wall[0][1 - axis] - wall[1][1 - axis]) < 1e-9]
+        for a, b, thickness in along:
+            end = a if a[axis] > b[axis] else b
+            starts = [c if c[axis] < d[axis] else d for c, d, _ in along if abs(c[1 - axis] - a[1 - axis]) < 1e-9]
+            gaps = [(start[axis] - end[axis], start) for start in starts if 0.0 < start[axis] - end[axis] <= DOOR_M]
+            shut += [(end, min(gaps, key=lambda gap: gap[0])[1], thickness)] if gaps else []
+    return walls + shut
+
+
+def _fill(mask: NDArray[np.uint8], grid: OccupancyGrid, polygon: Points2, value: int) -> None:
+    """Draw a polygon [m] into a mask over the cells of a grid."""
+    corners = (polygon - [grid.origin_x, grid.origin_y]) / grid.resolution - 0.5
+    cv2.fillPoly(mask, [np.rint(corners * (1 << SUBPIXEL_BITS)).astype(np.int32)], value, cv2.LINE_8, SUBPIXEL_BITS)
 
 
 def signed_area(loop: Points2) -> float:

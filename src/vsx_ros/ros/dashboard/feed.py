@@ -122,6 +122,8 @@ class Feed:
         hear(topics.EXPLORE_STATUS, String, "mission", json_object)
         hear(topics.EXPLORE_EVENTS, String, "events", self._event, queue_size=20)
         hear(topics.MAP, OccupancyGridMsg, "map", grid)
+        hear(topics.ZONES, String, "zones", json_object)
+        hear(topics.ROOMS, String, "rooms", json_object)
         hear(topics.FRONTIERS, MarkerArray, "frontiers", frontiers)
         hear(topics.KEYFRAMES, PoseArray, "keyframes", keyframes)
         hear(topics.GLOBAL_PLAN, PathMsg, "plan", plan)

@@ -15,6 +15,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from typing import Any, NamedTuple
+from urllib.parse import unquote
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros.dashboard.admission import MAX_VIEWERS, Connections, Names
@@ -47,7 +48,8 @@ class Answer(NamedTuple):
     message: str
 
 
-Command = Callable[[], Answer]
+Command = Callable[..., Answer]
+"""One whose name ends with a question mark takes the text that follows it in the address, decoded; others nothing."""
 
 
 class ViewServer(ThreadingHTTPServer):
@@ -143,11 +145,12 @@ class Handler(BaseHTTPRequestHandler):
             self._say(HTTPStatus.FORBIDDEN, "wrong token: open the address that the terminal shows")
             return
         self.server.connections.command(self.connection)
-        command = self.server.commands.get(self.path.removeprefix("/command/"))
+        name, mark, text = self.path.removeprefix("/command/").partition("?")
+        command = self.server.commands.get(name + mark)
         if command is None:
             self._say(HTTPStatus.NOT_FOUND, f"no such command; there are {', '.join(self.server.commands)}")
             return
-        answer = command()
+        answer = command(unquote(text)) if mark else command()
         self._say(HTTPStatus.OK if answer.ok else HTTPStatus.SERVICE_UNAVAILABLE, answer.message, ok=answer.ok)
 
     def log_message(self, format: str, *args: Any) -> None:

@@ -1,8 +1,9 @@
 """Node ``dashboard``: the live view in a browser.
 
 Subscribers, while there is a viewer: vslam/{preview/compressed,pose,state,keyframes,stats/*}, map, explore/{status,
-    events,frontiers}, move_base/{global_plan,stats/plan_ms}, mobile_base/hazards, cmd_vel_mux/active, /diagnostics.
-Services called: explore/{pause,resume,home,stop}, mobile_base/estop.
+    events,frontiers}, zones, rooms, move_base/{global_plan,stats/plan_ms}, mobile_base/hazards, cmd_vel_mux/active,
+    /diagnostics.
+Services called: explore/{pause,resume,home,stop}, mobile_base/estop, zones/change, rooms/name.
 Parameters: ~host (127.0.0.1: only this machine), ~port (8765), ~allow (further names under which the view may be
     opened, NAME or NAME:PORT, separated by commas).
 Environment: VSX_VIEW_TOKEN, the token for commands; if it is not set, a token is made and printed once."""
@@ -12,16 +13,15 @@ import secrets
 import sys
 import time
 import webbrowser
-from typing import Any
 
 import rosgraph
 import rospy
-from std_srvs.srv import SetBool, Trigger
 
 from vsx_ros.config import Config
-from vsx_ros.ros import calls, logs, node, threads, topics
+from vsx_ros.ros import logs, node, threads
+from vsx_ros.ros.dashboard.commands import commands
 from vsx_ros.ros.dashboard.feed import Board, Feed, text
-from vsx_ros.ros.dashboard.server import DEFAULT_PORT, LOOPBACK, Answer, Command, ViewServer, address, choose_port
+from vsx_ros.ros.dashboard.server import DEFAULT_PORT, LOOPBACK, ViewServer, address, choose_port
 from vsx_ros.ros.host_address import DEFAULT_MASTER, export_ros_address
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs.process import DONE
@@ -29,7 +29,6 @@ from vsx_ros.runs.process import DONE
 TOKEN = "VSX_VIEW_TOKEN"
 
 _MASTER_PERIOD_S, _LOOK_PERIOD_S = 2.0, 0.5  # the second: a person waits for the page
-_SERVICE_WAIT_S = 2.0  # then the button reports no answer
 
 
 class DashboardNode:
@@ -49,29 +48,6 @@ class DashboardNode:
     def close(self) -> None:
         """Stop the server."""
         self._server.close()
-
-
-def commands() -> dict[str, Command]:
-    """The services behind the buttons of the page."""
-    return {
-        "pause": _call(topics.EXPLORE_PAUSE, Trigger),
-        "resume": _call(topics.EXPLORE_RESUME, Trigger),
-        "home": _call(topics.EXPLORE_HOME, Trigger),
-        "stop": _call(topics.EXPLORE_STOP, Trigger),
-        "estop": _call(topics.ESTOP, SetBool, True),
-        "release": _call(topics.ESTOP, SetBool, False),
-    }
-
-
-def _call(service: str, kind: type[Any], *arguments: object) -> Command:
-    def call() -> Answer:
-        try:
-            response = calls.service(service, kind, *arguments, within_s=_SERVICE_WAIT_S)
-        except (rospy.ROSException, rospy.ServiceException):
-            return Answer(False, f"service {rospy.resolve_name(service)} does not answer; is its node running?")
-        return Answer(bool(response.success), str(response.message))
-
-    return call
 
 
 def main() -> None:

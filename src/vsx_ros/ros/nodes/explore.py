@@ -1,6 +1,6 @@
 """Node ``explore``: chooses the next view and lets move_base drive there.
 
-Subscribers: map, vslam/map_points, vslam/pose, vslam/state, odom, mobile_base/hazards, battery
+Subscribers: map, zones, vslam/map_points, vslam/pose, vslam/state, odom, mobile_base/hazards, battery
     (nearly empty: the robot goes home, once), follower/lease.
 Publishers: explore/frontiers (as explore_lite), explore/status (latched String, JSON, 1 Hz and on change),
     explore/events (String, JSON: every change of state and every choice, with its reason), explore/coverage (known
@@ -42,7 +42,7 @@ class ExploreNode:
         warm_up()
         self._lock = threading.Lock()
         self._battery_empty = False
-        self._heard = HeardSituation()
+        self._heard = HeardSituation(config)
         self._slam = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = Diagnostics()
         self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())

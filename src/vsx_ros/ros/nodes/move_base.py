@@ -1,6 +1,6 @@
 """Node ``move_base``: plans to goals so that the camera keeps its features, and pursues them to the end.
 
-Subscribers: map, vslam/map_points, odom, vslam/pose, vslam/state, move_base_simple/goal, follower/status,
+Subscribers: map, zones, vslam/map_points, odom, vslam/pose, vslam/state, move_base_simple/goal, follower/status,
     move_base/lease.
 Publishers: move_base/global_plan, move_base/trajectory (latched; the header stamp is its identity; one point with only
     a deceleration: stop along the path; no points: stop at once), move_base/stats/plan_ms, follower/lease.

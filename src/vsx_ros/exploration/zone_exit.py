@@ -1,0 +1,47 @@
+"""Zones in which the robot stands because they were drawn around it, and the shortest way out."""
+
+import math
+
+import numpy as np
+
+from vsx_ros.exploration.utility import TravelCostsFrom, traversable_cells
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.zoned_grid import KeepOut, ZonedGrid
+
+_PLACES, _HEADINGS = 400, 16  # nearest places, and headings at each
+_STRIDE = 2  # cells between places
+
+
+class ZoneWatch:
+    """Which closed zone a body of radius_m [m] would reach into, in the newest map."""
+
+    def __init__(self, radius_m: float) -> None:
+        self._radius_m = radius_m
+        self._grid: OccupancyGrid | None = None
+
+    def zone_at(self, grid: OccupancyGrid | None, pose: SE2 | None) -> str:
+        """The zone's name; empty if there is none, or no map or pose."""
+        if not isinstance(grid, ZonedGrid) or pose is None:
+            return ""
+        if grid is not self._grid:
+            self._grid, self._keep_out = grid, KeepOut(grid, self._radius_m)
+        return self._keep_out.zone_at(pose.x, pose.y)
+
+
+def way_out(grid: ZonedGrid, T_map_base: SE2, radius_m: float, travel_costs: TravelCostsFrom) -> SE2 | None:
+    """The pose outside all zones with the shortest way from the base; None when none can be driven to.
+
+    radius_m: of the body with its clearance. The other zones stay closed on the way."""
+    room = np.argwhere(traversable_cells(grid, radius_m))
+    room = room[(room % _STRIDE == 0).all(axis=1)]
+    if not len(room):
+        return None
+    places = grid.centres(room)
+    order = np.argsort(np.hypot(*(places - [T_map_base.x, T_map_base.y]).T), kind="stable")[:_PLACES]
+    places = np.repeat(places[order], _HEADINGS, axis=0)
+    headings = np.tile(T_map_base.theta + np.arange(_HEADINGS) * (2.0 * math.pi / _HEADINGS), len(order))
+    poses = np.column_stack([places, headings])
+    costs = travel_costs(T_map_base, grid.opened_at(T_map_base.x, T_map_base.y))(poses)
+    best = int(np.argmin(costs))
+    return SE2(*poses[best].tolist()) if math.isfinite(costs[best]) else None

@@ -1,0 +1,75 @@
+"""Rooms beside a map: ``lab_rooms.json`` lists them, ``lab_rooms.pgm`` is a picture whose grey value is the room's
+number, of the size and place of the map's own picture."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from vsx_ros.errors import MapFileError, explained, reason_of
+from vsx_ros.io.atomic import write_bytes, write_text
+from vsx_ros.io.image_encoding import picture
+from vsx_ros.limits import DAMAGE, TEXT_BYTES, file_bytes, file_text, json_tree
+from vsx_ros.occupancy.grid import MAX_CELLS, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.rooms import Room, RoomMap
+
+_VERSION, _MOST = 1, 255  # grey values
+
+
+def room_file(map_file: Path) -> Path:
+    """Where the rooms of a map are; the picture has the same name, .pgm."""
+    return map_file.with_name(f"{map_file.stem}_rooms.json")
+
+
+def room_tree(rooms: RoomMap) -> dict[str, Any]:
+    """The rooms as a tree for JSON."""
+    grid = rooms.grid
+    place = {"resolution": round(grid.resolution, 6), "origin": [grid.origin_x, grid.origin_y]}
+    return {"version": _VERSION, **place, "rooms": [room._asdict() for room in rooms.rooms]}
+
+
+def save_rooms(rooms: RoomMap, path: Path) -> None:
+    """Write both files. Raises MapFileError when they cannot be written, or for more than 255 rooms."""
+    if any(room.number > _MOST for room in rooms.rooms):
+        raise MapFileError(f"rooms {path}: a picture has {_MOST} grey values, too few for these rooms; start a new map")
+    rows, columns = rooms.labels.shape
+    grey = rooms.labels.astype(np.uint8)
+    with explained(MapFileError, f"rooms {path} cannot be written", "choose another folder", OSError):
+        write_bytes(path.with_suffix(".pgm"), f"P5\n{columns} {rows}\n255\n".encode() + grey[::-1].tobytes())
+        write_text(path, json.dumps(room_tree(rooms), indent=1, ensure_ascii=False) + "\n")
+
+
+def load_rooms(path: Path) -> RoomMap | None:
+    """The rooms of a file, on a map of which nothing else is known; None if it does not exist. Raises MapFileError."""
+    if not path.exists():
+        return None
+    try:
+        tree = json_tree(file_text(path))
+        if tree["version"] != _VERSION:
+            raise ValueError(f"it has version {tree['version']}, this program reads {_VERSION}")
+        rooms = tuple(_room(entry) for entry in tree["rooms"][: _MOST + 1])
+        image = picture(file_bytes(path.with_suffix(".pgm"), MAX_CELLS + TEXT_BYTES), cv2.IMREAD_GRAYSCALE)
+        if image is None:
+            raise ValueError("its picture is none")
+        labels = image[::-1].astype(np.int64)
+        x, y = (float(value) for value in tree["origin"])
+        grid = OccupancyGrid(np.full(labels.shape, UNKNOWN, np.int8), float(tree["resolution"]), x, y)
+    except DAMAGE as error:
+        reason = f"entry {error} is missing" if isinstance(error, KeyError) else reason_of(error)
+        raise MapFileError(f"rooms {path} cannot be used: {reason}; remove it, and the rooms are found anew") from error
+    return RoomMap(grid, labels, rooms)
+
+
+def _room(entry: Any) -> Room:
+    outline = tuple((float(x), float(y)) for x, y in entry["outline"][:1000])
+    x, y = (float(value) for value in entry["place"])
+    numbers = [float(entry[name]) for name in ("area_m2", "known_ratio")]
+    values = [*numbers, x, y, *(value for point in outline for value in point)]
+    if not np.isfinite(values).all() or not 0 < int(entry["number"]) <= _MOST:
+        raise ValueError(f"{str(entry)[:60]} is no room")
+    return Room(
+        number=int(entry["number"]), name=str(entry["name"])[:100], area_m2=numbers[0], known_ratio=numbers[1],
+        place=(x, y), outline=outline,
+    )  # fmt: skip

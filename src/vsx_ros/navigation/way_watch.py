@@ -1,0 +1,87 @@
+"""What the newest map and zones show on the rest of a way that is being driven."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.config import Config
+from vsx_ros.control.localization import MAP_FRAME, LocalizationState
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.navigation.follower import FollowerReport
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.zoned_grid import ZonedGrid, speed_limits
+from vsx_ros.planning.corridor import obstacle_ahead, zone_ahead
+from vsx_ros.planning.path import Trajectory
+
+_FASTER_M_S = 0.01  # rounding of times
+
+
+class Hindrance(NamedTuple):
+    """Why a way is not driven to its end. ahead_m: so far ahead [m]; None: brake at the usual rate."""
+
+    ahead_m: float | None
+    reason: str
+
+
+class WayWatch:
+    """Judges a way once for each new map. Ways in odom are driven over ground that was driven before, so that obstacles
+    do not count there; zones do."""
+
+    def __init__(self, config: Config) -> None:
+        self._radius_m = config.robot.radius_m
+        self._checked: OccupancyGrid | None = None
+        self._drawn: int | None = None
+
+    def begin(self, grid: OccupancyGrid | None) -> None:
+        """Another way is driven, planned with the zones of this map."""
+        self._checked, self._drawn = None, _drawing(grid)
+
+    def hindrance(
+        self, trajectory: Trajectory, frame: str, report: FollowerReport, grid: OccupancyGrid, where: LocalizationState
+    ) -> Hindrance | None:
+        """What is new on the rest of the way; None when nothing is, and for the map judged last."""
+        if grid is self._checked:
+            return None
+        self._checked = grid
+        T_map_frame = frame_in_map(frame, where)
+        found = [(math.inf, "")]
+        if frame == MAP_FRAME:
+            obstacle_m = obstacle_ahead(trajectory, report.at_s, grid, self._radius_m)
+            if obstacle_m is not None:
+                found.append((obstacle_m, f"an obstacle has come to light {obstacle_m:.1f} m ahead on the way"))
+        if T_map_frame is not None:
+            zone = zone_ahead(trajectory, report.at_s, grid, self._radius_m, T_map_frame)
+            if zone is not None:
+                found.append((zone.ahead_m, f"the zone {zone.zone!r} lies {zone.ahead_m:.1f} m ahead on the way"))
+        nearest_m, reason = min(found)
+        if math.isfinite(nearest_m):
+            return Hindrance(nearest_m, reason)
+        if T_map_frame is not None and self._is_too_fast(trajectory, report.at_s, grid, T_map_frame):
+            return Hindrance(None, "a slow zone was drawn on the way")
+        return None
+
+    def _is_too_fast(self, trajectory: Trajectory, from_s: float, grid: OccupancyGrid, T_map_frame: SE2) -> bool:
+        """Whether the rest of the way is faster than a zone allows that was drawn after the plan. A zone that only
+        moves with the map, by centimetres, makes no new plan."""
+        if _drawing(grid) == self._drawn:
+            return False
+        self._drawn = _drawing(grid)
+        rest = trajectory.times_s - trajectory.times_s[0] >= from_s
+        limits = speed_limits(grid, T_map_frame @ trajectory.poses[rest, :2])
+        return bool(np.any(np.abs(trajectory.v[rest]) > limits + _FASTER_M_S))
+
+
+def frame_in_map(frame: str, where: LocalizationState) -> SE2 | None:
+    """T_map_frame for the frames map and odom; None while unknown."""
+    if frame == MAP_FRAME:
+        return SE2()
+    T_frame_base = where.pose(frame)
+    if T_frame_base is None or where.T_map_base is None:
+        return None
+    return where.T_map_base @ T_frame_base.inverse()
+
+
+def _drawing(grid: OccupancyGrid | None) -> int | None:
+    """The version of the zones drawn on a map; None without zones."""
+    return grid.zones.version if isinstance(grid, ZonedGrid) else None

@@ -1,0 +1,43 @@
+"""The services behind the buttons of the page, and those that take a text."""
+
+from typing import Any
+
+import rospy
+from diagnostic_msgs.srv import AddDiagnostics
+from std_srvs.srv import SetBool, Trigger
+
+from vsx_ros.ros import calls, topics
+from vsx_ros.ros.dashboard.server import Answer, Command
+
+_SERVICE_WAIT_S = 2.0  # then the button reports no answer
+
+
+def commands() -> dict[str, Command]:
+    """By the name in ``POST /command/NAME``. Those that take a text get it as JSON after a question mark, percent-
+    encoded: ``/command/zones?{"remove": "carpet"}``."""
+    return {
+        "pause": _call(topics.EXPLORE_PAUSE, Trigger),
+        "resume": _call(topics.EXPLORE_RESUME, Trigger),
+        "home": _call(topics.EXPLORE_HOME, Trigger),
+        "stop": _call(topics.EXPLORE_STOP, Trigger),
+        "estop": _call(topics.ESTOP, SetBool, True),
+        "release": _call(topics.ESTOP, SetBool, False),
+        "zones?": _tell(topics.CHANGE_ZONES),
+        "name-room?": _tell(topics.NAME_ROOM),
+    }
+
+
+def _call(service: str, kind: type[Any], *arguments: object) -> Command:
+    return lambda: _answer(service, kind, *arguments)
+
+
+def _tell(service: str) -> Command:
+    return lambda text: _answer(service, AddDiagnostics, text)
+
+
+def _answer(service: str, kind: type[Any], *arguments: object) -> Answer:
+    try:
+        response = calls.service(service, kind, *arguments, within_s=_SERVICE_WAIT_S)
+    except (rospy.ROSException, rospy.ServiceException):
+        return Answer(False, f"service {rospy.resolve_name(service)} does not answer; is its node running?")
+    return Answer(bool(response.success), str(response.message))

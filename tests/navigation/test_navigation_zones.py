@@ -1,0 +1,152 @@
+"""Zones drawn while a base drives at full speed: it never reaches into one, drives around or out, and slows down."""
+
+import math
+
+import numpy as np
+import pytest
+from driving import CONFIG, LockStep, open_floor
+
+from vsx_ros.exploration.decision import NavigationState
+from vsx_ros.exploration.view_selector import ViewSelector
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.zoned_grid import ZonedGrid, with_zones
+from vsx_ros.occupancy.zones import Zone, ZoneKind
+from vsx_ros.planning.path import Refusal, RefusalKind
+from vsx_ros.planning.planner import Planner
+from vsx_ros.slam.state import TrackingState
+
+BODY_M, MARGIN_M = CONFIG.robot.radius_m, CONFIG.planner.zone_margin_m
+GOAL = SE2(3.0, 0.5, 0.2)
+NEAREST_M = 0.15  # ahead of the body: no brake at 0.3 m/s stops before something nearer
+
+
+def zoned(*zones: Zone) -> ZonedGrid:
+    grid = with_zones(open_floor(), zones, MARGIN_M, BODY_M, version=len(zones))
+    assert isinstance(grid, ZonedGrid)
+    return grid
+
+
+def box(x: float, y: float, half_m: float, kind: ZoneKind = ZoneKind.NO_GO, v_m_s: float | None = None) -> Zone:
+    corners = ((x - half_m, y - half_m), (x + half_m, y - half_m), (x + half_m, y + half_m), (x - half_m, y + half_m))
+    return Zone("rug", kind, corners, v_m_s)
+
+
+def gap_m(run: LockStep, zone: Zone, since_s: float) -> float:
+    """Least distance of the outline to the zone's border from then on, exact; negative inside."""
+    rows = np.array(run.base.rows)
+    places = rows[rows[:, 0] >= since_s, 1:3]
+    corners = np.array(zone.points)
+    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+    dx = np.maximum(np.maximum(x0 - places[:, 0], places[:, 0] - x1), 0.0)
+    dy = np.maximum(np.maximum(y0 - places[:, 1], places[:, 1] - y1), 0.0)
+    return float(np.hypot(dx, dy).min()) - BODY_M
+
+
+def under_way(seconds: float) -> LockStep:
+    run = LockStep()
+    run.go(GOAL)
+    run.drive(seconds)
+    return run
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_zone_drawn_on_the_way_at_full_speed_is_never_entered(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    run = under_way(float(rng.uniform(2.5, 5.0)))
+    pose, half_m = run.base.pose, float(rng.uniform(0.15, 0.5))
+    assert run.base.rows[-1][3] > 0.28
+    ahead = pose @ SE2(BODY_M + NEAREST_M + half_m * math.sqrt(2.0), float(rng.uniform(-0.3, 0.3)), 0.0)
+    zone, drawn_s = box(ahead.x, ahead.y, half_m), 1e-9 * run.base.now_ns
+    run.planner.take_grid(zoned(zone), run.base.now_ns)
+    run.drive(30.0)
+    assert gap_m(run, zone, drawn_s) >= 0.0
+    if run.navigator.state is NavigationState.SUCCEEDED:
+        assert run.base.pose.distance_to(GOAL) < 0.03
+    else:
+        assert "rug" in run.navigator.reason or "no way" in run.navigator.reason
+
+
+def test_the_way_leads_around_a_zone_and_not_through_a_wall() -> None:
+    run = LockStep()
+    zone = box(1.5, 0.3, 0.4)
+    run.planner.take_grid(zoned(zone), run.base.now_ns)
+    run.go(GOAL)
+    run.drive(30.0)
+    assert run.navigator.state is NavigationState.SUCCEEDED
+    assert 0.0 < gap_m(run, zone, 0.0) < 0.5
+    wall = Zone("door", ZoneKind.WALL, ((2.0, -9.0), (2.0, 9.0)))
+    run.planner.take_grid(zoned(wall), run.base.now_ns)
+    run.go(SE2())
+    run.drive(3.0)
+    assert run.navigator.state is NavigationState.ABORTED
+    assert run.base.pose.distance_to(GOAL) < 0.03
+
+
+def test_a_goal_in_a_zone_is_refused_by_the_zones_name() -> None:
+    run = LockStep()
+    run.planner.take_grid(zoned(box(3.0, 0.5, 0.4)), run.base.now_ns)
+    run.go(GOAL)
+    run.drive(1.0)
+    assert run.navigator.state is NavigationState.ABORTED
+    assert "the zone 'rug'" in run.navigator.reason
+
+
+def test_a_slow_zone_is_driven_slowly_even_when_drawn_on_the_way() -> None:
+    zone = box(2.2, 0.3, 0.4, ZoneKind.SLOW, 0.12)
+    early, late = LockStep(), under_way(3.0)
+    early.planner.take_grid(zoned(zone), early.base.now_ns)
+    early.go(GOAL)
+    early.drive(40.0)
+    late.planner.take_grid(zoned(zone), late.base.now_ns)
+    late.drive(40.0)
+    for run in (early, late):
+        assert run.navigator.state is NavigationState.SUCCEEDED
+        rows = np.array(run.base.rows)
+        inside = (np.abs(rows[:, 1] - 2.2) < 0.4 + BODY_M) & (np.abs(rows[:, 2] - 0.3) < 0.4 + BODY_M)
+        assert 0.1 < rows[inside, 3].max() < 0.14
+        assert rows[~inside, 3].max() > 0.25
+
+
+def test_backing_by_odometry_stops_before_a_zone_too() -> None:
+    run = under_way(6.0)
+    pose = run.base.pose
+    zone = box(pose.x - 0.75, pose.y, 0.4)
+    run.navigator.cancel(run.base.now_ns)
+    run.drive(3.0)
+    run.planner.take_grid(zoned(zone), run.base.now_ns)
+    began_s = 1e-9 * run.base.now_ns
+    run.go(run.base.pose @ SE2(-0.5, 0.0, 0.0), "odom")
+    run.drive(5.0, TrackingState.LOST)
+    assert run.navigator.state is NavigationState.ABORTED
+    assert "the zone 'rug'" in run.navigator.reason
+    assert gap_m(run, zone, began_s) > 0.0
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.5, 3.0, 4.5])
+def test_out_of_a_zone_the_way_is_short_and_leads_nowhere_else(heading: float) -> None:
+    ways = Planner(CONFIG.planner, CONFIG.robot)
+    selector = ViewSelector(CONFIG, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
+    run = LockStep()
+    run.base.pose = SE2(0.3, 0.0, heading)
+    run.localization = type(run.localization)()
+    run.drive(0.5)
+    grid, pose = zoned(box(0.0, 0.0, 0.6)), run.base.pose
+    run.planner.take_grid(grid, run.base.now_ns)
+    out = selector.way_out(grid, pose)
+    assert out is not None
+    run.go(out)
+    run.drive(15.0)
+    assert run.navigator.state is NavigationState.SUCCEEDED
+    assert run.base.pose.distance_to(out) < 0.03
+    rows = np.array(run.base.rows)
+    driven_m = float(np.hypot(*np.diff(rows[:, 1:3], axis=0).T).sum())
+    assert 0.3 + BODY_M < driven_m < 1.9
+
+
+def test_from_within_a_zone_no_way_leads_across_it() -> None:
+    run, pose = LockStep(), SE2(0.5, 0.0, math.pi)
+    run.planner.take_grid(zoned(box(0.0, 0.0, 0.8)), run.base.now_ns)
+    refused = run.planner.plan(pose, SE2(-2.0, 0.0, math.pi), "map")
+    assert isinstance(refused, Refusal)
+    assert refused.kind is RefusalKind.ZONE
+    assert "'rug'" in refused.reason

@@ -1,0 +1,92 @@
+"""Rooms: found as the generator built them, with the same numbers and names while the map grows."""
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import RoomsConfig
+from vsx_ros.errors import InputError
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.rooms import RoomMap, RoomTracker, right_rooms, split, without_furniture
+from vsx_ros.runs.rooms import renamed
+from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.truth import ground_truth_grid, room_truth
+
+CONFIG = RoomsConfig()
+
+
+def two_rooms(known_columns: int = 200) -> OccupancyGrid:
+    """Two rooms of 4.9 m x 4.9 m beside each other with a door of 1 m between; unknown from a column on."""
+    data = np.full((100, 200), OCCUPIED, np.int8)
+    data[1:-1, 1:99] = data[1:-1, 101:-1] = FREE
+    data[40:60, 99:101] = FREE
+    data[:, known_columns:] = UNKNOWN
+    return OccupancyGrid(data, 0.05, 0.0, 0.0)
+
+
+def test_a_door_cuts_and_a_wide_opening_does_not() -> None:
+    labels = split(two_rooms(), CONFIG)
+    assert len(np.unique(labels)) == 3
+    assert labels[50, 20] != labels[50, 180]
+    assert (labels[1:-1, 1:97] == labels[50, 20]).all()
+    data = two_rooms().data.copy()
+    data[20:80, 99:101] = FREE
+    assert len(np.unique(split(OccupancyGrid(data, 0.05, 0.0, 0.0), CONFIG))) == 2
+
+
+def test_furniture_is_no_wall_but_a_wall_between_two_doors_is() -> None:
+    free = two_rooms().data == FREE
+    free[20:40, 30:36] = False
+    free[45:55, 99:101] = False
+    assert without_furniture(free, 36.0)[20:40, 30:36].all()
+    assert not without_furniture(free, 8.0)[20:40, 30:36].any()
+    assert not without_furniture(free, 36.0)[0].any()
+
+
+@pytest.mark.parametrize("seed", [1, 4, 7])
+def test_the_rooms_of_a_building_are_those_it_was_built_with(seed: int) -> None:
+    world = generate_world("building", seed)
+    grid = ground_truth_grid(world, 0.05, 0.06, 0.6)
+    truth = np.where(grid.data == FREE, room_truth(world, grid), 0)
+    right, count = right_rooms(split(grid, CONFIG), truth)
+    assert 24 <= count <= 36
+    assert right >= 0.95 * count
+
+
+def test_rooms_keep_their_numbers_and_names_while_the_map_grows() -> None:
+    tracker = RoomTracker(CONFIG)
+    seen = tracker.update(two_rooms(80))
+    (first,) = seen.rooms
+    assert first.name == "room 1"
+    assert first.area_m2 == pytest.approx(98 * 79 * 0.0025, abs=0.2)
+    assert 0.9 < first.known_ratio <= 1.0
+    tracker.rename(first.number, "kitchen")
+    for columns in (110, 150, 200):
+        grown = tracker.update(two_rooms(columns))
+        kitchen = grown.named("Kitchen")
+        assert kitchen is not None
+        assert kitchen.number == first.number
+        assert grown.labels[50, 20] == first.number
+        assert kitchen.place == pytest.approx((2.5, 2.5), abs=0.6)
+    assert [room.name for room in grown.rooms] == ["kitchen", "room 2"]
+    shifted = OccupancyGrid(np.pad(two_rooms().data, 7, constant_values=UNKNOWN), 0.05, -0.35, -0.35)
+    assert [room.name for room in tracker.update(shifted).rooms] == ["kitchen", "room 2"]
+    again = RoomTracker(CONFIG)
+    again.resume(grown)
+    assert [room.name for room in again.update(two_rooms()).rooms] == ["kitchen", "room 2"]
+
+
+def test_naming_is_refused_for_what_is_not_there() -> None:
+    rooms: RoomMap = RoomTracker(CONFIG).update(two_rooms())
+    assert [room.name for room in renamed(rooms, "2", "bath").rooms] == ["room 1", "bath"]
+    assert [room.name for room in renamed(rooms, "Room 1", "bath").rooms] == ["bath", "room 2"]
+    with pytest.raises(InputError, match="no room 'hall'; the rooms are: 'room 1', 'room 2'"):
+        renamed(rooms, "hall", "bath")
+    with pytest.raises(InputError, match="room 2 has the name"):
+        renamed(rooms, "1", "room 2")
+    with pytest.raises(InputError, match="at most 40 characters"):
+        renamed(rooms, "1", "x" * 41)
+
+
+def test_a_map_without_free_ground_has_no_rooms() -> None:
+    grid = OccupancyGrid(np.full((9, 9), UNKNOWN, np.int8), 0.05, 0.0, 0.0)
+    assert RoomTracker(CONFIG).update(grid).rooms == ()

@@ -1,0 +1,158 @@
+"""Zones on a grid and with the map: what they close, what they leave open, and that they move with the keyframes."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.distance import clearance_field
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.zoned_grid import KeepOut, ZonedGrid, speed_limits, with_zones
+from vsx_ros.occupancy.zones import AnchoredZones, Zone, ZoneKind
+
+BODY_M, MARGIN_M, CELL_M = 0.18, 0.05, 0.05
+DIAGONAL_M = math.sqrt(0.5) * CELL_M
+FLOOR = OccupancyGrid(np.zeros((160, 160), np.int8), CELL_M, -4.0, -4.0)
+
+
+def square(half_m: float, kind: ZoneKind = ZoneKind.NO_GO, v_m_s: float | None = None, x: float = 0.0) -> Zone:
+    corners = ((x - half_m, -half_m), (x + half_m, -half_m), (x + half_m, half_m), (x - half_m, half_m))
+    return Zone(kind.value, kind, corners, v_m_s)
+
+
+def zoned(*zones: Zone, margin_m: float = MARGIN_M) -> ZonedGrid:
+    grid = with_zones(FLOOR, zones, margin_m, BODY_M)
+    assert isinstance(grid, ZonedGrid)
+    return grid
+
+
+def triangle(rng: np.random.Generator) -> np.ndarray:
+    while True:
+        corners = rng.uniform(-3.0, 3.0, (3, 2))
+        (ax, ay), (bx, by) = corners[1] - corners[0], corners[2] - corners[0]
+        if abs(ax * by - ay * bx) > 0.5:
+            return corners
+
+
+def distance_to(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Of places outside a convex polygon, by many points on its border."""
+    ends = np.roll(corners, -1, axis=0)
+    border = np.concatenate([a + np.linspace(0.0, 1.0, 400)[:, None] * (b - a) for a, b in zip(corners, ends)])
+    return np.min(np.hypot(*(points[:, None] - border[None]).transpose(2, 0, 1)), axis=1)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_zone_closes_all_that_is_nearer_than_the_margin_and_hardly_more(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    corners = triangle(rng)
+    grid = zoned(Zone("z", ZoneKind.NO_GO, tuple(map(tuple, corners.tolist()))))
+    places = rng.uniform(-3.9, 3.9, (2000, 2))
+    edges = [(a, b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0))]
+    signs = [np.sign(e[0] * (places - a)[:, 1] - e[1] * (places - a)[:, 0]) for a, e in edges]
+    inside = np.abs(np.sum(signs, axis=0)) == 3
+    closed = grid.zones.closed[tuple(grid.cells(places).T)]
+    away_m = distance_to(corners, places)
+    assert closed[inside].all()
+    assert closed[away_m <= MARGIN_M].all()
+    assert not closed[~inside & (away_m > MARGIN_M + 2.0 * DIAGONAL_M + 0.01)].any()
+    assert not grid.zones.closed.all()
+
+
+def test_the_ground_itself_stays_as_it_is_and_the_body_keeps_out() -> None:
+    grid = zoned(square(1.0))
+    assert np.array_equal(grid.data, FLOOR.data)
+    assert grid.known_area_m2 == FLOOR.known_area_m2
+    assert FLOOR.drivable.all()
+    field = clearance_field(grid)
+    at = field.at(np.array([[0.0, 0.0], [1.0 + MARGIN_M, 0.0], [2.0, 0.0]]))
+    assert at[0] == pytest.approx(-1.05, abs=0.06)
+    assert -0.06 < at[1] <= 0.0
+    assert at[2] == pytest.approx(0.95, abs=0.06)
+    keep_out = KeepOut(grid, BODY_M)
+    assert keep_out.zone_at(1.1, 0.0) == "no-go"
+    assert keep_out.zone_at(1.3, 0.0) == ""
+    assert with_zones(FLOOR, [], MARGIN_M, BODY_M) is FLOOR
+
+
+def test_a_wall_closes_a_line_and_only_here_closes_the_rest() -> None:
+    wall = zoned(Zone("w", ZoneKind.WALL, ((-2.0, 0.0), (2.0, 0.0))))
+    assert KeepOut(wall, BODY_M).zone_at(0.0, 0.1) == "w"
+    assert KeepOut(wall, BODY_M).zone_at(0.0, 0.4) == ""
+    assert 4.0 * 0.1 < wall.zones.closed.sum() * CELL_M**2 < 4.2 * 0.25
+    here = zoned(square(1.5, ZoneKind.ONLY), square(1.0, ZoneKind.ONLY, x=2.0)._replace(name="b"))
+    assert KeepOut(here, BODY_M).zone_at(-1.4, 0.0) == "only here"
+    assert KeepOut(here, BODY_M).zone_at(0.0, 0.0) == ""
+    open_m2 = here.drivable.sum() * CELL_M**2
+    assert 2.8**2 < open_m2 < 3.0**2 + 1.5 * 2.0
+
+
+def test_a_slow_zone_slows_where_the_body_reaches_into_it() -> None:
+    grid = zoned(square(1.0, ZoneKind.SLOW, 0.1), square(3.0, ZoneKind.SLOW, 0.2)._replace(name="large"))
+    assert grid.drivable.all()
+    limits = speed_limits(grid, np.array([[0.0, 0.0], [1.15, 0.0], [1.5, 0.0], [3.5, 0.0], [90.0, 0.0]]))
+    assert limits.tolist() == [0.1, 0.1, 0.2, math.inf, math.inf]
+    assert KeepOut(grid, BODY_M).zone_at(0.0, 0.0) == ""
+
+
+def test_a_way_may_leave_a_zone_but_not_enter_one() -> None:
+    keep_out = KeepOut(zoned(square(1.0)), BODY_M)
+
+    def along(*places: tuple[float, float]) -> np.ndarray:
+        legs = zip(np.array(places), np.array(places[1:]))
+        return np.concatenate([a + np.linspace(0.0, 1.0, 101)[:, None] * (b - a) for a, b in legs])
+
+    assert keep_out.entered(along((-3.0, 1.5), (3.0, 1.5))) is None
+    entry = keep_out.entered(along((-3.0, 0.0), (3.0, 0.0)))
+    assert entry is not None
+    assert entry.zone == "no-go"
+    assert entry.ahead_m == pytest.approx(3.0 - 1.0 - MARGIN_M - BODY_M, abs=0.08)
+    assert keep_out.entered(along((0.8, 0.0), (2.0, 0.0))) is None
+    assert keep_out.entered(along((0.8, 0.0), (0.5, 0.0), (2.0, 0.0))) is not None
+    assert keep_out.entered(along((0.8, 0.0), (2.0, 0.0), (0.5, 0.0))) is not None
+    assert keep_out.entered(along((0.0, -0.9), (0.0, -2.0), (3.0, -2.0))) is None
+
+
+def test_of_two_zones_only_the_one_underneath_opens() -> None:
+    grid = zoned(square(0.5), square(0.5, x=2.0)._replace(name="other"))
+    opened = grid.opened_at(0.1, 0.0)
+    assert isinstance(opened, ZonedGrid)
+    keep_out = KeepOut(opened, BODY_M)
+    assert keep_out.zone_at(0.0, 0.0) == ""
+    assert keep_out.zone_at(2.0, 0.0) == "other"
+
+
+def camera(x: float, y: float, heading: float) -> SE3:
+    c, s = math.cos(heading), math.sin(heading)
+    return SE3(np.array([[s, 0.0, c], [-c, 0.0, s], [0.0, -1.0, 0.0]]), np.array([x, y, 0.3]))
+
+
+def test_zones_move_with_the_keyframes_and_survive_a_session() -> None:
+    zones, ids = AnchoredZones(), np.array([3, 7])
+    zones.add(square(1.0))
+    zones.add(Zone("w", ZoneKind.WALL, ((9.0, 0.0), (10.0, 0.0))))
+    before = zones.zones(ids, [camera(0.0, 0.0, 0.0), camera(10.0, 0.0, 0.5)])
+    assert [zone.points for zone in before] == [square(1.0).points, ((9.0, 0.0), (10.0, 0.0))]
+    after = zones.zones(ids, [camera(0.2, 0.1, 0.0), camera(10.0, 1.0, 0.5 + math.pi / 2)])
+    assert np.allclose(after[0].points, np.array(square(1.0).points) + [0.2, 0.1])
+    assert np.allclose(after[1].points, [(10.0, 0.0), (10.0, 1.0)])
+    again = AnchoredZones()
+    again.restore(zones.state())
+    assert again.zones(ids, [camera(0.2, 0.1, 0.0), camera(10.0, 1.0, 0.5 + math.pi / 2)]) == after
+    assert again.version > 0
+
+
+def test_adding_the_same_name_replaces_and_an_unknown_name_is_told() -> None:
+    zones = AnchoredZones()
+    zones.add(square(1.0))
+    zones.add(square(2.0))
+    assert len(zones) == 1
+    with pytest.raises(InputError, match="no zone 'b'; the zones are: 'no-go'"):
+        zones.remove("b")
+    zones.remove("no-go")
+    assert len(zones) == 0
+    assert zones.version == 3
+    with pytest.raises(InputError, match="damaged"):
+        zones.restore({"zones": np.frombuffer(b"[1", np.uint8), "zone_corners": np.zeros((0, 7))})
+    zones.restore({})
