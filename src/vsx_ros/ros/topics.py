@@ -49,6 +49,7 @@ SET_CAMERA_INFO = _service("camera/rgb/set_camera_info", "sensor_msgs/SetCameraI
 ODOM = _topic("odom", "nav_msgs/Odometry", "mobile_base")
 JOINT_STATES = _topic("joint_states", "sensor_msgs/JointState", "mobile_base")
 HAZARDS = _topic("mobile_base/hazards", "std_msgs/UInt8", "mobile_base")
+OPERATOR_HOLD = _topic("mobile_base/operator_hold", "std_msgs/String", "mobile_base")  # JSON: by, since_ns
 BUTTONS = _topic("mobile_base/buttons", "std_msgs/UInt8", "mobile_base")
 BATTERY = _topic("battery", "sensor_msgs/BatteryState", "mobile_base")
 IMU = _topic("mobile_base/sensors/imu_data", "sensor_msgs/Imu", "mobile_base")
@@ -99,9 +100,9 @@ FOLLOWER_LEASE = _topic("follower/lease", "std_msgs/String", "vslam", "move_base
 
 # move_base: the planner
 MOVE_BASE_ACTION = "move_base"
-_topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore")
+MOVE_BASE_GOAL = _topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore")
 _topic("move_base/cancel", "actionlib_msgs/GoalID", "explore")
-_topic("move_base/status", "actionlib_msgs/GoalStatusArray", "move_base")
+MOVE_BASE_STATUS = _topic("move_base/status", "actionlib_msgs/GoalStatusArray", "move_base")
 _topic("move_base/result", "move_base_msgs/MoveBaseActionResult", "move_base")
 _topic("move_base/feedback", "move_base_msgs/MoveBaseActionFeedback", "move_base")
 _topic("move_base/parameter_descriptions", "dynamic_reconfigure/ConfigDescription", "move_base")
