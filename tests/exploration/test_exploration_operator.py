@@ -183,5 +183,3 @@ def test_the_newer_of_two_goals_counts():
     goals.told(2, {"/me-1": over, "/you-1": live})
     assert goals.current is not None
     assert goals.current.client == "/you"
-
-

@@ -67,7 +67,7 @@ class Robot:
         grid = room()
         border = np.array([[row, 129] for row in range(30, 90)])
         views = [View(SE2(3.6, y, 0.0), 4.0 / k, 1.0 + k, 30, 2.5 / k) for k, y in ((1, 0.5), (2, -1.0))]
-        markers = frontier_markers(grid, [Frontier(border, np.zeros(2), 3.0)], views, 1)
+        markers = frontier_markers(grid, [Frontier(border, np.zeros(2), 3.0)], views, 1, 2.0)
         self._board.post("frontiers", feed.text(feed.frontiers(markers)))
         self._board.post("map", feed.text(feed.grid(convert.grid_msg(grid, "map", 1))))
         path = [SE2(0.05 * k, 0.3 * math.sin(0.1 * k), 0.0) for k in range(60)]

@@ -60,7 +60,7 @@ def exploring(tmp_path: Path, port: int, out: Path) -> Iterator[tuple[subprocess
         assert run.stderr is not None
         threading.Thread(target=lines.extend, args=(run.stderr,), daemon=True).start()
         deadline_s = time.monotonic() + 90.0
-        while not any("| mapping |" in line for line in lines):
+        while not any("mapping: " in line for line in lines):
             assert time.monotonic() < deadline_s, lines
             assert run.poll() is None, lines
             time.sleep(0.1)

@@ -96,6 +96,11 @@ class Decision(NamedTuple):
     reason: str
 
 
+def without_figures(reason: str) -> str:
+    """The words of a reason; its figures, in brackets at the end, are for those who want to know more."""
+    return reason.partition(" [")[0]
+
+
 class MissionEvent(NamedTuple):
     """A change of state or a choice, for people."""
 

@@ -39,12 +39,18 @@ class View(NamedTuple):
     utility: float
 
     def words(self, stop_cost_m: float) -> str:
-        """The view and its utility for people; stop_cost_m [m] is part of its d."""
+        """What the drive is for, for people, then the figures in brackets; stop_cost_m [m] is part of d."""
         x, y, heading_deg = self.pose.x, self.pose.y, math.degrees(self.pose.theta)
         return (
-            f"view at ({x:.1f}, {y:.1f}) looking {heading_deg:.0f} deg: U = v/d = "
-            f"{self.gain_m2:.1f} m2 / {self.distance_m + stop_cost_m:.1f} m, {self.landmarks} landmarks"
+            f"driving {self.distance_m:.1f} m to look at {self.gain_m2:.1f} m2 of unknown ground "
+            f"[view at ({x:.1f}, {y:.1f}) looking {heading_deg:.0f} deg: U = v/d x landmarks = {self.gain_m2:.1f} m2 / "
+            f"{self.distance_m + stop_cost_m:.1f} m x {self.landmark_factor(stop_cost_m):.2f} = {self.utility:.2f}, "
+            f"{self.landmarks} landmarks]"
         )
+
+    def landmark_factor(self, stop_cost_m: float) -> float:
+        """The share of v / d that is left to a view with few known landmarks: U = v / d times this."""
+        return self.utility * (self.distance_m + stop_cost_m) / self.gain_m2 if self.gain_m2 > 0.0 else 0.0
 
 
 class Rejection(Enum):

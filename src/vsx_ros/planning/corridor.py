@@ -71,6 +71,8 @@ def build_corridor(
     clearance = clearance_field(grid)
     need = robot.radius_m + config.clearance_m
     here = float(clearance.at(np.array([[start.x, start.y]]))[0])
+    if not _is_in(grid, start):
+        return Refusal(RefusalKind.START_BLOCKED, f"the start ({start.x:.2f}, {start.y:.2f}) lies outside the map")
     if here < 0.0:
         return Refusal(
             RefusalKind.START_BLOCKED,
@@ -81,16 +83,25 @@ def build_corridor(
     if goal is not None:
         there = float(clearance.at(np.array([[goal.x, goal.y]]))[0])
         if there < robot.radius_m:
-            return Refusal(
-                RefusalKind.GOAL_BLOCKED,
-                f"the goal ({goal.x:.2f}, {goal.y:.2f}) has {there:.2f} m to ground that is not known to be free; "
-                f"the base needs {robot.radius_m:.2f} m",
-            )
+            return Refusal(RefusalKind.GOAL_BLOCKED, _why_blocked(grid, goal, there, robot.radius_m))
         _relax(needed, clearance, goal, there, need)
     values = np.subtract(clearance.values, needed, out=needed)
     values -= _SEARCH_MARGIN_M
     margin = DistanceField(values, clearance.resolution, clearance.origin_x, clearance.origin_y)
     return Corridor(clearance, margin)
+
+
+def _is_in(grid: OccupancyGrid, pose: SE2) -> bool:
+    return bool(grid.contains(grid.cells(np.array([[pose.x, pose.y]])))[0])
+
+
+def _why_blocked(grid: OccupancyGrid, goal: SE2, clearance_m: float, radius_m: float) -> str:
+    at = f"the goal ({goal.x:.2f}, {goal.y:.2f})"
+    if not _is_in(grid, goal):
+        return f"{at} lies outside the map"
+    if clearance_m < 0.0:
+        return f"{at} lies {-clearance_m:.2f} m inside ground that is not known to be free"
+    return f"{at} has {clearance_m:.2f} m to ground that is not known to be free; the base needs {radius_m:.2f} m"
 
 
 def _relax(needed: FloatArray, field: DistanceField, pose: SE2, clearance: float, need: float) -> None:

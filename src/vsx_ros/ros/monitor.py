@@ -5,7 +5,7 @@ The monitor evaluates the run and is no part of the stack. Only it may hear the 
 
 import math
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -20,6 +20,7 @@ from std_msgs.msg import Float32, String, UInt8, UInt32
 from vsx_ros.config import MountConfig
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import InputError
+from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import StampedPose
@@ -67,11 +68,13 @@ class Monitor:
     emulator.
 
     events: every change of state. truth: true camera poses in the emulated world. plan_ms: time of each plan. error_m:
-    distance to the reference while following. These lists only grow."""
+    distance to the reference while following. These lists only grow. is_ending: set it before the run stops the
+    robot."""
 
     def __init__(self, *, emulated: bool) -> None:
         self._lock = threading.Lock()
         self.emulated = emulated
+        self.is_ending = False
         self.status: dict[str, Any] = {}
         self.stats: dict[str, float] = {}
         self.slam_state = "NOT_INITIALISED"
@@ -143,6 +146,8 @@ class Monitor:
 
     def _on_event(self, msg: String) -> None:
         event = json_object(msg, "stamp_ns", "state", "reason")
+        if self.is_ending and event["state"] == MissionState.HELD.value:
+            return  # the run itself stops the robot
         self.events.append(RunEvent(event["stamp_ns"], "mission", event["state"], event["reason"]))
 
     def _on_odometry(self, odometry: Odometry) -> None:
@@ -174,27 +179,6 @@ class Monitor:
         if msg.data > self.collisions:
             self._note("emulator", "collision", f"collision number {msg.data}")
         self.collisions = int(msg.data)
-
-
-def progress_line(
-    monitor: Monitor, coverage: float | None, elapsed_s: float, limit_s: float | None, missing: Iterable[str] = ()
-) -> str:
-    """State, coverage, keyframes, tracked ratio, distance, time, and the reason of the state. missing: nodes that are
-    known to lack their device."""
-    stats, status = monitor.stats, monitor.status
-    area = monitor.grid.known_area_m2 if monitor.grid is not None else 0.0
-    covered = f"{100 * coverage:.0f} % covered" if coverage is not None else f"{area:.1f} m2 known"
-    facts = [
-        f"{elapsed_s:.0f}" + (f"/{limit_s:.0f} s" if limit_s is not None else " s"),
-        str(status.get("state", "starting")),
-        monitor.slam_state,
-        covered,
-        f"{stats.get('keyframes', 0):.0f} keyframes",
-        f"{100 * stats.get('tracked_ratio', 0.0):.0f} % of points found at {stats.get('fps', 0.0):.0f} Hz",
-        f"{monitor.distance_m:.1f} m",
-    ]
-    waiting = f"waiting for {' and '.join(missing) or 'the nodes'}"
-    return " | ".join([*facts, str(status.get("reason", waiting))])
 
 
 class MonitorJournal:

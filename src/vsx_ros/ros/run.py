@@ -21,8 +21,9 @@ from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.ros import headers, launch, logs
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import MASTER, READY_WAIT_S, LiveRun, refuse_second_robot
-from vsx_ros.ros.monitor import Monitor, MonitorJournal, progress_line
+from vsx_ros.ros.monitor import Monitor, MonitorJournal
 from vsx_ros.ros.nodes.dashboard import open_browser
+from vsx_ros.ros.progress import progress_line
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent
 from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, ended_well
@@ -94,6 +95,7 @@ def explore(args: argparse.Namespace) -> int:
                 open_browser(live.url)
             monitor = Monitor(emulated=world is not None)
             ending = _watch(live, monitor, journal, Coverage(judge, args.until), args.time)
+            monitor.is_ending = True
             live.progress.say(f"stopping: {ending.reason}")
     return _gather(folder, config, monitor, journal, judge, ending, args)
 

@@ -46,7 +46,7 @@ class ExploreNode:
         self._slam = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = Diagnostics()
         self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
-        self._topics = MissionTopics(self._mission)
+        self._topics = MissionTopics(self._mission, config.exploration.stop_cost_m)
         self._goals = GoalSender()
         subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
         for name, request in (
