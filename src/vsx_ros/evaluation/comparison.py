@@ -69,9 +69,7 @@ def _numbers(a: Named, b: Named) -> str:
 
 def _settings(a: Named, b: Named) -> str:
     """The options of the runs, their parameters, by full name, and versions that differ."""
-    before, after = (
-        _options(d) + [f"{n} {v}" for n, v in versions(d).items()] + _parameters(d.config_yaml) for _, d in (a, b)
-    )
+    before, after = (_options(data) + _parameters(data.config_yaml) for _, data in (a, b))
     changed = [line for line in difflib.ndiff(before, after) if line[:2] in ("- ", "+ ")]
     if not changed:
         return "<p>None: same options, same configuration, same versions.</p>"
@@ -79,8 +77,9 @@ def _settings(a: Named, b: Named) -> str:
 
 
 def _options(data: ReportData) -> list[str]:
-    """World, seed, time and the like."""
-    return [f"{name}: {value}" for name, value in data.facts.items() if name not in _NO_OPTIONS]
+    """World, seed, time and the like, and versions."""
+    given = [f"{name}: {value}" for name, value in data.facts.items() if name not in _NO_OPTIONS]
+    return given + [f"{name} {version}" for name, version in versions(data).items()]
 
 
 def _parameters(config_yaml: str) -> list[str]:

@@ -25,15 +25,23 @@ def collapsed(events: Sequence[Event]) -> list[Told]:
     told: list[Told] = []
     at = 0
     while at < len(ordered):
-        cycle, times = max(
-            ((n, _repeats(kinds, at, n)) for n in range(1, _LONGEST_CYCLE + 1)), key=lambda c: c[0] * c[1]
-        )
+        cycles = ((length, _repeats(kinds, at, length)) for length in range(1, _LONGEST_CYCLE + 1))
+        cycle, times = max(cycles, key=lambda found: found[0] * found[1])
         if times == 1:
             cycle = 1
         last = at + cycle * (times - 1)
         told += [Told(ordered[at + k], times, ordered[last + k][0]) for k in range(cycle)]
         at += cycle * times
     return told
+
+
+def rows(told: Sequence[Told], began_ns: int) -> list[list[str]]:
+    """Cells of a table: seconds since the run began, source, state, reason."""
+    cells = []
+    for (stamp_ns, *words), times, last_ns in told:
+        again = f" ({times} times until {(last_ns - began_ns) * 1e-9:.1f} s)" if times > 1 else ""
+        cells.append([f"{(stamp_ns - began_ns) * 1e-9:.1f} s", *words[:-1], words[-1] + again])
+    return cells
 
 
 def _repeats(kinds: Sequence[tuple[str, str, str]], at: int, cycle: int) -> int:

@@ -1,6 +1,5 @@
 """report.html: what happened in a run and why it ended, on one self-contained page."""
 
-import base64
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,8 +10,8 @@ import numpy as np
 from vsx_ros.arrays import FloatArray, Points2, Points3
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation import svg
-from vsx_ros.evaluation.events import collapsed
-from vsx_ros.evaluation.page import document, table
+from vsx_ros.evaluation.events import collapsed, rows
+from vsx_ros.evaluation.page import document, png_figure, table
 from vsx_ros.evaluation.svg import map_view, window_around, window_of
 from vsx_ros.evaluation.trajectory import align, associate
 from vsx_ros.geometry.se3 import StampedPose
@@ -53,7 +52,7 @@ def render(data: ReportData) -> str:
         f"<h1>{html.escape(title)}</h1>",
         _ending(data.summary),
         _origin(data),
-        _picture(data.picture_png),
+        png_figure("the newest keyframe", data.picture_png),
         _figures(data.summary),
         section("Map and trajectory", map_picture(data)),
         section("Tracking over time", timeline(data)),
@@ -80,14 +79,6 @@ def _origin(data: ReportData) -> str:
     named = [("world", data.summary.get("world")), ("seed", data.summary.get("seed")), ("date", data.facts.get("date"))]
     known = ", ".join(f"{name} {value}" for name, value in named if value is not None)
     return f'<p class="legend">{html.escape(known)}</p>{command(data)}'
-
-
-def _picture(png: bytes) -> str:
-    """What the camera saw; empty without a picture."""
-    if not png:
-        return ""
-    image = f"data:image/png;base64,{base64.b64encode(png).decode()}"
-    return f'<figure class="seen"><img alt="the newest keyframe" src="{image}"><figcaption>the newest keyframe</figcaption></figure>'
 
 
 def _figures(summary: Mapping[str, Any]) -> str:
@@ -200,12 +191,8 @@ def _top(values: FloatArray) -> float:
 def _events(data: ReportData) -> str:
     told = collapsed([event for event in data.events if event[2] != "keyframe"])
     began = min(first[0] for first in [*data.frames[:1], *(one.event for one in told[:1]), (2**63,)])
-    rows = []
-    for (stamp, *words), times, last in told[:_MAX_EVENTS]:
-        again = f" ({times} times until {(last - began) * 1e-9:.1f} s)" if times > 1 else ""
-        rows.append((f"{(stamp - began) * 1e-9:.1f} s", *words[:-1], words[-1] + again))
     more = f"<p>... and {len(told) - _MAX_EVENTS} more in events.jsonl</p>" if len(told) > _MAX_EVENTS else ""
-    return table(["at", "who", "state", "why"], rows) + more
+    return table(["at", "who", "state", "why"], rows(told[:_MAX_EVENTS], began)) + more
 
 
 def _folded(name: str, values: Mapping[str, Any]) -> str:
@@ -253,7 +240,8 @@ polyline.truth{stroke:var(--green);stroke-dasharray:6 4}circle.truth{fill:var(--
 .key::before{content:"";display:inline-block;width:18px;height:4px;margin-right:6px;vertical-align:middle;
 background:var(--c)}
 .key.estimate{--c:#1f6fd6}.key.truth{--c:#12855a}.key.points{--c:#4d5964}
-.seen{margin:0 0 16px;max-width:480px}.seen img{width:100%;border-radius:6px}figcaption{color:var(--soft);font-size:13px}
+.seen{margin:0 0 16px;max-width:480px}.seen img{width:100%;border-radius:6px}
+figcaption{color:var(--soft);font-size:13px}
 table{width:100%}td:first-child{white-space:nowrap}summary{cursor:pointer;color:var(--blue);margin:8px 0}
 i{color:var(--soft)}
 """

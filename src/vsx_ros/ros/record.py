@@ -29,9 +29,9 @@ from vsx_ros.runs.process import DONE, FAILED, Progress, SignalFlag
 
 _TOPICS = (
     topics.CAMERA_INFO, topics.SHUTTER, topics.ODOM, topics.TF, topics.TF_STATIC, topics.IMU, topics.HAZARDS,
-    topics.BUTTONS, topics.BATTERY, topics.MUX_ACTIVE, topics.OPERATOR_HOLD, topics.COMMAND_SAFETY, topics.COMMAND_TELEOP,
-    topics.COMMAND_NAVI, topics.POSE, topics.SLAM_STATE, topics.EXPLORE_STATUS, topics.EXPLORE_EVENTS,
-    topics.DIAGNOSTICS, topics.GLOBAL_PLAN, topics.PLAN_MS, topics.COVERAGE,
+    topics.BUTTONS, topics.BATTERY, topics.MUX_ACTIVE, topics.OPERATOR_HOLD, topics.COMMAND_SAFETY,
+    topics.COMMAND_TELEOP, topics.COMMAND_NAVI, topics.POSE, topics.SLAM_STATE, topics.EXPLORE_STATUS,
+    topics.EXPLORE_EVENTS, topics.DIAGNOSTICS, topics.GLOBAL_PLAN, topics.PLAN_MS, topics.COVERAGE,
     *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
 )  # fmt: skip
 _NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
@@ -167,8 +167,7 @@ def record(args: argparse.Namespace) -> int:
         raise InputError(f"not begun with {full}; make room, or give another --out or a smaller --keep-free")
     operator_command.join("record")
     ended = SignalFlag(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    progress = Progress(sys.stderr)
-    _await_camera(ended, progress)
+    _await_camera(ended, progress := Progress(sys.stderr))
     writer = BagWriter(path)
     Recorder(writer, args.images, args.topic)
     began_s, warned = time.monotonic(), False

@@ -122,13 +122,8 @@ class RunFolder:
     def write_config(self, config: Config, command: Sequence[str], **facts: Any) -> None:
         """Write configuration, versions of the computing packages, command line, and facts such as the seed."""
         date = datetime.now().isoformat(" ", "seconds")
-        tree = {
-            "command": " ".join(command),
-            "date": date,
-            **facts,
-            "versions": installed_versions(),
-            "config": to_dict(config),
-        }
+        tree = {"command": " ".join(command), "date": date, **facts, "versions": installed_versions()}
+        tree["config"] = to_dict(config)
         write_text(self.path / "config.yaml", yaml.safe_dump(tree, sort_keys=False), durable=True)
 
     def read_config(self) -> tuple[Config, dict[str, Any]]:
