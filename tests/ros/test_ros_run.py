@@ -20,7 +20,8 @@ pytest.importorskip("rospy")
 from ros_ports import free_port
 
 from vsx_ros.config import Config
-from vsx_ros.ros.run import Coverage, all_events
+from vsx_ros.ros.run import Coverage
+from vsx_ros.ros.run_results import all_events
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent, read_journal
 from vsx_ros.runs.process import DONE, FAILED, STOPPED

@@ -21,7 +21,7 @@ from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import Frontier
-from vsx_ros.ros import convert, headers, logs, threads, topics
+from vsx_ros.ros import convert, headers, logs, node, threads, topics
 from vsx_ros.ros.situation import LocalizationSubscriber
 from vsx_ros.runs.folder import RunFolder
 
@@ -127,7 +127,7 @@ class MissionWriter:
         self._mission, self._lock, self._where = mission, lock, where
         self._writing = threading.Lock()
         self._saved: SavedMission | None = None
-        run_dir = str(rospy.get_param("~run_dir", ""))
+        run_dir = node.run_dir()
         self._checkpoint = RunFolder(Path(run_dir)).checkpoint if run_dir else None
         if self._checkpoint is not None:
             if (remembered := self._checkpoint.read_mission()) is not None:

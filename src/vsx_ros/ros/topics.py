@@ -2,9 +2,20 @@
 
 ``PUBLISHED`` and ``SERVICES`` are the node graph; documentation and tests read it from here."""
 
-_NODES = "camera", "mobile_base", "vslam", "move_base", "follower", "explore", "teleop", "emulator", "dashboard"
+_NODES = (
+    "camera",
+    "mobile_base",
+    "vslam",
+    "move_base",
+    "follower",
+    "explore",
+    "teleop",
+    "emulator",
+    "dashboard",
+    "run_folder",
+)
 PUBLISHED: dict[str, dict[str, str]] = {node: {} for node in _NODES}
-"""Node -> topic -> type. Every node but teleop and dashboard also publishes ``DIAGNOSTICS``."""
+"""Node -> topic -> type. Every node but teleop, dashboard and run_folder also publishes ``DIAGNOSTICS``."""
 
 SERVICES: dict[str, dict[str, str]] = {}  # Node -> service -> type
 

@@ -75,9 +75,9 @@ class RunFolder:
         return RunFolder(path)
 
     @staticmethod
-    def create_dated(name: str) -> RunFolder:
-        """Make runs/<date>_<name>, with _2, _3, ... appended if it exists. Raises InputError if it cannot be made."""
-        first = Path("runs") / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{name}"
+    def create_dated(name: str, parent: Path = Path("runs")) -> RunFolder:
+        """Make <parent>/<date>_<name>, with _2, _3, ... appended if it exists. Raises InputError if it cannot be made."""
+        first = parent / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{name}"
         path, number = first, 1
         with _making(first):
             first.parent.mkdir(parents=True, exist_ok=True)
