@@ -10,8 +10,8 @@ from vsx_ros.runs.folder import RunFolder
 
 
 def new_run() -> str:
-    """A new folder in $ROS_HOME/runs (~/.ros/runs), absolute; empty, with a warning, if none can be made: a robot drives
-    with a full disk, too."""
+    """The path of a new folder in $ROS_HOME/runs (~/.ros/runs). Empty, with a warning, if none can be made: a robot
+    drives with a full disk, too."""
     home = Path(os.environ.get("ROS_HOME") or Path.home() / ".ros")
     try:
         return str(RunFolder.create_dated("ros", home / "runs").path.resolve())

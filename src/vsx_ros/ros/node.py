@@ -140,8 +140,8 @@ def configuration() -> Config:
 
 
 def run_dir() -> str:
-    """The folder of the run, from ~run_dir; if that is auto, the one that the launch file has made for all nodes. Empty:
-    nothing is kept."""
+    """The folder of the run, from ~run_dir; if that is auto, the one that the launch file has made for all nodes.
+    Empty: nothing is kept."""
     told = str(rospy.get_param("~run_dir", ""))
     return str(rospy.get_param("run_dir", "")) if told == AUTO else told
 

@@ -76,7 +76,7 @@ class RunFolder:
 
     @staticmethod
     def create_dated(name: str, parent: Path = Path("runs")) -> RunFolder:
-        """Make <parent>/<date>_<name>, with _2, _3, ... appended if it exists. Raises InputError if it cannot be made."""
+        """Make <parent>/<date>_<name>, with _2, _3, ... appended if it exists. Raises InputError if that fails."""
         first = parent / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{name}"
         path, number = first, 1
         with _making(first):

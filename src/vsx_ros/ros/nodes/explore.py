@@ -8,7 +8,7 @@ Publishers: explore/frontiers (as explore_lite), explore/status (latched String,
 Services: explore/pause, explore/resume, explore/stop, explore/home.
 Actions: client of move_base.
 Parameters: ~config (tree of 'vsx config'), ~run_dir (folder of the run, where the mission stores its memory for a
-    session that resumes it; none)."""
+    session that resumes it; auto: the one of the launch file; none)."""
 
 import threading
 from collections.abc import Callable

@@ -5,8 +5,8 @@ Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> o
     vslam/state, vslam/stats/*, follower/lease; vslam/preview/compressed (while someone looks); map, map_metadata,
     vslam/{map_points,keyframes,path} (latched); vslam/planes, vslam/dense_points, scan (while someone listens).
 Services: static_map; vslam/save_map (Trigger: saves the SLAM map, the answer is its path).
-Parameters: ~config (tree of 'vsx config'), ~seed (int, 0), ~run_dir (folder for the results of the run; if it holds the
-    map of an interrupted run, that run is resumed; none),
+Parameters: ~config (tree of 'vsx config'), ~seed (int, 0), ~run_dir (folder for the results of the run; auto: the one
+    of the launch file; if it holds the map of an interrupted run, that run is resumed; none),
     ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
     ~load_map (SLAM map to continue, the robot anywhere in it; none; not read if ~run_dir is resumed),
     ~save_map (file for the map at the end; none),
