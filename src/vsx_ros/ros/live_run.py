@@ -49,10 +49,10 @@ class LiveRun:
         when the view cannot be shown."""
         os.environ["ROS_LOG_DIR"] = str(log.resolve())
         log.mkdir(exist_ok=True)
-        self.url = ""
+        self.url, self.port = "", 0
         if view:
-            port, self.url = prepare_view()
-            nodes = nodes + launch.view(port=port)
+            self.port, self.url = prepare_view()
+            nodes = nodes + launch.view(port=self.port)
         self._names = [node.name for node in nodes]
         self._text = launch.xml(nodes, to_dict(config), {"/use_sim_time": True} if replayed else None)
         self._vital, self._replayed = vital, replayed

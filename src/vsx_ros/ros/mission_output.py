@@ -21,7 +21,9 @@ from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import Frontier
+from vsx_ros.robot import DrivenDistance
 from vsx_ros.ros import convert, headers, logs, node, threads, topics
+from vsx_ros.ros.callbacks import hear_odometry
 from vsx_ros.ros.situation import LocalizationSubscriber
 from vsx_ros.runs.folder import RunFolder
 
@@ -44,6 +46,8 @@ class MissionTopics:
     def __init__(self, mission: Mission, stop_cost_m: float) -> None:
         self._mission, self._stop_cost_m = mission, stop_cost_m
         self._status, self._status_s = "", 0.0
+        self._begun_s, self._driven = time.monotonic(), DrivenDistance()
+        hear_odometry(self._driven.add)
         self._grid: OccupancyGrid | None = None
         self._shown: object = None
         self._frontiers: list[Frontier] = []
@@ -88,6 +92,8 @@ class MissionTopics:
             "frontiers": len(self._frontiers),
             "views": len(self._mission.view_selector.ranking.views),
             "known_area_m2": grid.known_area_m2 if grid is not None else None,
+            "elapsed_s": round(time.monotonic() - self._begun_s),
+            "driven_m": round(self._driven.distance_m, 1),
         }
         return json.dumps(status)
 

@@ -26,14 +26,13 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.navigation.follower import decode_report
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import DrivenDistance
 from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import hear_odometry, json_object, subscribe
 from vsx_ros.ros.logs import ERROR
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import ClockLine, Journal, Line, RunEvent, TruthLine, flat, read_journal, unflat
 
-_JITTER_M = 0.002  # between two poses; smaller steps are noise
 _LINKS = ("mobile_base: link", "camera: stream")
 _TIMES = 3  # a new link is briefly without images or not connected
 # rospy's messages about connections that open and close while nodes start and end.
@@ -79,10 +78,9 @@ class Monitor:
         self.stats: dict[str, float] = {}
         self.slam_state = "NOT_INITIALISED"
         self.grid: OccupancyGrid | None = None
-        self.distance_m = 0.0
+        self._driven = DrivenDistance()
         self.collisions = 0
         self.min_clearance_m: float | None = None
-        self._base: Odometry | None = None
         self._followed: tuple[int, FollowStatus] = (0, FollowStatus.IDLE)
         self._warnings: list[str] = []
         self._warned: set[str] = set()
@@ -98,7 +96,7 @@ class Monitor:
         subscribe("/rosout", Log, self._on_log, queue_size=50)
         subscribe(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
         subscribe(topics.MAP, OccupancyGridMsg, lambda msg: self._set(grid=convert.grid(msg)), queue_size=1)
-        hear_odometry(self._on_odometry)
+        hear_odometry(self._driven.add)
         subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=20)
         subscribe(topics.PLAN_MS, Float32, lambda msg: self.plan_ms.append(msg.data), queue_size=20)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=20)
@@ -108,6 +106,11 @@ class Monitor:
             subscribe(topics.TRUTH_CAMERA, PoseStamped, self._on_truth, queue_size=50)
             subscribe(topics.TRUTH_COLLISIONS, UInt32, self._on_collisions, queue_size=5)
             subscribe(topics.TRUTH_CLEARANCE, Float32, lambda msg: self._set(min_clearance_m=msg.data), queue_size=5)
+
+    @property
+    def distance_m(self) -> float:
+        """The way driven so far [m]."""
+        return self._driven.distance_m
 
     def new_warnings(self) -> list[str]:
         """Warnings of the nodes since the last call, each sentence once."""
@@ -149,14 +152,6 @@ class Monitor:
         if self.is_ending and event["state"] == MissionState.HELD.value:
             return  # the run itself stops the robot
         self.events.append(RunEvent(event["stamp_ns"], "mission", event["state"], event["reason"]))
-
-    def _on_odometry(self, odometry: Odometry) -> None:
-        if self._base is None or self._base.odom_epoch != odometry.odom_epoch:
-            self._base = odometry
-        step_m = self._base.T_odom_base.distance_to(odometry.T_odom_base)
-        if step_m > _JITTER_M:
-            self.distance_m += step_m
-            self._base = odometry
 
     def _on_follower(self, msg: String) -> None:
         report = decode_report(msg.data)

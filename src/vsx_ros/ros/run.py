@@ -1,24 +1,27 @@
 """The live run behind ``vsx explore``: all nodes, an emulated robot if a world is given, a run folder at the end."""
 
 import argparse
+import os
+import signal
 import tempfile
 import time
 from pathlib import Path
 
 from msgspec.structs import replace
 
-from vsx_ros.errors import ConfigError
+from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.ros import headers, launch, logs
+from vsx_ros.ros.dashboard.ending import Ended, show_end
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import MASTER, READY_WAIT_S, LiveRun, refuse_second_robot
 from vsx_ros.ros.monitor import Monitor, MonitorJournal
-from vsx_ros.ros.nodes.dashboard import open_browser
+from vsx_ros.ros.nodes.dashboard import TOKEN, open_browser
 from vsx_ros.ros.progress import progress_line
 from vsx_ros.ros.run_results import About, Ending, write_results
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED
+from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, SignalFlag
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES
 from vsx_ros.runs.start import begin
@@ -29,8 +32,6 @@ from vsx_ros.slam.state import TrackingState
 _COVERAGE_PERIOD_S = 2.0  # between comparisons with the truth
 _VITAL = "mobile_base", "vslam", "explore", "emulator"
 _TICK_S = 0.1  # so that Ctrl-C takes effect at once
-
-
 _TRACKED = [state.word for state in TrackingState if state.tracked]
 _CODES = {outcome.name: code for outcome, code in EXIT_CODES.items()}
 
@@ -63,8 +64,28 @@ class Coverage:
 
 
 def explore(args: argparse.Namespace) -> int:
-    """One live run, or the rest of an interrupted one; returns the exit code. args: the options of ``vsx explore``."""
+    """One live run, or the rest of an interrupted one, and more of it as long as a viewer wants that; returns the exit
+    code. args: the options of ``vsx explore``."""
     logs.quiet_failures()
+    while True:
+        folder, code, go_on = _explore(args)
+        if not go_on:
+            return code
+        args = go_on_args(args, folder)
+
+
+def go_on_args(args: argparse.Namespace, folder: RunFolder) -> argparse.Namespace:
+    """The options for going on with a run that has ended, for as long again as it was to last."""
+    forgotten = dict.fromkeys(("world", "seed", "base", "planner", "phi", "load_map", "config", "out"))
+    given_s = folder.read_config()[1].get("time")
+    lasted_s = float(folder.read_summary().get("duration_s") or 0.0)
+    limit_s = None if given_s is None else lasted_s + float(given_s)
+    named = {"set": [], "moved": False, "resume": folder.path, "time": limit_s, "until": None}
+    return argparse.Namespace(**{**vars(args), **forgotten, **named})
+
+
+def _explore(args: argparse.Namespace) -> tuple[RunFolder, int, bool]:
+    """The folder of one run, its exit code, and whether it is to go on."""
     refuse_second_robot([node.name for node in (*launch.bringup(), *launch.exploration())])
     folder, config, world = begin(args)
     # The position of a loaded map in the world is unknown.
@@ -82,7 +103,19 @@ def explore(args: argparse.Namespace) -> int:
             monitor.is_ending = True
             live.progress.say(f"stopping: {ending.reason}")
     about = About(args.world, args.seed, args.planner, args.load_map)
-    return write_results(folder, config, monitor, journal, judge, ending, about)
+    code = write_results(folder, config, monitor, journal, judge, ending, about)
+    return folder, code, bool(live.url) and not live.interrupted and _shown(live, folder)
+
+
+def _shown(live: LiveRun, folder: RunFolder) -> bool:
+    """Show the end to those who look; whether somebody wants to go on."""
+    stop = SignalFlag(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    try:
+        summary = folder.read_summary()
+    except InputError:
+        return False
+    ended = Ended(folder, summary, ended_well=bool(summary.get("ended_well")))
+    return show_end(ended, os.environ[TOKEN], live.port, lambda: stop.came)
 
 
 def _nodes(

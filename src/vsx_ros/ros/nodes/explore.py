@@ -49,13 +49,13 @@ class ExploreNode:
         self._topics = MissionTopics(self._mission, config.exploration.stop_cost_m)
         self._goals = GoalSender()
         subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
-        for name, request in (
-            (topics.EXPLORE_PAUSE, self._mission.pause),
-            (topics.EXPLORE_RESUME, self._mission.resume),
-            (topics.EXPLORE_STOP, self._mission.stop),
-            (topics.EXPLORE_HOME, self._mission.home),
+        for name, request, answer in (
+            (topics.EXPLORE_PAUSE, self._mission.pause, "the robot stands until the exploration is resumed"),
+            (topics.EXPLORE_RESUME, self._mission.resume, "the exploration goes on"),
+            (topics.EXPLORE_STOP, self._mission.stop, "the exploration ends here"),
+            (topics.EXPLORE_HOME, self._mission.home, "the robot drives home, then the exploration ends"),
         ):
-            offer_trigger(name, partial(self._request, request))
+            offer_trigger(name, partial(self._request, request, answer))
         self._writer = MissionWriter(self._mission, self._lock, self._heard.where)
         threads.every(PERIOD_S, "lease", self._lease.keep)
         threads.every(config.exploration.decide_s, "mission", self._decide)
@@ -68,12 +68,12 @@ class ExploreNode:
                 self._mission.home(headers.now_ns())
         self._battery_empty = self._battery_empty or empty
 
-    def _request(self, request: Callable[[int], None]) -> str:
+    def _request(self, request: Callable[[int], None], answer: str) -> str:
         with self._lock:
             if self._mission.outcome is not None:
                 raise InputError(f"the exploration is over: {self._mission.outcome.value}")
             request(headers.now_ns())
-            return self._mission.state.value
+            return answer
 
     def _decide(self) -> None:
         self._lease.promise(_DECIDE_WITHIN_S)
