@@ -8,7 +8,7 @@ SECOND = 10**9
 def test_a_cycle_of_two_becomes_two_lines() -> None:
     states = ["stale", "following"] * 50
     events = [(k * SECOND, "navigation", state, f"pose is {k} ms old") for k, state in enumerate(states)]
-    begin, end = (0, "mission", "mapping", "go"), (200 * SECOND, "mission", "done", "explored")
+    begin, end = (-1, "mission", "mapping", "go"), (200 * SECOND, "mission", "done", "explored")
     told = collapsed([end, *events, begin])
     assert [(one.event[2], one.times) for one in told] == [
         ("mapping", 1), ("stale", 50), ("following", 50), ("done", 1),

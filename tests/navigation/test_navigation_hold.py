@@ -40,7 +40,7 @@ def test_after_the_hold_the_follower_drives_again() -> None:
     drive.follower.follow(drive.base.now_ns, ahead(drive.base.pose), "map", 2)
     drive.go_on(1.0)
     assert drive.status is FollowStatus.FOLLOWING
-    assert drive.base.v == pytest.approx(0.3, abs=0.05)
+    assert drive.base.odometry.v == pytest.approx(0.3, abs=0.05)
 
 
 def test_a_goal_waits_for_the_operator_and_is_planned_anew_as_often_as_he_likes() -> None:

@@ -232,13 +232,13 @@ def test_buttons_need_the_token(browser: Chromium, board: Board) -> None:
     done: list[str] = []
     server = served(board, done)
     try:
-        for fragment, said in (("", "Looking only"), ("#wrong", "wrong token"), (f"#{TOKEN}", "pause: done")):
+        for fragment, said in (("", "Looking only"), ("#wrong", "wrong token"), (f"#{TOKEN}", "Paused.")):
             browser.open("about:blank")
             browser.open(f"http://127.0.0.1:{server.server_port}/{fragment}")
             browser.wait("document.readyState === 'complete' && typeof frames === 'number'")
             browser.evaluate("document.querySelector('[data-command=pause]').click()")
             browser.wait(f"$('said').textContent.includes({said!r})")
-            assert bool(done) == (said == "pause: done")
+            assert bool(done) == (said == "Paused.")
     finally:
         browser.open("about:blank")
         server.close()

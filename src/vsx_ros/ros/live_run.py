@@ -23,6 +23,7 @@ from vsx_ros.ros import calls, launch, logs, node, topics
 from vsx_ros.ros.calls import answers_at
 from vsx_ros.ros.host_address import DEFAULT_MASTER
 from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.master_guard import MasterGuard
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.ros.nodes.dashboard import prepare_view
 from vsx_ros.runs import process
@@ -57,6 +58,7 @@ class LiveRun:
         self._text = launch.xml(nodes, to_dict(config), {"/use_sim_time": True} if replayed else None)
         self._vital, self._replayed = vital, replayed
         self._parent: Any = None
+        self._guard: MasterGuard | None = None
         self._zero_pub: Any = None
         self._dead: list[str] = []
         self._to_release = ""
@@ -112,6 +114,7 @@ class LiveRun:
                 raise KeyboardInterrupt from None
             raise
         self._heard.listen()  # roslaunch has replaced the signal handlers
+        self._guard = MasterGuard(each.popen.pid for each in self._parent.pm.procs if each.name == MASTER)
         self._parent.runner.pm.add_process_listener(SimpleNamespace(process_died=self._remember_dead))
         rospy.init_node("run", disable_signals=True, anonymous=True)
         logs.log_without_master()
@@ -129,6 +132,8 @@ class LiveRun:
             _tried(_END_S, self._parent.shutdown, "roslaunch")
             _kill(started)
         self._release()
+        if self._guard is not None:
+            self._guard.close()
         self._redirected.close()
 
     def _silence(self) -> None:

@@ -59,18 +59,20 @@ def commands() -> dict[str, Command]:
         "resume": _call(topics.EXPLORE_RESUME, Trigger),
         "home": _call(topics.EXPLORE_HOME, Trigger),
         "stop": _call(topics.EXPLORE_STOP, Trigger),
-        "estop": _call(topics.ESTOP, SetBool, True),
-        "release": _call(topics.ESTOP, SetBool, False),
+        "estop": _call(topics.ESTOP, SetBool, True, said="the wheels stand until the emergency stop is released"),
+        "release": _call(topics.ESTOP, SetBool, False, said="the robot may drive"),
     }
 
 
-def _call(service: str, kind: type[Any], *arguments: object) -> Command:
+def _call(service: str, kind: type[Any], *arguments: object, said: str = "") -> Command:
+    """said: instead of the service's own words, when it has obeyed."""
+
     def call() -> Answer:
         try:
             response = calls.service(service, kind, *arguments, within_s=_SERVICE_WAIT_S)
         except (rospy.ROSException, rospy.ServiceException):
             return Answer(False, f"service {rospy.resolve_name(service)} does not answer; is its node running?")
-        return Answer(bool(response.success), str(response.message))
+        return Answer(bool(response.success), said if said and response.success else str(response.message))
 
     return call
 
