@@ -74,7 +74,9 @@ class Robot:
         self._board.post("plan", feed.text(feed.plan(convert.path_msg("map", 1, path))))
         cameras = [SE3.from_se2(SE2(-1.0 + 0.4 * k, -1.5, 0.2 * k)) @ MOUNT for k in range(KEYFRAMES)]
         self._board.post("keyframes", feed.text(feed.keyframes(PoseArray(poses=list(map(convert.pose_msg, cameras))))))
-        status = {"state": "mapping", "reason": "driving to a view of 4.0 m2, 2.0 m away", "goal": [3.0, 0.3, 0.0]}
+        reason = "driving to a view of 4.0 m2, 2.0 m away [U = 2.0]"
+        status = {"state": "mapping", "reason": reason, "goal": [3.0, 0.3, 0.0]}
+        status |= {"elapsed_s": 85, "driven_m": 12.3, "known_area_m2": 23.4}
         self._board.post("mission", feed.text(status))
         self._board.post("slam", feed.text(["TRACKING", ""]))
         health = {
@@ -135,7 +137,12 @@ def test_the_page_shows_everything_and_asks_nobody_else(browser: Chromium, board
         assert browser.evaluate("$('ratioNow').textContent") == "73 %"
         assert "30\nimages / s" in browser.evaluate("$('numbers').innerText")
         assert "<b>chosen</b>" in browser.evaluate("$('events').textContent")  # words from outside stay words
-        assert browser.evaluate("$('numbers').innerText").startswith(f"{KEYFRAMES}\nkeyframes")
+        numbers = browser.evaluate("$('numbers').innerText")
+        assert numbers.startswith("1:25\nelapsed\n12.3 m\ndriven\n23 m²\nknown area\n")
+        assert f"{KEYFRAMES}\nkeyframes" in numbers
+        assert browser.evaluate("$('why').textContent").startswith("Driving to a view of 4.0 m2, 2.0 m away.")
+        assert browser.evaluate("$('figuresText').textContent") == "U = 2.0"
+        assert browser.evaluate("$('figures').hidden || $('figures').open") is False
         browser.screenshot(tmp_path / "page.png")
         assert {url.split("/")[2] for url in browser.requested if url.startswith("http")} == {
             f"127.0.0.1:{server.server_port}"
@@ -226,6 +233,26 @@ def test_the_page_says_that_the_stack_is_away_and_comes_back_with_it(browser: Ch
     finally:
         browser.open("about:blank")
         again.close()
+
+
+def test_held_wheels_are_red_and_say_by_what(browser: Chromium, board: Board) -> None:
+    server = served(board, [])
+    try:
+        browser.open(f"http://127.0.0.1:{server.server_port}/#{TOKEN}")
+        browser.wait("frames > 2 && $('banner').hidden")
+        for by, ends in (("emergency stop", "Release e-stop"), ("teleop", "by itself")):
+            reason = f"the operator holds the wheels ({by})"
+            board.post("held", feed.text({"by": by, "since_ns": 10**18}))
+            board.post("mission", feed.text({"state": "held", "reason": reason}))
+            browser.wait(f"$('banner').textContent.includes({by!r}) && !$('banner').hidden", 60.0)
+            assert ends in browser.evaluate("$('banner').textContent")
+            assert browser.evaluate("$('mission').className") == "pill bad"
+        board.post("held", feed.text({"by": "", "since_ns": 0}))
+        board.post("mission", feed.text({"state": "mapping", "reason": "the exploration goes on"}))
+        browser.wait("$('banner').hidden && $('mission').className === 'pill good'", 60.0)
+    finally:
+        browser.open("about:blank")
+        server.close()
 
 
 def test_buttons_need_the_token(browser: Chromium, board: Board) -> None:

@@ -65,7 +65,7 @@ def commands() -> dict[str, Command]:
 
 
 def _call(service: str, kind: type[Any], *arguments: object, said: str = "") -> Command:
-    """said: instead of the service's own words, when it has obeyed."""
+    """said: in place of the service's own words, when it has obeyed."""
 
     def call() -> Answer:
         try:
