@@ -103,7 +103,7 @@ def _explained(error: BaseException) -> tuple[str, int]:
             return "stopped by the operator", STOPPED
         case VsxError():
             return str(error), FAILED
-        case _ if type(error).__module__ == "vsx_hw.errors":
+        case _ if any(kind.__module__ == "vsx_hw.errors" for kind in type(error).__mro__):
             return str(error), HARDWARE
         case ModuleNotFoundError():
             remedy = "'vsx doctor' tells what is missing, and what to type"

@@ -190,7 +190,8 @@ def _top(values: FloatArray) -> float:
 
 def _events(data: ReportData) -> str:
     told = collapsed([event for event in data.events if event[2] != "keyframe"])
-    began = min(first[0] for first in [*data.frames[:1], *(one.event for one in told[:1]), (2**63,)])
+    begins = [frame[0] for frame in data.frames[:1]] + [one.event[0] for one in told[:1]]
+    began = min(begins, default=0)
     more = f"<p>... and {len(told) - _MAX_EVENTS} more in events.jsonl</p>" if len(told) > _MAX_EVENTS else ""
     return table(["at", "who", "state", "why"], rows(told[:_MAX_EVENTS], began)) + more
 

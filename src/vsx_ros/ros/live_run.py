@@ -114,13 +114,17 @@ class LiveRun:
                 raise KeyboardInterrupt from None
             raise
         self._heard.listen()  # roslaunch has replaced the signal handlers
-        self._guard = MasterGuard(each.popen.pid for each in self._parent.pm.procs if each.name == MASTER)
+        self._guard = MasterGuard(each.popen.pid for each in self._parent.pm.procs if self._is_of_ros(each))
         self._parent.runner.pm.add_process_listener(SimpleNamespace(process_died=self._remember_dead))
         rospy.init_node("run", disable_signals=True, anonymous=True)
         logs.log_without_master()
         master_watch().remember({param.key: param.value for param in self._parent.config.params.values()})
         master_watch().keep({node.PARAMETERS_SET: True})  # written after all other parameters
         self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
+
+    def _is_of_ros(self, process: Any) -> bool:
+        """Whether it is the master or rosout; the nodes end by themselves when this process is killed."""
+        return process.popen is not None and process.name.rsplit("-", 1)[0] not in self._names
 
     def _remember_dead(self, process_name: str, _: int) -> None:
         self._dead.append(process_name.rsplit("-", 1)[0])  # roslaunch adds a number to process names

@@ -19,6 +19,7 @@ from sensor_msgs.msg import BatteryState
 
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
+from vsx_ros.exploration.decision import MissionState
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.planner import Planner
@@ -73,7 +74,8 @@ class ExploreNode:
             if self._mission.outcome is not None:
                 raise InputError(f"the exploration is over: {self._mission.outcome.value}")
             request(headers.now_ns())
-            return answer
+            held = self._mission.state is MissionState.HELD
+            return f"{answer}, when the operator lets go of the wheels" if held else answer
 
     def _decide(self) -> None:
         self._lease.promise(_DECIDE_WITHIN_S)

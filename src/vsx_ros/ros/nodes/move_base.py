@@ -8,6 +8,7 @@ Services: move_base/make_plan.
 Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
     odometry alone: straight or along the trail, without a map. Plans keep the map points in view, drive slowly where
     they cannot, and are refused if that part would be long; points much older or newer than the map do not count.
+    While the operator holds the wheels a goal waits; then it is planned anew.
 Parameters: ~config (tree of 'vsx config'), ~planner (fov, unconstrained, paper or a plug-in's; fov), ~seed (int, 0).
     While it runs, dynamic_reconfigure changes these for later plans: ~v_m_s and ~omega_rad_s (up to the configured
     limits), ~phi_rad_m.

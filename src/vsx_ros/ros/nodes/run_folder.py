@@ -11,6 +11,7 @@ Parameters: ~config (tree of 'vsx config'), ~run_dir (the folder; auto: the one 
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 from xmlrpc.client import ServerProxy
 
 import rosgraph
@@ -79,7 +80,8 @@ class RunFolderNode:
         if not self._vslam_pid:
             with suppress(OSError, rosgraph.MasterException):
                 uri = rosgraph.Master(rospy.get_name()).lookupNode(rospy.resolve_name("vslam"))
-                self._vslam_pid = int(ServerProxy(uri).getPid(rospy.get_name())[2])  # type: ignore[call-overload,index]
+                slave: Any = ServerProxy(uri)
+                self._vslam_pid = int(slave.getPid(rospy.get_name())[2])
 
     def close(self) -> None:
         """The stops that follow are the run's own."""
