@@ -12,6 +12,7 @@ from vsx_ros.exploration.utility import (
     Ranking,
     RankingInput,
     Rejection,
+    View,
     count_landmarks,
     gain_at,
     rank_views,

@@ -3,6 +3,7 @@
 import argparse
 import os
 import signal
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -104,7 +105,7 @@ def _explore(args: argparse.Namespace) -> tuple[RunFolder, int, bool]:
             live.progress.say(f"stopping: {ending.reason}")
     about = About(args.world, args.seed, args.planner, args.load_map)
     code = write_results(folder, config, monitor, journal, judge, ending, about)
-    return folder, code, bool(live.url) and not live.interrupted and _shown(live, folder)
+    return folder, code, bool(live.url) and _shown(live, folder)
 
 
 def _shown(live: LiveRun, folder: RunFolder) -> bool:
@@ -115,7 +116,9 @@ def _shown(live: LiveRun, folder: RunFolder) -> bool:
     except InputError:
         return False
     ended = Ended(folder, summary, ended_well=bool(summary.get("ended_well")))
-    return show_end(ended, os.environ[TOKEN], live.port, lambda: stop.came)
+    if not live.interrupted:
+        sys.stderr.write("the live view shows the end as long as its page is open; Ctrl-C ends it\n")
+    return show_end(ended, os.environ[TOKEN], live.port, lambda: stop.came, stay=not live.interrupted)
 
 
 def _nodes(

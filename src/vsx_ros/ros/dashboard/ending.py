@@ -27,9 +27,11 @@ class Ended(NamedTuple):
     ended_well: bool
 
 
-def show_end(ended: Ended, token: str, port: int, stopped: Callable[[], bool] = lambda: False) -> bool:
+def show_end(
+    ended: Ended, token: str, port: int, stopped: Callable[[], bool] = lambda: False, *, stay: bool = True
+) -> bool:
     """Serve the end until nobody looks, or until ``stopped``. Returns whether a viewer wants the exploration to go on.
-    Without a viewer, or if the port is taken, it returns at once."""
+    Without a viewer it returns soon, if the port is taken at once. stay: false: return when the viewers have it."""
     board, on, looking = Board(), threading.Event(), [0]
     try:
         server = ViewServer(board, commands(ended.folder, on), lambda n: looking.append(n), token, LOOPBACK, port)
@@ -40,7 +42,7 @@ def show_end(ended: Ended, token: str, port: int, stopped: Callable[[], bool] = 
     threading.Thread(target=server.serve_forever, name="end", daemon=True).start()
     seen_s, patience_s = time.monotonic(), _COME_S
     while not (on.is_set() or stopped()) and time.monotonic() - seen_s < patience_s:
-        if looking[-1]:
+        if looking[-1] and stay:
             seen_s, patience_s = time.monotonic(), _GONE_S
         time.sleep(_TICK_S)
     time.sleep(_TICK_S)  # the answer to the last command is under way
