@@ -81,6 +81,10 @@ def test_a_pause_within_a_hold_stays_a_pause_and_resumes_where_it_was():
     mission = mapping_mission()
     mission.decide(2 * SECOND, situation(held=STOPPED))
     mission.pause(3 * SECOND)
+    mission.drain_events()
+    for k in range(5):
+        assert STOPPED.words() in mission.decide(3 * SECOND + k, situation(held=STOPPED)).reason
+    assert [event.state for event in mission.drain_events()] == ["paused"], "told once"
     assert mission.decide(4 * SECOND, situation()).reason == "paused"
     mission.resume(5 * SECOND)
     assert mission.state is MissionState.MAPPING

@@ -140,6 +140,8 @@ class Mission:
         if self.state is MissionState.PAUSED:
             claim = self._claim.of(now_ns, situation)
             reason = "paused" if claim is None else f"paused; {claim[1]}"
+            if claim is not None and self._log.reason != reason:
+                self._log.note(now_ns, reason)
             return self._log.answer(Action.CANCEL if active else Action.WAIT, reason)
         if situation.T_odom_base is None:
             return self._log.answer(Action.WAIT, "waiting for odometry")
