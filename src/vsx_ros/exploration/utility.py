@@ -41,11 +41,11 @@ class View(NamedTuple):
     def words(self, stop_cost_m: float) -> str:
         """What the drive is for, for people, then the figures in brackets; stop_cost_m [m] is part of d."""
         x, y, heading_deg = self.pose.x, self.pose.y, math.degrees(self.pose.theta)
-        share = self.landmark_factor(stop_cost_m)
+        d_m, share = self.distance_m + stop_cost_m, self.landmark_factor(stop_cost_m)
         return (
             f"driving {self.distance_m:.1f} m to look at {self.gain_m2:.1f} m2 of unknown ground "
             f"[view at ({x:.1f}, {y:.1f}) looking {heading_deg:.0f} deg, {self.landmarks} landmarks: "
-            f"U = v/d x landmarks = {self.gain_m2:.1f} m2 / {self.distance_m + stop_cost_m:.1f} m x {share:.2f} = {self.utility:.2f}]"
+            f"U = v/d x landmarks = {self.gain_m2:.1f} m2 / {d_m:.1f} m x {share:.2f} = {self.utility:.2f}]"
         )
 
     def landmark_factor(self, stop_cost_m: float) -> float:
