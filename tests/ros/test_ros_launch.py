@@ -114,7 +114,7 @@ def test_every_exploration_by_roslaunch_leaves_a_folder_unless_told_otherwise(ro
     described([(file, [])], [])
     (folder,) = (robot_home / "runs").iterdir()
     assert folder.name.endswith("_ros")
-    for words in ("run_dir:=", f"run_dir:={robot_home / 'mine'}"):
+    for words in ("run_dir:=none", f"run_dir:={robot_home / 'mine'}"):
         described([(file, [words])], [])
     assert [folder] == list((robot_home / "runs").iterdir())
 

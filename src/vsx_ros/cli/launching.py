@@ -76,7 +76,11 @@ def parser(name: str) -> argparse.ArgumentParser:
     if name != "bringup":
         add("--planner", choices=PLANNERS, default="fov", metavar="NAME", help="fov (default), unconstrained or paper")
         add("--seed", type=int, default=0, help="seed of the random draws")
-        add("--run-dir", default=AUTO, help="folder for the results (default: a new one in ~/.ros/runs; '': none)")
+        add(
+            "--run-dir",
+            default=AUTO,
+            help="folder for the results (default: a new one in ~/.ros/runs; none: keep nothing)",
+        )
         add("--load-map", default="", help="SLAM map (.vsxmap) to go on in, the robot anywhere in it")
     return options
 

@@ -141,9 +141,10 @@ def configuration() -> Config:
 
 def run_dir() -> str:
     """The folder of the run, from ~run_dir; if that is auto, the one that the launch file has made for all nodes.
-    Empty: nothing is kept."""
+    none, or empty: nothing is kept."""
     told = str(rospy.get_param("~run_dir", ""))
-    return str(rospy.get_param("run_dir", "")) if told == AUTO else told
+    told = str(rospy.get_param("run_dir", "")) if told == AUTO else told
+    return "" if told == "none" else told
 
 
 def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ figures, all events and the report.
 
 Subscribers: those of the monitor (explore/{status,events}, vslam/{state,stats/*}, map, odom, follower/status,
     move_base/stats/plan_ms, mobile_base/hazards, /rosout, /diagnostics; of an emulator emulator/ground_truth/*).
-Parameters: ~config (tree of 'vsx config'), ~run_dir (the folder; auto: the one that the launch file has made; empty:
+Parameters: ~config (tree of 'vsx config'), ~run_dir (the folder; auto: the one that the launch file has made; none:
     nothing is kept)."""
 
 import time
@@ -44,7 +44,7 @@ class RunFolderNode:
         self._folder = RunFolder(Path(told)) if told else None
         self._vslam_pid = 0
         if self._folder is None:
-            rospy.logwarn("run_dir is empty: nothing of this run is kept")
+            rospy.logwarn("run_dir is none: nothing of this run is kept")
             return
         world = self._begin(self._folder)
         self._journal = MonitorJournal(self._folder, config.robot.mount)
