@@ -85,7 +85,8 @@ class Robot:
         }
         self._board.post("health", feed.text(health))
         event = {"stamp_ns": 10**18, "state": "mapping", "reason": "<b>chosen</b>"}
-        self._board.post("events", feed.text([event]))
+        again = [{"stamp_ns": 10**18, "state": "mapping", "reason": f"blocked {k} cm ahead"} for k in range(7)]
+        self._board.post("events", feed.text([*again, event]))
         rng = np.random.default_rng(0)
         noise = cv2.GaussianBlur(rng.integers(0, 255, (480, 640), dtype=np.uint8), (31, 31), 0)
         k = 0
@@ -136,7 +137,10 @@ def test_the_page_shows_everything_and_asks_nobody_else(browser: Chromium, board
         assert browser.evaluate("$('release').hidden") is False
         assert browser.evaluate("$('ratioNow').textContent") == "73 %"
         assert "30\nimages / s" in browser.evaluate("$('numbers').innerText")
-        assert "<b>chosen</b>" in browser.evaluate("$('events').textContent")  # words from outside stay words
+        events = browser.evaluate("$('events').textContent")
+        assert "<b>chosen</b>" in events  # words from outside stay words
+        assert "blocked 0 cm ahead (7 times)" in events
+        assert browser.evaluate("$('events').children.length") == 2
         numbers = browser.evaluate("$('numbers').innerText")
         assert numbers.startswith("1:25\nelapsed\n12.3 m\ndriven\n23 m²\nknown area\n")
         assert f"{KEYFRAMES}\nkeyframes" in numbers
