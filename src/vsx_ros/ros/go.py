@@ -50,6 +50,7 @@ def go(x: float, y: float, heading_rad: float | None, *, stay: bool) -> int:
     """Drive there and wait for the end; Ctrl-C ends the drive. stay: pause the exploration first. Raises ConfigError
     without a master, move_base, a pose in the map, or (with stay) an exploration."""
     operator_command.join("go")
+    headers.adopt_prefix()
     heard, client = _Heard(), actionlib.ActionClient(topics.MOVE_BASE_ACTION, MoveBaseAction)
     deadline_s = time.monotonic() + _ANSWER_S
     while (heard.pose is None or not is_served(client)) and time.monotonic() < deadline_s:
