@@ -5,7 +5,7 @@ import math
 import pytest
 
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.robot import Odometry, OdometryEpochs, odometry_at
+from vsx_ros.robot import DrivenDistance, Odometry, OdometryEpochs, odometry_at
 
 SECOND = 1_000_000_000
 
@@ -57,3 +57,15 @@ def test_nothing_lies_between_readings_of_two_epochs() -> None:
     assert (between.T_odom_base.x, between.odom_epoch) == (pytest.approx(3.05), 0)
     assert odometry_at([one, other], SECOND // 3) is None
     assert odometry_at([one, other], SECOND // 2) == other
+
+
+def test_the_way_adds_up_small_steps_but_not_the_noise_of_a_standing_base() -> None:
+    driven = DrivenDistance()
+    for k in range(1001):
+        driven.add(Odometry(k, SE2(0.001 * k, 0.0, 0.0)))
+    assert driven.distance_m == pytest.approx(1.0, abs=0.003)
+    for k in range(1000):
+        driven.add(Odometry(2000 + k, SE2(1.0 + 0.0009 * (-1) ** k, 0.0, 0.0)))
+    assert driven.distance_m == pytest.approx(1.0, abs=0.003)
+    driven.add(Odometry(5000, SE2(), odom_epoch=1))
+    assert driven.distance_m == pytest.approx(1.0, abs=0.003)  # a restarted base has not moved

@@ -18,6 +18,8 @@ SILENCE_NS = 1_000_000_000  # without odometry: 30 to 50 readings are missing
 # In a silence the base may have restarted. If not, it can hardly have been faster than before and after the silence.
 _FASTER, _SILENT_M, _SILENT_RAD = 1.5, 0.3, 0.5
 _ORIGIN_M, _ORIGIN_RAD = 0.001, 0.001  # a restarted base reports 0; rounding in messages is less
+EMERGENCY_STOP = "emergency stop"
+_JITTER_M = 0.002  # between two poses
 _CARRIED_NS = 200_000_000  # 10 readings: at full speed, changes of speed cause an error of 1 cm in that time
 
 
@@ -29,6 +31,49 @@ class Frame(NamedTuple):
 
     stamp_ns: int
     image: GrayImage
+
+
+class DrivenDistance:
+    """The length of the way by odometry [m]: smaller steps than _JITTER_M are noise of a standing base, and add up."""
+
+    def __init__(self) -> None:
+        self.distance_m = 0.0
+        self._last: Odometry | None = None
+
+    def add(self, odometry: Odometry) -> None:
+        """The next reading; a new epoch begins a new stretch."""
+        if self._last is None or self._last.odom_epoch != odometry.odom_epoch:
+            self._last = odometry
+        step_m = self._last.T_odom_base.distance_to(odometry.T_odom_base)
+        if step_m > _JITTER_M:
+            self.distance_m += step_m
+            self._last = odometry
+
+
+class OperatorHold(NamedTuple):
+    """The operator holds the wheels: nothing that fails meanwhile is the fault of a goal or a plan. by: the emergency
+    stop, or the source of the commands that the base obeys instead of navigation. since_ns: its beginning [ns]."""
+
+    by: str
+    since_ns: int
+
+    def words(self) -> str:
+        """The fact, and what ends it."""
+        ends = "release it to go on" if self.by == EMERGENCY_STOP else "it goes on by itself when the wheels are let go"
+        return f"the operator holds the wheels ({self.by}); {ends}"
+
+
+class UserGoal(NamedTuple):
+    """A goal that somebody else than the exploration has sent to move_base. client: its node. frame: map or odom."""
+
+    identity: str
+    client: str
+    since_ns: int
+    frame: str
+
+    def words(self) -> str:
+        """The fact, for people."""
+        return f"driving to a goal of {self.client}; the exploration goes on after it"
 
 
 class Odometry(NamedTuple):

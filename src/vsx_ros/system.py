@@ -21,7 +21,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.navigation.navigator import ComputingTime, GoalPlanner, Navigator
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.planner import Planner
-from vsx_ros.robot import Frame, Odometry, OdometryEpochs, VelocityCommand
+from vsx_ros.robot import Frame, Odometry, OdometryEpochs, OperatorHold, VelocityCommand
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.snapshot import MapSnapshot, SlamMap
@@ -82,16 +82,19 @@ class ExplorationSystem:
         while self._densify(self.slam.snapshot()):  # process all of an earlier map
             pass
 
-    def step(self, frame: Frame, odometry: Odometry, hazard: str | None = None) -> StepResult:
-        """Track the frame, refresh the map, decide, and return the command for the wheels. hazard: a pressed bumper."""
-        return self.act(self.track(frame, odometry), hazard)
+    def step(
+        self, frame: Frame, odometry: Odometry, hazard: str | None = None, held: OperatorHold | None = None
+    ) -> StepResult:
+        """Track the frame, refresh the map, decide, and return the command for the wheels. hazard: a pressed bumper.
+        held: the operator holds the wheels, and the command is not obeyed."""
+        return self.act(self.track(frame, odometry), hazard, held)
 
     def track(self, frame: Frame, odometry: Odometry) -> TrackingResult:
         """The first half of ``step``. Odometry enters the system here."""
         self.odometry = self._epochs.enter(odometry)
         return self.session.track(frame, self.odometry)
 
-    def act(self, tracking: TrackingResult, hazard: str | None = None) -> StepResult:
+    def act(self, tracking: TrackingResult, hazard: str | None = None, held: OperatorHold | None = None) -> StepResult:
         """The second half of ``step``, after tracking. Poses, decisions and plans are known only after their computing
         time (``ComputingTime``)."""
         now_ns, odometry = tracking.stamp_ns, self.odometry
@@ -105,9 +108,11 @@ class ExplorationSystem:
             if self._saved is not None:
                 self.mission.restore(now_ns, self._saved, odometry.T_odom_base)
                 self._saved = None
-            decision = self._decide(now_ns, odometry.T_odom_base, where, hazard)
+            decision = self._decide(now_ns, odometry.T_odom_base, where, hazard, held)
         self._carry_out(now_ns)
-        followed = self.navigator.step(now_ns, where, frozenset([hazard] if hazard else []))
+        followed = self.navigator.step(
+            now_ns, where, frozenset([hazard] if hazard else []), held.words() if held else ""
+        )
         error_m = math.hypot(followed.error.x, followed.error.y) if followed.error is not None else None
         return StepResult(followed.command, tracking, decision, error_m)
 
@@ -149,14 +154,16 @@ class ExplorationSystem:
         self.ground.dense = AnchoredSurface.of(self.dense, snapshot, self._config.dense.cell_m)
         return True
 
-    def _decide(self, now_ns: int, T_odom_base: SE2, where: LocalizationState, hazard: str | None) -> Decision:
+    def _decide(
+        self, now_ns: int, T_odom_base: SE2, where: LocalizationState, hazard: str | None, held: OperatorHold | None
+    ) -> Decision:
         ranked_before = self.mission.view_selector.ranking
         situation = Situation(
             slam_state=where.slam_state, slam_reason=where.slam_reason,
             T_map_base=where.T_map_base, T_odom_base=T_odom_base, odom_epoch=where.odom_epoch,
             grid=self.grid, landmarks_world=self.slam.snapshot().points_world,
             navigation=self.navigator.state, navigation_reason=self.navigator.reason,
-            hazard=hazard or (where.stuck.reason if where.stuck is not None else None),
+            hazard=hazard or (where.stuck.reason if where.stuck is not None else None), held=held,
         )  # fmt: skip
         decision = self.mission.decide(now_ns, situation)
         cost_ns = 0

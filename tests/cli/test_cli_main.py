@@ -10,6 +10,7 @@ from vsx_ros import __version__
 from vsx_ros.cli import main, options_runs, options_study
 from vsx_ros.errors import InputError
 from vsx_ros.planning.planners import PLANNERS
+from vsx_ros.runs.process import FAILED
 
 LIGHT = "import sys, vsx_ros.cli.main as m; m.parser(); print([n for n in {heavy!r} if n in sys.modules])"
 
@@ -110,3 +111,15 @@ def test_a_reader_that_leaves_is_no_error():
         assert process.stderr is not None
         assert process.stderr.read() == b""
         assert process.wait() == 0
+
+
+def test_another_python_than_the_environment_s_is_told_in_a_sentence(monkeypatch, capsys):
+    def broken(_):
+        raise ImportError("cannot import name 'A' from 'numpy'")
+
+    monkeypatch.setattr(main, "run", broken)
+    assert main.execute(["doctor"]) == FAILED
+    said = capsys.readouterr().err
+    assert "is not the Python of this checkout's environment (cannot import name 'A' from 'numpy')" in said
+    assert "scripts/vsx" in said
+    assert "internal error" not in said

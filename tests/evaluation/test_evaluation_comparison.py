@@ -45,9 +45,17 @@ def test_the_page_says_what_differs_and_which_way_is_better():
 
 def test_same_runs_differ_in_nothing():
     text = compare(("a", A), ("b", A))
-    assert "same configuration, same versions" in text
+    assert "same options, same configuration, same versions" in text
     assert 'class="better"' not in text
     assert 'class="worse"' not in text
+
+
+def test_other_worlds_and_times_are_settings_that_differ():
+    facts = {"command": "x", "date": "today", "world": "lab", "seed": 1, "time": 60.0}
+    other = {**facts, "command": "y", "date": "later", "world": "office", "time": 90.0}
+    text = compare(("a", replace(A, facts=facts)), ("b", replace(A, facts=other)))
+    assert "<pre>- world: lab\n+ world: office\n- time: 60.0\n+ time: 90.0</pre>" in text
+    assert "later" not in text
 
 
 def test_settings_have_the_names_that_set_takes():

@@ -174,3 +174,21 @@ def test_the_grid_picture_has_north_up():
     assert picture[1, 0, :3].tolist() == [255, 255, 255]
     assert picture[1, 1, 0] < 60
     assert picture[0, 0, 3] < 255
+
+
+def test_the_report_begins_with_the_verdict_where_when_and_what_the_camera_saw():
+    png = b"\x89PNG\r\n\x1a\n"
+    summary = Summary(stop_reason="explored: nothing left", world="lab", seed=3).as_dict()
+    text = page(summary=summary, facts={"command": "vsx explore", "date": "2026-05-04 10:20:30"}, picture_png=png)
+    found = [text.index(words) for words in (
+        "explored: nothing left", "world lab, seed 3, date 2026-05-04 10:20:30", "<pre>vsx explore</pre>",
+        'alt="the newest keyframe" src="data:image/png;base64,iVBORw0KGgo="', 'class="tiles"',
+    )]  # fmt: skip
+    assert found == sorted(found)
+    assert "newest keyframe" not in page()
+
+
+def test_events_begin_at_zero_also_those_before_the_first_image():
+    text = page(events=[(-3 * SECOND, "mission", "starting", "first drive"), (5 * SECOND, "slam", "lost", "dark")])
+    assert "<td>0.0 s</td><td>mission</td>" in text
+    assert "<td>8.0 s</td><td>slam</td>" in text

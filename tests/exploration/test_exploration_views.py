@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
+from vsx_ros.exploration.decision import without_figures
 from vsx_ros.exploration.utility import (
     BEARINGS,
     Ranking,
     RankingInput,
     Rejection,
+    View,
     count_landmarks,
     gain_at,
     rank_views,
@@ -230,3 +232,11 @@ def test_in_a_bare_hall_it_is_not_the_best_views_without_landmarks_that_hide_one
     ranking = ranked(grid, 0.2, landmarks, NOWHERE_YET, straight_costs, lambda p: np.zeros(len(p), bool), CONFIG)
     assert ranking.views
     assert ranking.views[0].landmarks >= CONFIG.min_landmarks
+
+
+def test_the_words_begin_with_the_purpose_and_the_figures_multiply_to_u():
+    view = View(SE2(1.0, 2.0, 0.0), gain_m2=4.0, distance_m=3.0, landmarks=30, utility=0.4)
+    words, figures = view.words(2.0).split(" [")
+    assert words == without_figures(view.words(2.0)) == "driving 3.0 m to look at 4.0 m2 of unknown ground"
+    assert figures.endswith("30 landmarks: U = v/d x landmarks = 4.0 m2 / 5.0 m x 0.50 = 0.40]")
+    assert 4.0 / 5.0 * view.landmark_factor(2.0) == pytest.approx(view.utility)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.cli import main
-from vsx_ros.errors import ConfigError, PlanningError
+from vsx_ros.errors import ConfigError, MapFileError, PlanningError
 from vsx_ros.io.map_file import save_map
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.planning.planners import PLANNERS
@@ -46,6 +46,8 @@ def test_words_and_picture(capsys, tmp_path):
     out = capsys.readouterr().out
     assert "change of view" in out
     assert "rad/m (phi 2)" in out
+    assert "unlimited: open floor, no map was given" in out
+    assert " s from rest to rest, at most 0.3 m/s and 0.4 rad/s" in out
     image = cv2.imread(str(picture))
     assert image is not None
     assert image.shape[1] == 900
@@ -78,3 +80,25 @@ def test_meaningless_questions():
         run("--start", "0,0,0", "--goal", "1e6,0,0")
     with pytest.raises(SystemExit):
         run("--start", "0,0", "--goal", "1,0,0")
+
+
+def test_a_file_that_is_no_map_is_named_as_it_was_given(tmp_path):
+    (tmp_path / "README.md").write_text("# not a map\n", encoding="utf-8")
+    with pytest.raises(MapFileError, match=r"README\.md is no map_server YAML, and there is no README\.yaml beside it"):
+        run("--start", "0,0,0", "--goal", "2,1,0", "--map", str(tmp_path / "README.md"))
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "said"),
+    [
+        ("-99,0,0", "1,0,0", "the start (-99.00, 0.00) lies outside the map"),
+        ("-1.5,0,0", "-63,0,0", "the goal (-63.00, 0.00) lies outside the map"),
+        ("-1.5,0,0", "0.05,0,0", "m inside ground that is not known to be free"),
+        ("-1.5,0,0", "-0.1,0,0", "to ground that is not known to be free; the base needs 0.18 m"),
+    ],
+)
+def test_a_pose_that_cannot_be_stood_at_is_told_without_negative_distances(start, goal, said, divided_room, capsys):
+    assert run("--start", start, "--goal", goal, "--map", str(divided_room)) == 1
+    out = capsys.readouterr().out
+    assert said in out
+    assert "has -" not in out

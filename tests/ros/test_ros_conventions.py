@@ -29,7 +29,7 @@ HEARD = {topics.TF, topics.TF_STATIC, topics.ODOM, topics.IMU, topics.BUMPER_CLO
          topics.POSE, topics.MAP, topics.MAP_POINTS, topics.KEYFRAMES, topics.SLAM_PATH, topics.SCAN,
          topics.GLOBAL_PLAN, topics.TRAJECTORY, topics.FRONTIERS}  # fmt: skip
 """Whatever has a frame and comes without being asked for."""
-NODES = set(topics.PUBLISHED) - {"teleop", "emulator", "dashboard"}
+NODES = set(topics.PUBLISHED) - {"teleop", "emulator", "dashboard", "run_folder"}
 HUGE = 1e6
 
 TF_OBSERVER = """

@@ -211,3 +211,10 @@ def test_a_trajectory_without_speeds_is_refused() -> None:
 def test_hazards_in_words() -> None:
     assert convert.hazard_words(0) == ""
     assert convert.hazard_words(4 | 16) == "bumper left, cliff center"
+
+
+@pytest.mark.parametrize("resolution", [0.05, 0.1, 0.025, 0.5, 1.0])
+def test_a_map_keeps_its_resolution_on_the_wire(resolution: float) -> None:
+    sent = convert.grid_msg(OccupancyGrid(np.zeros((2, 3), np.int8), resolution, 0.0, 0.0), "map", 1)
+    sent.info.resolution = float(np.float32(resolution))  # as a subscriber reads it
+    assert convert.grid(sent).resolution == resolution

@@ -129,7 +129,7 @@ def test_pause_and_resume_reach_the_mission(stack: Stack, port: int) -> None:
 
 def test_the_emergency_stop_reaches_the_wheels(stack: Stack, port: int) -> None:
     stack.wait_until_driving()
-    assert command(port, "estop") == {"ok": True, "message": "stopped"}
+    assert command(port, "estop") == {"ok": True, "message": "the wheels stand until the emergency stop is released"}
     stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
     assert command(port, "release")["ok"]
     stack.wait_until_driving()
@@ -139,14 +139,14 @@ def test_the_emergency_stop_reaches_the_wheels(stack: Stack, port: int) -> None:
 def test_the_buttons_of_the_page_stop_the_wheels_and_let_them_go(stack: Stack, port: int, tmp_path: Path) -> None:
     with Chromium(tmp_path / "profile") as browser:
 
-        def press(name: str) -> None:
+        def press(name: str, said: str) -> None:
             browser.evaluate(f"document.querySelector('[data-command={name}]').click()")
-            browser.wait(f"$('said').textContent.startsWith('{name}: done')")
+            browser.wait(f"$('said').textContent.startsWith('{said}')")
 
         browser.open(f"http://127.0.0.1:{port}/#{SECRET}")
         browser.wait("frames > 0 && known.pose && known.health && $('release').hidden")
         stack.wait_until_driving()
-        press("estop")
+        press("estop", "The wheels stand")
         stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
         try:
             browser.wait("!$('release').hidden")
@@ -155,7 +155,7 @@ def test_the_buttons_of_the_page_stop_the_wheels_and_let_them_go(stack: Stack, p
             assert not stack.plant.moving
             assert stack.plant.stopped_s == stopped_s  # not for a moment either
         finally:
-            press("release")
+            press("release", "The robot may drive")
         stack.wait_until_driving()
         browser.wait("$('release').hidden")
 
@@ -178,7 +178,7 @@ def test_home_and_stop_reach_the_mission(stack: Stack, port: int) -> None:
     try:
         assert command(port, "home")["ok"]
         stack.wait(lambda: "driving home" in told()["reason"], 90.0, "the way home")
-        assert command(port, "stop") == {"ok": True, "message": "done"}
+        assert command(port, "stop") == {"ok": True, "message": "the exploration ends here"}
         stack.wait(lambda: mission() == "done", 20.0, "the end")
         said = told()
         assert (said["reason"], said["outcome"]) == ("stopped by the operator", "STOPPED")

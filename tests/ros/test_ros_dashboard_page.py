@@ -67,14 +67,16 @@ class Robot:
         grid = room()
         border = np.array([[row, 129] for row in range(30, 90)])
         views = [View(SE2(3.6, y, 0.0), 4.0 / k, 1.0 + k, 30, 2.5 / k) for k, y in ((1, 0.5), (2, -1.0))]
-        markers = frontier_markers(grid, [Frontier(border, np.zeros(2), 3.0)], views, 1)
+        markers = frontier_markers(grid, [Frontier(border, np.zeros(2), 3.0)], views, 1, 2.0)
         self._board.post("frontiers", feed.text(feed.frontiers(markers)))
         self._board.post("map", feed.text(feed.grid(convert.grid_msg(grid, "map", 1))))
         path = [SE2(0.05 * k, 0.3 * math.sin(0.1 * k), 0.0) for k in range(60)]
         self._board.post("plan", feed.text(feed.plan(convert.path_msg("map", 1, path))))
         cameras = [SE3.from_se2(SE2(-1.0 + 0.4 * k, -1.5, 0.2 * k)) @ MOUNT for k in range(KEYFRAMES)]
         self._board.post("keyframes", feed.text(feed.keyframes(PoseArray(poses=list(map(convert.pose_msg, cameras))))))
-        status = {"state": "mapping", "reason": "driving to a view of 4.0 m2, 2.0 m away", "goal": [3.0, 0.3, 0.0]}
+        reason = "driving to a view of 4.0 m2, 2.0 m away [U = 2.0]"
+        status = {"state": "mapping", "reason": reason, "goal": [3.0, 0.3, 0.0]}
+        status |= {"elapsed_s": 85, "driven_m": 12.3, "known_area_m2": 23.4}
         self._board.post("mission", feed.text(status))
         self._board.post("slam", feed.text(["TRACKING", ""]))
         health = {
@@ -83,7 +85,8 @@ class Robot:
         }
         self._board.post("health", feed.text(health))
         event = {"stamp_ns": 10**18, "state": "mapping", "reason": "<b>chosen</b>"}
-        self._board.post("events", feed.text([event]))
+        again = [{"stamp_ns": 10**18, "state": "mapping", "reason": f"blocked {k} cm ahead"} for k in range(7)]
+        self._board.post("events", feed.text([*again, event]))
         rng = np.random.default_rng(0)
         noise = cv2.GaussianBlur(rng.integers(0, 255, (480, 640), dtype=np.uint8), (31, 31), 0)
         k = 0
@@ -134,8 +137,16 @@ def test_the_page_shows_everything_and_asks_nobody_else(browser: Chromium, board
         assert browser.evaluate("$('release').hidden") is False
         assert browser.evaluate("$('ratioNow').textContent") == "73 %"
         assert "30\nimages / s" in browser.evaluate("$('numbers').innerText")
-        assert "<b>chosen</b>" in browser.evaluate("$('events').textContent")  # words from outside stay words
-        assert browser.evaluate("$('numbers').innerText").startswith(f"{KEYFRAMES}\nkeyframes")
+        events = browser.evaluate("$('events').textContent")
+        assert "<b>chosen</b>" in events  # words from outside stay words
+        assert "blocked 0 cm ahead (7 times)" in events
+        assert browser.evaluate("$('events').children.length") == 2
+        numbers = browser.evaluate("$('numbers').innerText")
+        assert numbers.startswith("1:25\nelapsed\n12.3 m\ndriven\n23 m²\nknown area\n")
+        assert f"{KEYFRAMES}\nkeyframes" in numbers
+        assert browser.evaluate("$('why').textContent").startswith("Driving to a view of 4.0 m2, 2.0 m away.")
+        assert browser.evaluate("$('figuresText').textContent") == "U = 2.0"
+        assert browser.evaluate("$('figures').hidden || $('figures').open") is False
         browser.screenshot(tmp_path / "page.png")
         assert {url.split("/")[2] for url in browser.requested if url.startswith("http")} == {
             f"127.0.0.1:{server.server_port}"
@@ -228,17 +239,37 @@ def test_the_page_says_that_the_stack_is_away_and_comes_back_with_it(browser: Ch
         again.close()
 
 
+def test_held_wheels_are_red_and_say_by_what(browser: Chromium, board: Board) -> None:
+    server = served(board, [])
+    try:
+        browser.open(f"http://127.0.0.1:{server.server_port}/#{TOKEN}")
+        browser.wait("frames > 2 && $('banner').hidden")
+        for by, ends in (("emergency stop", "Release e-stop"), ("teleop", "by itself")):
+            reason = f"the operator holds the wheels ({by})"
+            board.post("held", feed.text({"by": by, "since_ns": 10**18}))
+            board.post("mission", feed.text({"state": "held", "reason": reason}))
+            browser.wait(f"$('banner').textContent.includes({by!r}) && !$('banner').hidden", 60.0)
+            assert ends in browser.evaluate("$('banner').textContent")
+            assert browser.evaluate("$('mission').className") == "pill bad"
+        board.post("held", feed.text({"by": "", "since_ns": 0}))
+        board.post("mission", feed.text({"state": "mapping", "reason": "the exploration goes on"}))
+        browser.wait("$('banner').hidden && $('mission').className === 'pill good'", 60.0)
+    finally:
+        browser.open("about:blank")
+        server.close()
+
+
 def test_buttons_need_the_token(browser: Chromium, board: Board) -> None:
     done: list[str] = []
     server = served(board, done)
     try:
-        for fragment, said in (("", "Looking only"), ("#wrong", "wrong token"), (f"#{TOKEN}", "pause: done")):
+        for fragment, said in (("", "Looking only"), ("#wrong", "wrong token"), (f"#{TOKEN}", "Paused.")):
             browser.open("about:blank")
             browser.open(f"http://127.0.0.1:{server.server_port}/{fragment}")
             browser.wait("document.readyState === 'complete' && typeof frames === 'number'")
             browser.evaluate("document.querySelector('[data-command=pause]').click()")
             browser.wait(f"$('said').textContent.includes({said!r})")
-            assert bool(done) == (said == "pause: done")
+            assert bool(done) == (said == "Paused.")
     finally:
         browser.open("about:blank")
         server.close()

@@ -65,11 +65,11 @@ def test_keyframes_look_where_their_camera_looks(heading: float) -> None:
 
 def test_frontiers_come_with_their_utility() -> None:
     border = Frontier(np.array([[2, 9], [3, 9]]), np.zeros(2), 1.0)
-    views = [View(SE2(1.0, 2.0, 0.0), 4.0, 2.0, 30, 2.0), View(SE2(0.0, 0.0, 0.0), 1.0, 4.0, 30, 0.25)]
-    told = feed.frontiers(frontier_markers(grid(), [border], views, 1))
+    views = [View(SE2(1.0, 2.0, 0.0), 4.0, 2.0, 30, 0.5), View(SE2(0.0, 0.0, 0.0), 1.0, 4.0, 30, 0.25)]
+    told = feed.frontiers(frontier_markers(grid(), [border], views, 1, 2.0))
     assert told["borders"] == [[[1.75, 2.25], [1.75, 2.75]]]
-    assert [view["utility"] for view in told["views"]] == [2.0, 0.25]
-    assert told["views"][0]["text"] == "v 4.0 m2, d 2.0 m, U 2.00"
+    assert [view["utility"] for view in told["views"]] == [0.5, 0.25]
+    assert told["views"][0]["text"] == "v 4.0 m2, d 4.0 m, landmarks x 0.50, U 0.50"
 
 
 def test_a_long_plan_is_thinned_and_keeps_its_ends() -> None:

@@ -36,6 +36,8 @@ def described(files: list[Any], texts: list[str]) -> tuple[dict[str, Any], dict[
         for node in config.nodes
     }
     given = {name: param.value for name, param in config.params.items() if not name.startswith("/ros")}
+    if "/run_dir" in given:
+        assert Path(given.pop("/run_dir")).is_dir()
     return nodes, dict(leaf for name, value in given.items() for leaf in leaves(name, value))
 
 
@@ -61,15 +63,15 @@ def robot_home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
         ("bringup", [], launch.bringup()),
         ("explore", ["base:=create", "planner:=unconstrained"], [
             *launch.bringup("create"),
-            *launch.exploration("unconstrained"),
+            *launch.exploration("unconstrained"), *launch.keeping(),
         ]),
         ("explore", ["base:=ros", "camera:=ros"], [
             *launch.bringup("ros", camera="ros"),
-            *launch.exploration(),
+            *launch.exploration(), *launch.keeping(),
         ]),
         ("simulate", ["seed:=3", "devices:=/dev/shm", "rate_hz:=30"], [
             *launch.emulation("lab", 3, "/dev/shm", rate_hz=30.0),
-            *launch.exploration(seed=3),
+            *launch.exploration(seed=3), *launch.keeping(),
         ]),
     ],
 )  # fmt: skip
@@ -94,7 +96,7 @@ def test_a_configuration_file_reaches_every_node(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text(yaml.safe_dump(tree), encoding="utf-8")
     _, by_file = described([(str(CHECKOUT / "launch" / "explore.launch"), [f"config:={file}"])], [])
-    nodes = [*launch.bringup(), *launch.exploration()]
+    nodes = [*launch.bringup(), *launch.exploration(), *launch.keeping()]
     _, by_table = described([], [launch.xml(nodes, tree)])
     assert by_file == by_table
     assert by_file["/config/planner/phi_rad_m"] == 0.625
@@ -107,8 +109,19 @@ def test_roslaunch_takes_what_this_robot_s_calibrations_found(robot_home: Path) 
         assert params["/config/robot/odometry/linear_scale"] == found, name
 
 
+def test_every_exploration_by_roslaunch_leaves_a_folder_unless_told_otherwise(robot_home: Path) -> None:
+    file = str(CHECKOUT / "launch" / "explore.launch")
+    described([(file, [])], [])
+    (folder,) = (robot_home / "runs").iterdir()
+    assert folder.name.endswith("_ros")
+    for words in ("run_dir:=none", f"run_dir:={robot_home / 'mine'}"):
+        described([(file, [words])], [])
+    assert [folder] == list((robot_home / "runs").iterdir())
+
+
 def test_every_node_of_the_table_has_a_starter() -> None:
-    nodes = [*launch.emulation("lab"), *launch.exploration(), *launch.view(), launch.LaunchNode("teleop", {})]
+    kept = [*launch.exploration(), *launch.keeping()]
+    nodes = [*launch.emulation("lab"), *kept, *launch.view(), launch.LaunchNode("teleop", {})]
     assert {node.name for node in nodes} == set(topics.PUBLISHED)
     for node in nodes:
         starter = CHECKOUT / "scripts" / node.name

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("rospy")
 
-from vsx_ros.ros.monitor import progress_line
+from vsx_ros.ros.progress import progress_line
 
 
 def monitor(status):
@@ -22,5 +22,16 @@ def monitor(status):
         ({"reason": "coming to rest"}, {"camera": "no such port"}, "coming to rest"),
     ],
 )
-def test_the_line_ends_with_the_reason_or_with_what_is_missing(status, missing, told):
-    assert progress_line(monitor(status), None, 3.0, 60.0, missing).rsplit(" | ", 1)[1] == told
+def test_the_line_begins_with_the_reason_or_with_what_is_missing(status, missing, told):
+    line = progress_line(monitor(status), None, 3.0, 60.0, missing)
+    assert line == f"starting: {told} | 0.0 m2 known | 0.0 m | 3/60 s"
+
+
+def test_a_long_reason_is_cut_to_a_terminal_and_its_figures_are_left_out():
+    reason = "driving 3.0 m to look at 4.1 m2 of unknown ground, which lies behind a shelf"
+    status = {"state": "mapping", "reason": f"{reason} [U = v/d = 1]"}
+    line = progress_line(monitor(status), 0.41, 85.0, 300.0)
+    assert len(line) == 79
+    assert line.startswith("mapping: driving 3.0 m to look at 4.1 m2")
+    assert line.endswith("... | 41 % covered | 0.0 m | 85/300 s")
+    assert "U =" not in progress_line(monitor({**status, "reason": "on the way [U = 1]"}), None, 1.0, None)

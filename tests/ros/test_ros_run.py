@@ -20,7 +20,8 @@ pytest.importorskip("rospy")
 from ros_ports import free_port
 
 from vsx_ros.config import Config
-from vsx_ros.ros.run import Coverage, all_events
+from vsx_ros.ros.run import Coverage
+from vsx_ros.ros.run_results import all_events
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent, read_journal
 from vsx_ros.runs.process import DONE, FAILED, STOPPED
@@ -60,7 +61,7 @@ def exploring(tmp_path: Path, port: int, out: Path) -> Iterator[tuple[subprocess
         assert run.stderr is not None
         threading.Thread(target=lines.extend, args=(run.stderr,), daemon=True).start()
         deadline_s = time.monotonic() + 90.0
-        while not any("| mapping |" in line for line in lines):
+        while not any("mapping: " in line for line in lines):
             assert time.monotonic() < deadline_s, lines
             assert run.poll() is None, lines
             time.sleep(0.1)

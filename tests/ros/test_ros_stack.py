@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
-NODES = set(topics.PUBLISHED) - {"teleop", "emulator", "dashboard"}
+NODES = set(topics.PUBLISHED) - {"teleop", "emulator", "dashboard", "run_folder"}
 STOP_WITHIN_S = 0.5
 
 

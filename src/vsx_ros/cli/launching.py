@@ -8,16 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from vsx_hw import bases
+from vsx_ros.cli.new_run import new_run
 from vsx_ros.cli.option_values import BASES, PLANNERS
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.ros import launch, logs
 from vsx_ros.ros.host_address import DEFAULT_MASTER
 from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.node import AUTO
 from vsx_ros.runs.parameters import load, robot_file_here
 from vsx_ros.runs.process import DONE, FAILED
 from vsx_ros.runs.world import open_world
 
+_SIGINT_S = 15.0  # as roslaunch: run_folder waits for vslam
 _TEXTS = {
     "bringup": "The robot itself: base and camera.",
     "explore": "A real robot explores.",
@@ -38,7 +41,11 @@ def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
         robot = launch.bringup(args.base, args.port, args.camera, args.camera_info_url)
     if name == "bringup":
         return robot
-    return [*robot, *launch.exploration(args.planner, args.seed, args.run_dir, args.load_map)]
+    return [
+        *robot,
+        *launch.exploration(args.planner, args.seed, args.run_dir, args.load_map),
+        *launch.keeping(args.run_dir),
+    ]
 
 
 def parser(name: str) -> argparse.ArgumentParser:
@@ -69,7 +76,11 @@ def parser(name: str) -> argparse.ArgumentParser:
     if name != "bringup":
         add("--planner", choices=PLANNERS, default="fov", metavar="NAME", help="fov (default), unconstrained or paper")
         add("--seed", type=int, default=0, help="seed of the random draws")
-        add("--run-dir", default="", help="folder for the results of the SLAM")
+        add(
+            "--run-dir",
+            default=AUTO,
+            help="folder for the results (default: a new one in ~/.ros/runs; none: keep nothing)",
+        )
         add("--load-map", default="", help="SLAM map (.vsxmap) to go on in, the robot anywhere in it")
     return options
 
@@ -82,9 +93,11 @@ def main() -> None:
     try:
         real = name in ("bringup", "explore")
         config = to_dict(load(args.config or (robot_file_here() if real else None), []))
-        params = {"use_sim_time": True} if name == "replay" else {}
+        params: dict[str, Any] = {"use_sim_time": True} if name == "replay" else {}
+        if getattr(args, "run_dir", "") == AUTO:
+            params["run_dir"] = new_run()
         os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
-        parent = launch.start(launch.xml(nodes_of(name, args), config, params))
+        parent = launch.start(launch.xml(nodes_of(name, args), config, params), sigint_s=_SIGINT_S)
         parent.spin()
     except VsxError as error:
         sys.stderr.write(f"{name}: {error}\n")

@@ -35,6 +35,7 @@ COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "status": (options_robot.status, "small_commands"),
     "stop": (options_robot.stop, "small_commands"),
     "teleop": (options_robot.teleop, "small_commands"),
+    "go": (options_robot.go, "small_commands"),
     "calibrate": (options_robot.calibrate, "calibrate"),
     "doctor": (options_robot.doctor, "doctor"),
     "config": (options_robot.config, "small_commands"),
@@ -99,18 +100,19 @@ def execute(arguments: Sequence[str]) -> int:
 
 def _explained(error: BaseException) -> tuple[str, int]:
     """The error in one sentence, and the exit code."""
-    from vsx_hw.errors import DeviceError
-
     match error:
         case KeyboardInterrupt():
             return "stopped by the operator", STOPPED
         case VsxError():
             return str(error), FAILED
-        case DeviceError():
+        case _ if any(kind.__module__ == "vsx_hw.errors" for kind in type(error).__mro__):
             return str(error), HARDWARE
         case ModuleNotFoundError():
             remedy = "'vsx doctor' tells what is missing, and what to type"
             return f"there is no Python package {error.name!r} here; {remedy}", FAILED
+        case ImportError():
+            words = f"{sys.executable} is not the Python of this checkout's environment ({error})"
+            return f"{words}; start scripts/vsx, which finds it, or activate it", FAILED
         case OSError() if disk_trouble(error):
             return disk_trouble(error), FAILED
     place = traceback.extract_tb(error.__traceback__)[-1]

@@ -75,6 +75,18 @@ def pose(text: str) -> tuple[float, float, float]:
     return x, y, math.radians(degrees)
 
 
+def place(text: str) -> tuple[float, float, float | None]:
+    """X,Y or X,Y,DEG as metres and radians, None for no heading."""
+    try:
+        x, y, *degrees = (float(word) for word in text.split(","))
+        finite = math.isfinite(x + y + sum(degrees))
+    except ValueError:
+        finite, degrees = False, []
+    if not finite or len(degrees) > 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is no place; write X,Y or X,Y,DEG, e.g. 1.5,-2")
+    return x, y, math.radians(degrees[0]) if degrees else None
+
+
 def seeds(text: str) -> range:
     """A:B as a range."""
     match = re.fullmatch(r"(\d+):(\d+)", text)

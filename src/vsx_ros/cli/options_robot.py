@@ -2,10 +2,11 @@
 docstring of each is its help."""
 
 import argparse
+import re
 from pathlib import Path
 from typing import Any
 
-from vsx_ros.cli.option_values import add_parameters, positive
+from vsx_ros.cli.option_values import add_parameters, place, positive
 from vsx_ros.control.keyboard import KEYS
 
 
@@ -50,11 +51,23 @@ def stop(parser: argparse.ArgumentParser) -> None:
 def teleop(parser: argparse.ArgumentParser) -> None:
     """drive with the keyboard
 
-    Drives while a key is held and stops when it is released. The keyboard wins over the exploration, which goes on half
-    a second after the last key; bumper and cliff sensors win over the keyboard."""
+    Drives while a key is held and stops when it is released. The keyboard wins over the exploration, which goes on
+    three seconds after the last key (exploration.teleop_quiet_s); bumper and cliff sensors win over the keyboard."""
     parser.epilog = KEYS
     parser.add_argument("--v", type=positive, default=0.2, metavar="M_S", help="speed ahead and back (default 0.2 m/s)")
     parser.add_argument("--omega", type=positive, default=0.6, metavar="RAD_S", help="turn rate (default 0.6 rad/s)")
+
+
+def go(parser: argparse.ArgumentParser) -> None:
+    """send a running robot to a place in its map
+
+    Pauses the exploration, drives there, and waits. Then the exploration goes on, unless --stay or the parameter
+    exploration.stay_at_user_goal keeps the robot there. Without DEG it looks the way it came. Ctrl-C ends the drive.
+
+    exit codes: 0 reached, 1 not reached or no robot"""
+    parser._negative_number_matcher = re.compile(r"^-[\d.]")  # places may begin with a minus sign
+    parser.add_argument("place", type=place, metavar="X,Y[,DEG]", help="metres in the map, and degrees")
+    parser.add_argument("--stay", action="store_true", help="stay there, until the exploration is resumed")
 
 
 def doctor(parser: argparse.ArgumentParser) -> None:

@@ -46,7 +46,7 @@ def plan(args: argparse.Namespace) -> int:
         words = f"no plan ({plan.kind.value}): {plan.reason}"
     else:
         trajectory = time_scale(plan.path, config.limits)
-        tree, words = _as_dict(plan, trajectory), _in_words(plan, trajectory, config)
+        tree, words = _as_dict(plan, trajectory), _in_words(plan, trajectory, config, args.map is not None)
     print(json.dumps({**question, **tree}, indent=1, allow_nan=False) if args.json else words)
     if isinstance(plan, Refusal):
         return FAILED
@@ -77,8 +77,10 @@ def _as_dict(plan: Plan, trajectory: Trajectory) -> dict[str, Any]:
     return {"solved": True, "path": plan.path.as_dict(), "trajectory": timed}
 
 
-def _in_words(plan: Plan, trajectory: Trajectory, config: Config) -> str:
+def _in_words(plan: Plan, trajectory: Trajectory, config: Config, in_map: bool) -> str:
     path, c = plan.path, plan.path.certificate
+    known = in_map and c.min_clearance_m is not None
+    limits = f"at most {config.limits.v_m_s:g} m/s and {config.limits.omega_rad_s:g} rad/s"
     view = (
         f"at most {c.curvature_bound_rad_m:.6f} rad/m (phi {config.planner.phi_rad_m:g}), by {c.method}"
         if math.isfinite(c.curvature_bound_rad_m)
@@ -88,8 +90,8 @@ def _in_words(plan: Plan, trajectory: Trajectory, config: Config) -> str:
         f"length          {path.length_m:.3f} m, {path.reverse_m:.3f} m of it in reverse, {len(path.cusps)} cusps",
         f"change of view  {view}",
         f"end pose        {c.end_error_m:.1e} m and {c.end_error_rad:.1e} rad from the goal",
-        f"clearance       {'open floor' if c.min_clearance_m is None else f'{c.min_clearance_m:.3f} m'}",
-        f"time            {trajectory.duration_s:.2f} s",
+        f"clearance       {f'{c.min_clearance_m:.3f} m' if known else 'unlimited: open floor, no map was given'}",
+        f"drive           {trajectory.duration_s:.2f} s from rest to rest, {limits}",
     ])  # fmt: skip
 
 

@@ -59,8 +59,8 @@ def _nodes() -> Iterator[str]:
 def _topics() -> str:
     about = (
         "Names are relative: in a namespace they are below it, but for `/tf`, `/tf_static` and `/diagnostics`, which "
-        "every node but teleop and dashboard also publishes. Names of frames begin with the namespace (robot1/map), or "
-        "with what the parameter `tf_prefix` in it or in one above says.\n\n"
+        "every node but teleop, dashboard and run_folder also publishes. Names of frames begin with the namespace "
+        "(robot1/map), or with what the parameter `tf_prefix` in it or in one above says.\n\n"
     )
     return about + _table("publishes", topics.PUBLISHED)
 

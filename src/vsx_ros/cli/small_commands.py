@@ -1,5 +1,5 @@
-"""The small commands: ``vsx view``, ``status``, ``stop``, ``teleop`` and ``record`` for a running robot; also
-``config``, ``world`` and ``completion``."""
+"""The small commands: ``vsx view``, ``status``, ``stop``, ``teleop``, ``go`` and ``record`` for a running robot;
+also ``config``, ``world`` and ``completion``."""
 
 import argparse
 import math
@@ -43,6 +43,13 @@ def teleop(args: argparse.Namespace) -> int:
     from vsx_ros.ros.nodes.teleop import teleop
 
     return teleop(args.v, args.omega)
+
+
+def go(args: argparse.Namespace) -> int:
+    """Send the robot there."""
+    from vsx_ros.ros.go import go
+
+    return go(*args.place, stay=args.stay)
 
 
 def record(args: argparse.Namespace) -> int:

@@ -168,6 +168,9 @@ class ExplorationConfig(Branch, frozen=True):
     backtrack_max_m: Positive = 1.5
     retries_without_view: Count = 2
     retries_boxed_in: Count = 10
+    # After the last command of teleop the robot waits for so long, then it goes on exploring.
+    teleop_quiet_s: Annotated[float, Meta(ge=0, le=60)] = 3.0
+    stay_at_user_goal: bool = False  # true: after a goal of the user's it waits for explore/resume
 
 
 class Config(Branch, frozen=True):

@@ -30,6 +30,7 @@ class FollowStatus(enum.Enum):
     DIVERGED = "diverged"
     STALE = "stale"
     STOPPED = "stopped"
+    HELD = "held"
 
 
 class FollowResult(NamedTuple):

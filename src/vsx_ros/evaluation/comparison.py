@@ -19,6 +19,7 @@ _LESS_IS_BETTER = {
     "ate_final_rmse_m", "ate_final_rmse_sim3_m", "scale_error",
     "free_inside_obstacle", "collisions", "planned_vs_executed_rms_m", "plan_ms_median", "plan_ms_p99",
 }  # fmt: skip
+_NO_OPTIONS = "command", "date", "versions"
 _SIDE = """
 main{max-width:1500px}.sides{display:grid;grid-template-columns:1fr 1fr;gap:24px}
 .better{color:var(--green)}.worse{color:var(--red)}
@@ -67,12 +68,18 @@ def _numbers(a: Named, b: Named) -> str:
 
 
 def _settings(a: Named, b: Named) -> str:
-    """The parameters, by full name, and versions that differ."""
-    before, after = ([f"{name} {v}" for name, v in versions(d).items()] + _parameters(d.config_yaml) for _, d in (a, b))
+    """The options of the runs, their parameters, by full name, and versions that differ."""
+    before, after = (_options(data) + _parameters(data.config_yaml) for _, data in (a, b))
     changed = [line for line in difflib.ndiff(before, after) if line[:2] in ("- ", "+ ")]
     if not changed:
-        return "<p>None: same configuration, same versions.</p>"
+        return "<p>None: same options, same configuration, same versions.</p>"
     return f"<pre>{html.escape(chr(10).join(changed))}</pre>"
+
+
+def _options(data: ReportData) -> list[str]:
+    """World, seed, time and the like, and versions."""
+    given = [f"{name}: {value}" for name, value in data.facts.items() if name not in _NO_OPTIONS]
+    return given + [f"{name} {version}" for name, version in versions(data).items()]
 
 
 def _parameters(config_yaml: str) -> list[str]:

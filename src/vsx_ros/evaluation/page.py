@@ -1,5 +1,6 @@
 """Self-contained HTML pages: a title, tables, pictures."""
 
+import base64
 import csv
 import html
 import io
@@ -58,6 +59,13 @@ def figures(pictures: Iterable[tuple[str, str]]) -> str:
     """(caption, svg or img) side by side if there is room."""
     shown = (f"<figure>{picture}<figcaption>{html.escape(name)}</figcaption></figure>" for name, picture in pictures)
     return f'<div class="figures">{"".join(shown)}</div>'
+
+
+def png_figure(caption: str, png: bytes) -> str:
+    """A picture with its caption; empty without a picture."""
+    image = base64.b64encode(png).decode()
+    picture = f'<img alt="{html.escape(caption)}" src="data:image/png;base64,{image}">'
+    return f'<figure class="seen">{picture}<figcaption>{html.escape(caption)}</figcaption></figure>' if png else ""
 
 
 def interval(value: Interval | None, form: str = ".2f") -> str:

@@ -10,7 +10,8 @@ import numpy as np
 from vsx_ros.arrays import FloatArray, Points2, Points3
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation import svg
-from vsx_ros.evaluation.page import document, table
+from vsx_ros.evaluation.events import collapsed, rows
+from vsx_ros.evaluation.page import document, png_figure, table
 from vsx_ros.evaluation.svg import map_view, window_around, window_of
 from vsx_ros.evaluation.trajectory import align, associate
 from vsx_ros.geometry.se3 import StampedPose
@@ -27,7 +28,7 @@ class ReportData:
     """The data of a run folder. world_is_level: z is up, so the map is drawn along z; else the first camera's x and z.
     good_ratio, lost_ratio: shares of found points above and below which tracking is good and lost. events: (stamp_ns,
     source, state, reason). frames: (stamp_ns, value of the state, searched, found, keyframe_added, track_ms, U2 so
-    far)."""
+    far). picture_png: what the camera saw last; empty if unknown."""
 
     summary: Mapping[str, Any]
     facts: Mapping[str, Any]
@@ -41,6 +42,7 @@ class ReportData:
     world_is_level: bool = True
     good_ratio: float = 0.3
     lost_ratio: float = 0.13
+    picture_png: bytes = b""
 
 
 def render(data: ReportData) -> str:
@@ -49,6 +51,8 @@ def render(data: ReportData) -> str:
     body = [
         f"<h1>{html.escape(title)}</h1>",
         _ending(data.summary),
+        _origin(data),
+        png_figure("the newest keyframe", data.picture_png),
         _figures(data.summary),
         section("Map and trajectory", map_picture(data)),
         section("Tracking over time", timeline(data)),
@@ -68,6 +72,13 @@ def _ending(summary: Mapping[str, Any]) -> str:
     reason = str(summary.get("stop_reason") or "the run did not say why it ended")
     kind = {True: "fine", False: "bad", None: "unknown"}[summary.get("ended_well")]
     return f'<p class="ending {kind}">{html.escape(reason)}</p>'
+
+
+def _origin(data: ReportData) -> str:
+    """World, seed, date and command."""
+    named = [("world", data.summary.get("world")), ("seed", data.summary.get("seed")), ("date", data.facts.get("date"))]
+    known = ", ".join(f"{name} {value}" for name, value in named if value is not None)
+    return f'<p class="legend">{html.escape(known)}</p>{command(data)}'
 
 
 def _figures(summary: Mapping[str, Any]) -> str:
@@ -178,11 +189,11 @@ def _top(values: FloatArray) -> float:
 
 
 def _events(data: ReportData) -> str:
-    told = [event for event in data.events if event[2] != "keyframe"]
-    began = (data.frames or told or [(0,)])[0][0]
-    rows = [(f"{(stamp - began) * 1e-9:.1f} s", *words) for stamp, *words in told[:_MAX_EVENTS]]
+    told = collapsed([event for event in data.events if event[2] != "keyframe"])
+    begins = [frame[0] for frame in data.frames[:1]] + [one.event[0] for one in told[:1]]
+    began = min(begins, default=0)
     more = f"<p>... and {len(told) - _MAX_EVENTS} more in events.jsonl</p>" if len(told) > _MAX_EVENTS else ""
-    return table(["at", "who", "state", "why"], rows) + more
+    return table(["at", "who", "state", "why"], rows(told[:_MAX_EVENTS], began)) + more
 
 
 def _folded(name: str, values: Mapping[str, Any]) -> str:
@@ -211,7 +222,7 @@ def versions(data: ReportData) -> dict[str, str]:
 
 def _repeat(data: ReportData) -> str:
     parameters = f"<details><summary>configuration</summary><pre>{html.escape(data.config_yaml)}</pre></details>"
-    return command(data) + _folded("versions", versions(data)) + parameters
+    return _folded("versions", versions(data)) + parameters
 
 
 STYLE = """
@@ -230,6 +241,8 @@ polyline.truth{stroke:var(--green);stroke-dasharray:6 4}circle.truth{fill:var(--
 .key::before{content:"";display:inline-block;width:18px;height:4px;margin-right:6px;vertical-align:middle;
 background:var(--c)}
 .key.estimate{--c:#1f6fd6}.key.truth{--c:#12855a}.key.points{--c:#4d5964}
+.seen{margin:0 0 16px;max-width:480px}.seen img{width:100%;border-radius:6px}
+figcaption{color:var(--soft);font-size:13px}
 table{width:100%}td:first-child{white-space:nowrap}summary{cursor:pointer;color:var(--blue);margin:8px 0}
 i{color:var(--soft)}
 """

@@ -13,6 +13,7 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import OperatorHold, UserGoal
 from vsx_ros.slam.state import TrackingState
 
 SECOND_NS = 1_000_000_000
@@ -32,7 +33,8 @@ class Situation(NamedTuple):
 
     T_map_base is None while no map exists. hazard names a pressed bumper or the like. landmarks_world: (M, 3).
     odom_epoch: that of T_odom_base; poses of different epochs cannot be compared.
-    lifted: whether the robot is held in the air."""
+    lifted: whether the robot is held in the air. held: the operator holds the wheels. user_goal: move_base pursues a
+    goal of somebody else, in place of ours; user_goal_end: how the last such goal has ended."""
 
     slam_state: TrackingState
     slam_reason: str
@@ -45,6 +47,9 @@ class Situation(NamedTuple):
     landmarks_world: FloatArray
     odom_epoch: int = 0
     lifted: bool = False
+    held: OperatorHold | None = None
+    user_goal: UserGoal | None = None
+    user_goal_end: str = ""
 
 
 class Action(Enum):
@@ -63,6 +68,8 @@ class MissionState(Enum):
     MAPPING = "mapping"
     RECOVERING = "recovering"
     PAUSED = "paused"
+    HELD = "held"
+    USER_GOAL = "user goal"
     DONE = "done"
 
 
@@ -87,6 +94,11 @@ class Decision(NamedTuple):
     frame: str
     state: str
     reason: str
+
+
+def without_figures(reason: str) -> str:
+    """The words of a reason; its figures, in brackets at the end, are for those who want to know more."""
+    return reason.partition(" [")[0]
 
 
 class MissionEvent(NamedTuple):

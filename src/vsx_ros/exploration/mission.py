@@ -8,7 +8,8 @@
             +--- STARTING: in a map made before --> RECOVERING
             +--- MAPPING: home, out of reach, a hazard that stays; any state: stop --> DONE
 
-From any state the operator may pause it (PAUSED); it then resumes in the earlier state. ``decide`` is called a few
+From any state the operator may pause it (PAUSED), hold the wheels (HELD: emergency stop, teleop) or send the robot
+elsewhere (USER GOAL); it then resumes in the earlier state, and nothing is blamed. ``decide`` is called a few
 times per second with what is known and returns one action. Every change of state and every choice is an event with its
 reason."""
 
@@ -25,14 +26,17 @@ from vsx_ros.exploration.decision import (
     SavedMission,
     Situation,
 )
+from vsx_ros.exploration.operator_claim import OperatorClaim
 from vsx_ros.exploration.recovery import Recovery, Trail
 from vsx_ros.exploration.utility import TravelCostsFrom
 from vsx_ros.exploration.view_selector import ViewSelector
-from vsx_ros.exploration.view_tour import Home, ViewTour
+from vsx_ros.exploration.view_tour import BRAKE_NS, Home, ViewTour
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.slam.state import TrackingState
 
 _RELOCALISE_WAIT_NS = SECOND_NS  # for the camera to be relocalised after each drive
+_YIELDING = MissionState.HELD, MissionState.USER_GOAL
+_RACE_NS = SECOND_NS  # a drive may be told as failed before it is told that the operator has ended it
 _RECOGNISE_WAIT_NS = 5 * SECOND_NS  # for the camera to be recognised before the robot moves
 
 
@@ -48,6 +52,8 @@ class Mission:
         self._tour = ViewTour(config, self._log, self._home, self._trail, self.view_selector)
         self._recovery = Recovery(exploration, config.robot.radius_m, planner.phi_rad_m)
         self._after_pause = MissionState.STARTING
+        self._stay_at_user_goal = exploration.stay_at_user_goal
+        self._claim = OperatorClaim(self._log)
 
     @property
     def state(self) -> MissionState:
@@ -68,7 +74,8 @@ class Mission:
     def pause(self, now_ns: int) -> None:
         """Stand still until resume."""
         if self.state not in (MissionState.DONE, MissionState.PAUSED):
-            self._after_pause = self.state
+            if self.state not in _YIELDING:
+                self._after_pause = self.state
             self._log.enter(now_ns, MissionState.PAUSED, "paused by the operator")
 
     def resume(self, now_ns: int) -> None:
@@ -131,11 +138,19 @@ class Mission:
             return self._log.answer(Action.FINISH, self._log.reason)
         active = situation.navigation is NavigationState.ACTIVE
         if self.state is MissionState.PAUSED:
-            return self._log.answer(Action.CANCEL if active else Action.WAIT, "paused")
+            claim = self._claim.of(now_ns, situation)
+            reason = "paused" if claim is None else f"paused; {claim[1]}"
+            if claim is not None and self._log.reason != reason:
+                self._log.note(now_ns, reason)
+            return self._log.answer(Action.CANCEL if active else Action.WAIT, reason)
         if situation.T_odom_base is None:
             return self._log.answer(Action.WAIT, "waiting for odometry")
         if restarted:
             return self._tour.rest(now_ns, active, "odometry restarted: coming to rest")
+        if (claim := self._claim.of(now_ns, situation)) is not None:
+            return self._yield(now_ns, situation, *claim)
+        if self.state in _YIELDING:
+            return self._take_over(now_ns, situation)
         if self.state is MissionState.STARTING:
             return self._start(now_ns, situation, situation.T_odom_base)
         if self.state is MissionState.RECOVERING:
@@ -143,6 +158,38 @@ class Mission:
         if situation.slam_state is TrackingState.LOST:
             return self._lose(now_ns, situation)
         return self._tour.decide(now_ns, situation)
+
+    # The operator's doings ------------------------------------------------------------------------------------
+
+    def _yield(self, now_ns: int, situation: Situation, state: MissionState, reason: str) -> Decision:
+        """Leave the robot to the operator. What failed since, or just before it was told, was nobody's fault."""
+        ended = situation.navigation in (NavigationState.ACTIVE, NavigationState.ABORTED)
+        if self.state not in _YIELDING:
+            if self.state is MissionState.STARTING and ended and self._drives:
+                self._drives -= 1
+            self._after_pause = self.state
+            since_ns = min(fact.since_ns for fact in (situation.held, situation.user_goal) if fact is not None)
+            self.view_selector.blacklist.withdraw(min(since_ns, now_ns) - _RACE_NS)
+            self._tour.forget_goal()
+            self._tour.backing_off = False
+        if self.state is not state:
+            self._log.enter(now_ns, state, reason)
+        stop = state is MissionState.HELD and situation.navigation is NavigationState.ACTIVE
+        return self._log.answer(Action.CANCEL if stop else Action.WAIT, reason)
+
+    def _take_over(self, now_ns: int, situation: Situation) -> Decision:
+        """Go on after the operator, at rest."""
+        of_user = self.state is MissionState.USER_GOAL
+        ended = situation.user_goal_end if situation.user_goal is None else "the goal is given up"
+        reason = ended if of_user else "the operator has let go of the wheels"
+        self._log.wait_until_ns = now_ns + BRAKE_NS
+        if of_user and self._stay_at_user_goal:
+            self._log.enter(now_ns, MissionState.PAUSED, f"{reason}; staying here until resumed")
+            return self._log.answer(Action.WAIT, self._log.reason)
+        if self._after_pause is MissionState.RECOVERING:
+            self._recovery.begin(now_ns)
+        self._log.enter(now_ns, self._after_pause, f"{reason}: the exploration goes on")
+        return self._log.answer(Action.WAIT, self._log.reason)
 
     def _start(self, now_ns: int, situation: Situation, T_odom_base: SE2) -> Decision:
         """Drive straight, alternately ahead and back, until SLAM has found its two frames (paper 3.1)."""

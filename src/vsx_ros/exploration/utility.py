@@ -39,12 +39,18 @@ class View(NamedTuple):
     utility: float
 
     def words(self, stop_cost_m: float) -> str:
-        """The view and its utility for people; stop_cost_m [m] is part of its d."""
+        """What the drive is for, for people, then the figures in brackets; stop_cost_m [m] is part of d."""
         x, y, heading_deg = self.pose.x, self.pose.y, math.degrees(self.pose.theta)
+        d_m, share = self.distance_m + stop_cost_m, self.landmark_factor(stop_cost_m)
         return (
-            f"view at ({x:.1f}, {y:.1f}) looking {heading_deg:.0f} deg: U = v/d = "
-            f"{self.gain_m2:.1f} m2 / {self.distance_m + stop_cost_m:.1f} m, {self.landmarks} landmarks"
+            f"driving {self.distance_m:.1f} m to look at {self.gain_m2:.1f} m2 of unknown ground "
+            f"[view at ({x:.1f}, {y:.1f}) looking {heading_deg:.0f} deg, {self.landmarks} landmarks: "
+            f"U = v/d x landmarks = {self.gain_m2:.1f} m2 / {d_m:.1f} m x {share:.2f} = {self.utility:.2f}]"
         )
+
+    def landmark_factor(self, stop_cost_m: float) -> float:
+        """The share of v / d that is left to a view with few known landmarks: U = v / d times this."""
+        return self.utility * (self.distance_m + stop_cost_m) / self.gain_m2 if self.gain_m2 > 0.0 else 0.0
 
 
 class Rejection(Enum):
@@ -133,8 +139,7 @@ def view_gain(grid: OccupancyGrid, positions: Points2, weights: FloatArray, conf
         grid.data, weights, grid.resolution, grid.origin_x, grid.origin_y, positions, bearings,
         config.sensor_range_m, config.mean_free_path_m,
     )  # fmt: skip
-    window = max(1, round(config.sensor_fov_rad / (2 * math.pi) * BEARINGS))
-    return window_sums(per_bearing, window)
+    return window_sums(per_bearing, max(1, round(config.sensor_fov_rad / (2 * math.pi) * BEARINGS)))
 
 
 def window_sums(per_bearing: FloatArray, window: int) -> FloatArray:
@@ -173,8 +178,7 @@ def rank_views(asked: RankingInput) -> Ranking:
     rejected[Rejection.UNREACHABLE] = int((~reachable).sum())
     worthy = reachable & (gains >= config.min_utility_m * (distances + config.stop_cost_m))
     rejected[Rejection.NOT_WORTH] = int((reachable & ~worthy).sum())
-    candidates, gains, distances = candidates[worthy], gains[worthy], distances[worthy]
-    views = _with_landmarks(asked, opaque, candidates, gains, distances)
+    views = _with_landmarks(asked, opaque, candidates[worthy], gains[worthy], distances[worthy])
     enough = [view for view in views if view.landmarks >= config.min_landmarks]
     rejected[Rejection.FEW_LANDMARKS] = len(views) - len(enough)
     # If nothing better is left, few landmarks are better than to stop.

@@ -101,11 +101,12 @@ class ViewSelector:
 
 
 class _Failure(NamedTuple):
-    """A goal, until when it is not tried, and how often it has failed."""
+    """A goal, until when it is not tried, how often it has failed, and the last time of that."""
 
     pose: SE2
     until_ns: int
     times: int
+    at_ns: int
 
 
 class GoalBlacklist:
@@ -121,8 +122,14 @@ class GoalBlacklist:
         same = [f for f in self._failures if self._near(pose.as_array()[None], [f.pose])[0]]
         times = 1 + max((failure.times for failure in same), default=0)
         seconds = self._first_s * 2.0 ** min(times - 1, _MOST_DOUBLINGS)
-        self._failures.append(_Failure(pose, now_ns + int(seconds * SECOND_NS), times))
+        self._failures.append(_Failure(pose, now_ns + int(seconds * SECOND_NS), times, now_ns))
         return seconds
+
+    def withdraw(self, since_ns: int) -> int:
+        """Forget failures since then: they were nobody's fault; returns their number."""
+        kept = [failure for failure in self._failures if failure.at_ns < since_ns]
+        withdrawn, self._failures = len(self._failures) - len(kept), kept
+        return withdrawn
 
     def near(self, now_ns: int, poses: FloatArray) -> BoolArray:
         """(N,) which of the poses (N, 3) are blacklisted now."""
@@ -143,4 +150,4 @@ class GoalBlacklist:
 
     def restore(self, now_ns: int, left: Sequence[tuple[SE2, float, int]]) -> None:
         """Take over what ``left`` returned before an interruption."""
-        self._failures = [_Failure(pose, now_ns + int(seconds * SECOND_NS), times) for pose, seconds, times in left]
+        self._failures = [_Failure(pose, now_ns + int(seconds * SECOND_NS), times, -1) for pose, seconds, times in left]

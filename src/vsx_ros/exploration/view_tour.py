@@ -11,7 +11,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
 _EMPTY_WAIT_NS = 2 * SECOND_NS  # no view: the mapper may still be making the map
-_SETTLE_NS, _BRAKE_NS = SECOND_NS, SECOND_NS // 2  # wait for the map after a failed goal; for the base to stand
+_SETTLE_NS, BRAKE_NS = SECOND_NS, SECOND_NS // 2  # wait for the map after a failed goal; for the base to stand
 _HOME_AGAIN_NS = 5 * SECOND_NS  # between tries to get home
 _MOST_BLOCKED = 30  # failed steps away from a hazard
 _MOST_TRIES = 5  # to get home; then the run ends where the robot is
@@ -95,7 +95,7 @@ class ViewTour:
         """Leave the goal without a failure, and come to rest."""
         self.forget_goal()
         self.backing_off = False
-        self._log.wait_until_ns = now_ns + _BRAKE_NS
+        self._log.wait_until_ns = now_ns + BRAKE_NS
         if reason != self._log.reason:  # the same until the base stands
             self._log.note(now_ns, reason)
         return self._log.answer(Action.CANCEL if active else Action.WAIT, reason)

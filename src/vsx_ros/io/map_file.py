@@ -44,6 +44,8 @@ def load_map(path: Path) -> OccupancyGrid:
     PGM and PNG of 8 or 16 bits, grey or colour; fully transparent pixels are unknown. Raises MapFileError with the
     missing or wrong entry."""
     text = path if path.suffix in (".yaml", ".yml") else path.with_suffix(".yaml")
+    if text != path and not text.exists():
+        raise MapFileError(f"{path} is no map_server YAML, and there is no {text.name} beside it; give a map.yaml")
     with explained(MapFileError, f"map {text} cannot be read", "give a map_server YAML"):
         tree = yaml_tree(file_text(text))
     try:

@@ -46,6 +46,7 @@ class Follower:
         self._config, self._careful_until_ns = config.follower, -1
         self._hazards: frozenset[str] = frozenset()
         self._is_stuck = False
+        self._held = ""
         self._id, self._frame = 0, MAP_FRAME
         self._begun_ns, self._rested_ns = 0, -1
         self._following = False
@@ -66,9 +67,10 @@ class Follower:
 
     def follow(self, now_ns: int, trajectory: Trajectory, frame: str, identity: int) -> None:
         """Drive along the trajectory, from rest; it replaces any other."""
-        self._id, self._frame, self._following, self._stop = identity, frame, True, None
+        self._id, self._frame, self._following, self._stop = identity, frame, not self._held, None
         self._begun_ns = now_ns
-        self._tracker.start(trajectory, now_ns)
+        if self._following:
+            self._tracker.start(trajectory, now_ns)
 
     def brake(self, now_ns: int, a_m_s2: float) -> VelocityCommand | None:
         """Come to rest on the path, braking by a_m_s2 [m/s2], or by the present value if that is larger; infinite: as
@@ -87,6 +89,18 @@ class Follower:
         self._tracker.cancel()
         self.result = FollowResult(STOP, FollowStatus.STOPPED, reason)
         return self._rest(now_ns)
+
+    def hold(self, now_ns: int, reason: str) -> VelocityCommand | None:
+        """The operator holds the wheels for this reason (empty: no more). A drive ends, and no other begins."""
+        if not self._held and not reason:
+            return None
+        self._held = reason
+        if not reason:
+            self.result = FollowResult(STOP, FollowStatus.IDLE, "the operator has let go of the wheels")
+            return None
+        command = self.end(now_ns, reason)
+        self.result = FollowResult(STOP, FollowStatus.HELD, reason)
+        return command
 
     def take_hazards(self, now_ns: int, hazards: frozenset[str]) -> VelocityCommand | None:
         """Take the names of pressed or raised contacts. A new one ends the drive; the base may back away from old

@@ -7,6 +7,8 @@
       +-----------------+                                               |
       +<---- RESTING <----(cancelled: brake; nothing left to try)-------+
 
+While the operator holds the wheels, PLANNING waits; then it plans from where the base stands. No try is used up.
+
 ``step`` takes what is known and returns what to do. While the planner works, the base stands or brakes. The caller
 passes the planner's answers to ``planned``."""
 
@@ -123,6 +125,10 @@ class GoalExecution:
             return []
         if seen.silent_client:
             return [self._done(False, f"the client {seen.silent_client} is silent")]
+        if seen.follower.status is FollowStatus.HELD and self._phase in (_Phase.PLANNING, _Phase.DRIVING):
+            self._driven = None
+            self._enter(_Phase.PLANNING, now_ns)
+            return []
         if self._phase is _Phase.DRIVING and (done := self._verdict(now_ns, seen)) is not None:
             return [done]
         acts = self._brake(now_ns, seen)

@@ -150,8 +150,12 @@ class Navigator:
         """Come to rest; then the goal has ended."""
         self._execution.cancel(now_ns, "cancelled")
 
-    def step(self, now_ns: int, where: LocalizationState, hazards: frozenset[str] = frozenset()) -> FollowResult:
-        """The velocity for now, and the follower's result."""
+    def step(
+        self, now_ns: int, where: LocalizationState, hazards: frozenset[str] = frozenset(), held: str = ""
+    ) -> FollowResult:
+        """The velocity for now, and the follower's result. held: why the operator holds the wheels; empty: he does
+        not."""
+        self._follower.hold(now_ns, held)
         if self._answer is not None and now_ns >= self._answer[0]:
             self._execution.planned(now_ns, *self._answer[1:])
             self._answer = None

@@ -130,9 +130,7 @@ class GroundMap:
         overruled = self._config.overruled_ratio, self._config.few_overruled_ratio
         return believed(hits, over, free_votes, _MIN_POINTS, _SURE_POINTS, overruled)
 
-    def _hits(
-        self, scans: PolarScans, points: Points3, point: IntArray, lattice: Lattice
-    ) -> tuple[Counts, Counts]:
+    def _hits(self, scans: PolarScans, points: Points3, point: IntArray, lattice: Lattice) -> tuple[Counts, Counts]:
         """Observations of obstacle points, and of points above them. Those above are hits, too, where they belong to a
         thin post, such as a table leg: a plain leg shows points only where it meets the top."""
         hits, over = (

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
@@ -39,7 +39,7 @@ class ZoneCells(NamedTuple):
     version: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ZonedGrid(OccupancyGrid):
     """A ground map with zones. Free cells of closed zones are not ``drivable``. margin_m: already added around closed
     zones."""
@@ -60,10 +60,7 @@ class ZonedGrid(OccupancyGrid):
             return self
         nearest = cells[int(np.argmin(np.hypot(*(self.centres(cells) - [x, y]).T)))]
         still = self.zones.closed & (labels != labels[tuple(nearest)])
-        cells_left = self.zones._replace(closed=still)
-        return ZonedGrid(
-            self.data, self.resolution, self.origin_x, self.origin_y, zones=cells_left, margin_m=self.margin_m
-        )
+        return replace(self, zones=self.zones._replace(closed=still))
 
 
 def with_zones(
@@ -95,7 +92,9 @@ def with_zones(
     wanted = np.logical_or.reduce(looks) if looks else None
     names = tuple(zone.name for zone in zones)
     cells_of = ZoneCells(closed=closed, v_m_s=v_m_s, owner=owner, names=names, wanted=wanted, version=version)
-    return ZonedGrid(grid.data, grid.resolution, grid.origin_x, grid.origin_y, zones=cells_of, margin_m=margin_m)
+    return ZonedGrid(
+        grid.data, grid.resolution, grid.origin_x, grid.origin_y, grid.probability, zones=cells_of, margin_m=margin_m
+    )
 
 
 def _inside(grid: OccupancyGrid, zone: Zone) -> BoolArray:

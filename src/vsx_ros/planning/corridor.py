@@ -72,21 +72,14 @@ def build_corridor(
     clearance = clearance_field(grid)
     need = robot.radius_m + config.clearance_m
     here = float(clearance.at(np.array([[start.x, start.y]]))[0])
-    if here < 0.0:
-        return Refusal(
-            RefusalKind.START_BLOCKED,
-            f"the start ({start.x:.2f}, {start.y:.2f}) lies {-here:.2f} m inside {_words(grid, start, robot)}",
-        )
+    if here < 0.0 or not _is_in(grid, start):
+        return Refusal(RefusalKind.START_BLOCKED, _why_blocked(grid, "start", start, here, robot.radius_m))
     needed = np.full(clearance.values.shape, need)
     _relax(needed, clearance, start, here, need)
     if goal is not None:
         there = float(clearance.at(np.array([[goal.x, goal.y]]))[0])
         if there < robot.radius_m:
-            return Refusal(
-                RefusalKind.GOAL_BLOCKED,
-                f"the goal ({goal.x:.2f}, {goal.y:.2f}) has {there:.2f} m to {_words(grid, goal, robot)}; "
-                f"the base needs {robot.radius_m:.2f} m",
-            )
+            return Refusal(RefusalKind.GOAL_BLOCKED, _why_blocked(grid, "goal", goal, there, robot.radius_m))
         _relax(needed, clearance, goal, there, need)
     values = np.subtract(clearance.values, needed, out=needed)
     values -= _SEARCH_MARGIN_M
@@ -94,11 +87,20 @@ def build_corridor(
     return Corridor(clearance, margin)
 
 
-def _words(grid: OccupancyGrid, pose: SE2, robot: RobotConfig) -> str:
-    """What keeps the base from a pose."""
-    keep_out = KeepOut(grid, robot.radius_m)
-    zoned = float(keep_out.clearance(np.array([[pose.x, pose.y]]))[0]) < robot.radius_m
-    return f"the zone {keep_out.zone_near(pose.x, pose.y)!r}" if zoned else "ground that is not known to be free"
+def _is_in(grid: OccupancyGrid, pose: SE2) -> bool:
+    return bool(grid.contains(grid.cells(np.array([[pose.x, pose.y]])))[0])
+
+
+def _why_blocked(grid: OccupancyGrid, name: str, pose: SE2, clearance_m: float, radius_m: float) -> str:
+    at = f"the {name} ({pose.x:.2f}, {pose.y:.2f})"
+    if not _is_in(grid, pose):
+        return f"{at} lies outside the map"
+    keep_out = KeepOut(grid, radius_m)
+    zoned = float(keep_out.clearance(np.array([[pose.x, pose.y]]))[0]) < radius_m
+    what = f"the zone {keep_out.zone_near(pose.x, pose.y)!r}" if zoned else "ground that is not known to be free"
+    if clearance_m < 0.0:
+        return f"{at} lies {-clearance_m:.2f} m inside {what}"
+    return f"{at} has {clearance_m:.2f} m to {what}; the base needs {radius_m:.2f} m"
 
 
 def _relax(needed: FloatArray, field: DistanceField, pose: SE2, clearance: float, need: float) -> None:

@@ -1,6 +1,7 @@
 """The base's readings as messages, on the topics of the node mobile_base, and in its diagnostics and log."""
 
 import contextlib
+import json
 import math
 import os
 import socket
@@ -16,8 +17,9 @@ from tf2_msgs.msg import TFMessage
 
 from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading, RateSample
 from vsx_hw.safety import Decision, Supervisor
+from vsx_ros.control.operator_hold import OperatorHoldWatch
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import Odometry, OperatorHold
 from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.logs import ERROR, OK, WARN, Diagnostics
 from vsx_ros.ros.topic_drivers import topic_names
@@ -121,7 +123,9 @@ def is_nearly_empty(msg: BatteryState) -> bool:
 class BaseTopics:
     """Publishes each reading. For a base with its own driver: only what that driver does not publish already."""
 
-    def __init__(self, robot_type: str) -> None:
+    def __init__(self, robot_type: str, teleop_quiet_s: float) -> None:
+        """teleop_quiet_s: the operator holds the wheels for so long after the last command of teleop [s]."""
+        self._hold = OperatorHoldWatch(teleop_quiet_s)
         own_driver = topic_names(robot_type)
         ours = own_driver is None
         renamed = own_driver is not None and rospy.resolve_name(own_driver.odometry) != rospy.resolve_name(topics.ODOM)
@@ -137,11 +141,18 @@ class BaseTopics:
         self._offer(topics.HAZARDS, UInt8, queue_size=5, latch=True, tcp_nodelay=True)
         self._offer(topics.BUTTONS, UInt8, queue_size=5, latch=True)
         self._offer(topics.MUX_ACTIVE, String, queue_size=5, latch=True)
+        self._offer(topics.OPERATOR_HOLD, String, queue_size=5, latch=True, tcp_nodelay=True)
         self._news: dict[str, object] = {}
         self._touched = False
         self.tell_hazards(Hazard.NONE, 0)
         self._tell_new(topics.BUTTONS, UInt8(0))
         self._tell_new(topics.MUX_ACTIVE, String("idle"))
+
+    def tell_hold(self, estopped: bool, active: str = "") -> None:
+        """Publish whether the operator holds the wheels, when that changes. active: the source of commands."""
+        hold = self._hold.observe(headers.now_ns(), estopped, active)
+        told = hold if hold is not None else OperatorHold("", 0)
+        self._tell_new(topics.OPERATOR_HOLD, String(json.dumps(told._asdict())))
 
     def tell(self, reading: BaseReading, active: str) -> None:
         """Publish a reading and the active source (empty: none)."""

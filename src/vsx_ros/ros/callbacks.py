@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 from vsx_hw.errors import DeviceError
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.limits import json_tree
-from vsx_ros.robot import Odometry, OdometryEpochs
+from vsx_ros.robot import Odometry, OdometryEpochs, OperatorHold
 from vsx_ros.ros import convert, headers, logs, threads, topics
 
 # Larger than any image: with rospy's default of 64 kB, a slow callback gets images one second late (ros_comm #536).
@@ -71,6 +71,16 @@ def hear_odometry(callback: Callable[[Odometry], None], topic: str = topics.ODOM
         callback(epochs.enter(odometry))
 
     subscribe(topic, OdometryMsg, take, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)
+
+
+def hear_operator_hold(callback: Callable[[OperatorHold | None], None]) -> rospy.Subscriber:
+    """Subscribe to the fact that the operator holds the wheels; None: nobody does."""
+
+    def take(msg: String) -> None:
+        told = json_object(msg, "by", "since_ns")
+        callback(OperatorHold(str(told["by"]), int(told["since_ns"])) if told["by"] else None)
+
+    return subscribe(topics.OPERATOR_HOLD, String, take, queue_size=5, tcp_nodelay=True)
 
 
 def offer_trigger(name: str, act: Callable[[], str]) -> None:

@@ -186,7 +186,8 @@ def grid(msg: OccupancyGridMsg) -> OccupancyGrid:
     cells = np.full(data.shape, UNKNOWN, np.int8)
     cells[(data >= 0) & (data <= _FREE_BELOW_PERCENT)] = FREE
     cells[data >= _OCCUPIED_ABOVE_PERCENT] = OCCUPIED
-    return OccupancyGrid(cells.reshape(info.height, info.width), float(info.resolution), origin.x, origin.y)
+    resolution = float(str(np.float32(info.resolution)))  # the shortest number with this float32
+    return OccupancyGrid(cells.reshape(info.height, info.width), resolution, origin.x, origin.y)
 
 
 def grid_msg(grid: OccupancyGrid, frame_id: str, stamp_ns: int) -> OccupancyGridMsg:

@@ -13,7 +13,9 @@ import time
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import Transform, Vector3
+from actionlib_msgs.msg import GoalID
+from geometry_msgs.msg import PoseStamped, Transform, Vector3
+from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseGoal
 from nav_msgs.msg import Path as PathMsg
 from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
@@ -104,6 +106,19 @@ class FollowerLink:
     def brake(self, now_ns: int, a_m_s2: float) -> None:
         """Stop along the path with this deceleration. Infinite: stop at once and drop the trajectory."""
         self._trajectory_pub.publish(brake_msg(a_m_s2, topics.MAP_FRAME, now_ns))
+
+
+def relay_simple_goals() -> None:
+    """Make goals of the topic move_base_simple/goal (rviz) goals of the action, named after their sender as actionlib's
+    clients name theirs."""
+    goals_pub = rospy.Publisher(topics.MOVE_BASE_GOAL, MoveBaseActionGoal, queue_size=2)
+
+    def relay(msg: PoseStamped) -> None:
+        sender = (msg._connection_header or {}).get("callerid", topics.SIMPLE_GOAL)
+        identity = GoalID(rospy.Time.now(), f"{sender}-{headers.now_ns()}")
+        goals_pub.publish(MoveBaseActionGoal(goal_id=identity, goal=MoveBaseGoal(msg)))
+
+    subscribe(topics.SIMPLE_GOAL, PoseStamped, relay, queue_size=1)
 
 
 def path_msg(plan: Plan, frame: str) -> PathMsg:

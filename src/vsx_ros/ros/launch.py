@@ -17,6 +17,7 @@ import yaml
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import topics
 from vsx_ros.ros.host_address import export_ros_address
+from vsx_ros.ros.node import AUTO
 
 # Time to the next stronger signal; roslaunch: 15 and 2 s. On a busy machine vslam needs seconds to write results.
 SIGINT_TIMEOUT_S, SIGTERM_TIMEOUT_S = 6.0, 1.0
@@ -67,15 +68,21 @@ def emulation(
 
 
 def exploration(
-    planner: str = "fov", seed: int = 0, run_dir: str = "", load_map: str = "", room: str = ""
+    planner: str = "fov", seed: int = 0, run_dir: str = AUTO, load_map: str = "", room: str = ""
 ) -> list[LaunchNode]:
-    """All nodes above the robot. load_map: a SLAM map to continue. room: the only one of it to explore."""
+    """All nodes above the robot. run_dir: for results; auto: the parameter of that name in the namespace. load_map: a
+    SLAM map to continue. room: the only one of it to explore."""
     return [
         LaunchNode("vslam", {"seed": seed, "run_dir": run_dir, "load_map": load_map, "room": room}),
         LaunchNode("move_base", {"planner": planner, "seed": seed}, respawn=True),
         LaunchNode("follower", {}, respawn=True),
         LaunchNode("explore", {"run_dir": run_dir}),
     ]
+
+
+def keeping(run_dir: str = AUTO) -> list[LaunchNode]:
+    """What completes the run's folder, for launches without ``vsx explore``, which does that itself."""
+    return [LaunchNode("run_folder", {"run_dir": run_dir})]
 
 
 def view(host: str = "127.0.0.1", port: int = 8765) -> list[LaunchNode]:
@@ -131,7 +138,7 @@ def package_environment() -> None:
         os.environ["ROS_PACKAGE_PATH"] = f"{checkout}:{others}"
 
 
-def start(text: str, *, quiet: bool = False) -> roslaunch.parent.ROSLaunchParent:
+def start(text: str, *, quiet: bool = False, sigint_s: float = SIGINT_TIMEOUT_S) -> roslaunch.parent.ROSLaunchParent:
     """Start the nodes of a launch text, and a master if none runs. Call it on the main thread. Raises ConfigError if
     roslaunch rejects the text."""
     package_environment()
@@ -145,7 +152,7 @@ def start(text: str, *, quiet: bool = False) -> roslaunch.parent.ROSLaunchParent
             is_core=False,
             show_summary=not quiet,
             force_log=quiet,
-            sigint_timeout=SIGINT_TIMEOUT_S,
+            sigint_timeout=sigint_s,
             sigterm_timeout=SIGTERM_TIMEOUT_S,
         )
         parent.start(auto_terminate=False)

@@ -23,6 +23,7 @@ from vsx_ros.ros import calls, launch, logs, node, topics
 from vsx_ros.ros.calls import answers_at
 from vsx_ros.ros.host_address import DEFAULT_MASTER
 from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.master_guard import MasterGuard
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.ros.nodes.dashboard import prepare_view
 from vsx_ros.runs import process
@@ -49,14 +50,15 @@ class LiveRun:
         when the view cannot be shown."""
         os.environ["ROS_LOG_DIR"] = str(log.resolve())
         log.mkdir(exist_ok=True)
-        self.url = ""
+        self.url, self.port = "", 0
         if view:
-            port, self.url = prepare_view()
-            nodes = nodes + launch.view(port=port)
+            self.port, self.url = prepare_view()
+            nodes = nodes + launch.view(port=self.port)
         self._names = [node.name for node in nodes]
         self._text = launch.xml(nodes, to_dict(config), {"/use_sim_time": True} if replayed else None)
         self._vital, self._replayed = vital, replayed
         self._parent: Any = None
+        self._guard: MasterGuard | None = None
         self._zero_pub: Any = None
         self._dead: list[str] = []
         self._to_release = ""
@@ -112,12 +114,17 @@ class LiveRun:
                 raise KeyboardInterrupt from None
             raise
         self._heard.listen()  # roslaunch has replaced the signal handlers
+        self._guard = MasterGuard(each.popen.pid for each in self._parent.pm.procs if self._is_of_ros(each))
         self._parent.runner.pm.add_process_listener(SimpleNamespace(process_died=self._remember_dead))
         rospy.init_node("run", disable_signals=True, anonymous=True)
         logs.log_without_master()
         master_watch().remember({param.key: param.value for param in self._parent.config.params.values()})
         master_watch().keep({node.PARAMETERS_SET: True})  # written after all other parameters
         self._zero_pub = rospy.Publisher(topics.COMMAND_SAFETY, Twist, queue_size=1)
+
+    def _is_of_ros(self, process: Any) -> bool:
+        """Whether it is the master or rosout; the nodes end by themselves when this process is killed."""
+        return process.popen is not None and process.name.rsplit("-", 1)[0] not in self._names
 
     def _remember_dead(self, process_name: str, _: int) -> None:
         self._dead.append(process_name.rsplit("-", 1)[0])  # roslaunch adds a number to process names
@@ -129,6 +136,8 @@ class LiveRun:
             _tried(_END_S, self._parent.shutdown, "roslaunch")
             _kill(started)
         self._release()
+        if self._guard is not None:
+            self._guard.close()
         self._redirected.close()
 
     def _silence(self) -> None:

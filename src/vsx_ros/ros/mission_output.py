@@ -21,7 +21,9 @@ from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import Frontier
-from vsx_ros.ros import convert, headers, logs, threads, topics
+from vsx_ros.robot import DrivenDistance
+from vsx_ros.ros import convert, headers, logs, node, threads, topics
+from vsx_ros.ros.callbacks import hear_odometry
 from vsx_ros.ros.situation import LocalizationSubscriber
 from vsx_ros.runs.folder import RunFolder
 
@@ -41,9 +43,11 @@ TAKEN_WITHIN_S = 2.0
 class MissionTopics:
     """Publishers: explore/{frontiers,status,events,coverage}."""
 
-    def __init__(self, mission: Mission) -> None:
-        self._mission = mission
+    def __init__(self, mission: Mission, stop_cost_m: float) -> None:
+        self._mission, self._stop_cost_m = mission, stop_cost_m
         self._status, self._status_s = "", 0.0
+        self._begun_s, self._driven = time.monotonic(), DrivenDistance()
+        hear_odometry(self._driven.add)
         self._grid: OccupancyGrid | None = None
         self._shown: object = None
         self._frontiers: list[Frontier] = []
@@ -68,7 +72,8 @@ class MissionTopics:
         if view_selector.ranking is not self._shown and grid is not None:
             self._shown, self._frontiers = view_selector.ranking, view_selector.frontiers()
             views = view_selector.ranking.views
-            self._frontiers_pub.publish(frontier_markers(grid, self._frontiers, views, headers.now_ns()))
+            markers = frontier_markers(grid, self._frontiers, views, headers.now_ns(), self._stop_cost_m)
+            self._frontiers_pub.publish(markers)
         text, now_s = self._status_text(decision, navigation, grid), time.monotonic()
         if text == self._status and now_s - self._status_s <= _STATUS_PERIOD_S:
             return False
@@ -87,15 +92,17 @@ class MissionTopics:
             "frontiers": len(self._frontiers),
             "views": len(self._mission.view_selector.ranking.views),
             "known_area_m2": grid.known_area_m2 if grid is not None else None,
+            "elapsed_s": round(time.monotonic() - self._begun_s),
+            "driven_m": round(self._driven.distance_m, 1),
         }
         return json.dumps(status)
 
 
 def frontier_markers(
-    grid: OccupancyGrid, frontiers: Sequence[Frontier], views: Sequence[View], stamp_ns: int
+    grid: OccupancyGrid, frontiers: Sequence[Frontier], views: Sequence[View], stamp_ns: int, stop_cost_m: float
 ) -> MarkerArray:
     """One blue marker of points per frontier. Each of the best views gets a green ball whose size shows its utility,
-    and a text with v, d (including the stop) and U."""
+    and a text with v, d (including the stop, stop_cost_m [m]), the factor for its landmarks, and U."""
     about = {"header": headers.header(topics.MAP_FRAME, stamp_ns), "lifetime": rospy.Duration.from_sec(_LIFETIME_S)}
 
     def marker(namespace: str, number: int, kind: int, color: ColorRGBA, size_m: float, pose: SE2) -> Marker:
@@ -112,8 +119,8 @@ def frontier_markers(
     for number, view in enumerate(shown):
         size_m = _BIGGEST_BALL_M * max(0.1, view.utility / best)
         text = marker("utilities", number, Marker.TEXT_VIEW_FACING, _WHITE, _TEXT_M, view.pose)
-        way_m = view.gain_m2 / view.utility if view.utility > 0.0 else view.distance_m
-        text.text = f"v {view.gain_m2:.1f} m2, d {way_m:.1f} m, U {view.utility:.2f}"
+        way_m, share = view.distance_m + stop_cost_m, view.landmark_factor(stop_cost_m)
+        text.text = f"v {view.gain_m2:.1f} m2, d {way_m:.1f} m, landmarks x {share:.2f}, U {view.utility:.2f}"
         markers += [marker("views", number, Marker.SPHERE, _GREEN, size_m, view.pose), text]
     return MarkerArray(markers)
 
@@ -126,7 +133,7 @@ class MissionWriter:
         self._mission, self._lock, self._where = mission, lock, where
         self._writing = threading.Lock()
         self._saved: SavedMission | None = None
-        run_dir = str(rospy.get_param("~run_dir", ""))
+        run_dir = node.run_dir()
         self._checkpoint = RunFolder(Path(run_dir)).checkpoint if run_dir else None
         if self._checkpoint is not None:
             if (remembered := self._checkpoint.read_mission()) is not None:
@@ -151,6 +158,12 @@ class MissionWriter:
             self._checkpoint.write_mission(saved.tree(), now_ns)
 
 
+def is_served(client: actionlib.ActionClient) -> bool:
+    """Whether an action server is connected. The client's own wait uses ROS time, which may stand still."""
+    ends = client.pub_goal, client.pub_cancel, client.result_sub, client.feedback_sub
+    return all(end.get_num_connections() > 0 for end in ends)
+
+
 class GoalSender:
     """The client of move_base: one goal at a time."""
 
@@ -162,9 +175,8 @@ class GoalSender:
 
     @property
     def is_served(self) -> bool:
-        """Whether an action server is connected. The client's own wait uses ROS time, which may stand still."""
-        ends = self._client.pub_goal, self._client.pub_cancel, self._client.result_sub, self._client.feedback_sub
-        return all(end.get_num_connections() > 0 for end in ends)
+        """Whether move_base is connected."""
+        return is_served(self._client)
 
     def act(self, now_ns: int, decision: Decision) -> None:
         """Send the goal of a decision, or cancel our current goal. Other goals stay: during a pause another client may

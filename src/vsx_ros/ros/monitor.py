@@ -5,7 +5,7 @@ The monitor evaluates the run and is no part of the stack. Only it may hear the 
 
 import math
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -20,19 +20,19 @@ from std_msgs.msg import Float32, String, UInt8, UInt32
 from vsx_ros.config import MountConfig
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import InputError
+from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.navigation.follower import decode_report
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import DrivenDistance
 from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import hear_odometry, json_object, subscribe
 from vsx_ros.ros.logs import ERROR
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import ClockLine, Journal, Line, RunEvent, TruthLine, flat, read_journal, unflat
 
-_JITTER_M = 0.002  # between two poses; smaller steps are noise
 _LINKS = ("mobile_base: link", "camera: stream")
 _TIMES = 3  # a new link is briefly without images or not connected
 # rospy's messages about connections that open and close while nodes start and end.
@@ -67,19 +67,20 @@ class Monitor:
     emulator.
 
     events: every change of state. truth: true camera poses in the emulated world. plan_ms: time of each plan. error_m:
-    distance to the reference while following. These lists only grow."""
+    distance to the reference while following. These lists only grow. is_ending: set it before the run stops the
+    robot."""
 
     def __init__(self, *, emulated: bool) -> None:
         self._lock = threading.Lock()
         self.emulated = emulated
+        self.is_ending = False
         self.status: dict[str, Any] = {}
         self.stats: dict[str, float] = {}
         self.slam_state = "NOT_INITIALISED"
         self.grid: OccupancyGrid | None = None
-        self.distance_m = 0.0
+        self._driven = DrivenDistance()
         self.collisions = 0
         self.min_clearance_m: float | None = None
-        self._base: Odometry | None = None
         self._followed: tuple[int, FollowStatus] = (0, FollowStatus.IDLE)
         self._warnings: list[str] = []
         self._warned: set[str] = set()
@@ -95,7 +96,7 @@ class Monitor:
         subscribe("/rosout", Log, self._on_log, queue_size=50)
         subscribe(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
         subscribe(topics.MAP, OccupancyGridMsg, lambda msg: self._set(grid=convert.grid(msg)), queue_size=1)
-        hear_odometry(self._on_odometry)
+        hear_odometry(self._driven.add)
         subscribe(topics.FOLLOWER_STATUS, String, self._on_follower, queue_size=20)
         subscribe(topics.PLAN_MS, Float32, lambda msg: self.plan_ms.append(msg.data), queue_size=20)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=20)
@@ -105,6 +106,11 @@ class Monitor:
             subscribe(topics.TRUTH_CAMERA, PoseStamped, self._on_truth, queue_size=50)
             subscribe(topics.TRUTH_COLLISIONS, UInt32, self._on_collisions, queue_size=5)
             subscribe(topics.TRUTH_CLEARANCE, Float32, lambda msg: self._set(min_clearance_m=msg.data), queue_size=5)
+
+    @property
+    def distance_m(self) -> float:
+        """The way driven so far [m]."""
+        return self._driven.distance_m
 
     def new_warnings(self) -> list[str]:
         """Warnings of the nodes since the last call, each sentence once."""
@@ -143,15 +149,9 @@ class Monitor:
 
     def _on_event(self, msg: String) -> None:
         event = json_object(msg, "stamp_ns", "state", "reason")
+        if self.is_ending and event["state"] == MissionState.HELD.value:
+            return  # the run itself stops the robot
         self.events.append(RunEvent(event["stamp_ns"], "mission", event["state"], event["reason"]))
-
-    def _on_odometry(self, odometry: Odometry) -> None:
-        if self._base is None or self._base.odom_epoch != odometry.odom_epoch:
-            self._base = odometry
-        step_m = self._base.T_odom_base.distance_to(odometry.T_odom_base)
-        if step_m > _JITTER_M:
-            self.distance_m += step_m
-            self._base = odometry
 
     def _on_follower(self, msg: String) -> None:
         report = decode_report(msg.data)
@@ -174,27 +174,6 @@ class Monitor:
         if msg.data > self.collisions:
             self._note("emulator", "collision", f"collision number {msg.data}")
         self.collisions = int(msg.data)
-
-
-def progress_line(
-    monitor: Monitor, coverage: float | None, elapsed_s: float, limit_s: float | None, missing: Iterable[str] = ()
-) -> str:
-    """State, coverage, keyframes, tracked ratio, distance, time, and the reason of the state. missing: nodes that are
-    known to lack their device."""
-    stats, status = monitor.stats, monitor.status
-    area = monitor.grid.known_area_m2 if monitor.grid is not None else 0.0
-    covered = f"{100 * coverage:.0f} % covered" if coverage is not None else f"{area:.1f} m2 known"
-    facts = [
-        f"{elapsed_s:.0f}" + (f"/{limit_s:.0f} s" if limit_s is not None else " s"),
-        str(status.get("state", "starting")),
-        monitor.slam_state,
-        covered,
-        f"{stats.get('keyframes', 0):.0f} keyframes",
-        f"{100 * stats.get('tracked_ratio', 0.0):.0f} % of points found at {stats.get('fps', 0.0):.0f} Hz",
-        f"{monitor.distance_m:.1f} m",
-    ]
-    waiting = f"waiting for {' and '.join(missing) or 'the nodes'}"
-    return " | ".join([*facts, str(status.get("reason", waiting))])
 
 
 class MonitorJournal:

@@ -25,6 +25,7 @@ _LET_GO_S = 5.0  # for a thread to finish after the node
 
 DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"  # Environment variable: a node started by a run ends when the run is killed
 PARAMETERS_SET = "live_run/parameters_set"  # Parameter: the run has set all nodes' parameters at this master
+AUTO = "auto"
 _PARAMETERS_S = 10.0  # roslaunch sets them before the start, a new master later
 _MALLOC = {"M_TRIM_THRESHOLD": (-1, 2**18), "M_MMAP_THRESHOLD": (-3, 2**18), "M_ARENA_MAX": (-8, 1)}
 """Settings of glibc's malloc (mallopt(3)), in bytes: maps and images are larger than this, messages are smaller."""
@@ -136,6 +137,14 @@ def configuration() -> Config:
             raise ConfigError(f"parameter {rospy.resolve_name(name)} is {branch!r}, not a tree of names")
         tree = _merged(tree, branch)
     return from_dict(tree)
+
+
+def run_dir() -> str:
+    """The folder of the run, from ~run_dir; if that is auto, the one that the launch file has made for all nodes.
+    none, or empty: nothing is kept."""
+    told = str(rospy.get_param("~run_dir", ""))
+    told = str(rospy.get_param("run_dir", "")) if told == AUTO else told
+    return "" if told == "none" else told
 
 
 def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

@@ -29,12 +29,14 @@ from vsx_ros.runs.process import DONE, FAILED, Progress, SignalFlag
 
 _TOPICS = (
     topics.CAMERA_INFO, topics.SHUTTER, topics.ODOM, topics.TF, topics.TF_STATIC, topics.IMU, topics.HAZARDS,
-    topics.BUTTONS, topics.BATTERY, topics.MUX_ACTIVE, topics.COMMAND_SAFETY, topics.COMMAND_TELEOP,
-    topics.COMMAND_NAVI, topics.POSE, topics.SLAM_STATE, topics.EXPLORE_STATUS, topics.EXPLORE_EVENTS,
-    topics.DIAGNOSTICS, topics.GLOBAL_PLAN, topics.PLAN_MS, topics.COVERAGE, topics.ZONES, topics.ROOMS,
+    topics.BUTTONS, topics.BATTERY, topics.MUX_ACTIVE, topics.OPERATOR_HOLD, topics.COMMAND_SAFETY,
+    topics.COMMAND_TELEOP, topics.COMMAND_NAVI, topics.POSE, topics.SLAM_STATE, topics.EXPLORE_STATUS,
+    topics.EXPLORE_EVENTS, topics.DIAGNOSTICS, topics.GLOBAL_PLAN, topics.PLAN_MS, topics.COVERAGE, topics.ZONES,
+    topics.ROOMS,
     *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
 )  # fmt: skip
 _NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
+_CAMERA_WAIT_S = 20.0  # for the first image; then recording begins all the same
 _WARN_AFTER_S = 3.0  # without a message
 _TICK_S = 0.1  # so that Ctrl-C takes effect at once
 _JPEG_QUALITY = 90  # of 100
@@ -166,7 +168,8 @@ def record(args: argparse.Namespace) -> int:
         raise InputError(f"not begun with {full}; make room, or give another --out or a smaller --keep-free")
     operator_command.join("record")
     ended = SignalFlag(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    writer, progress = BagWriter(path), Progress(sys.stderr)
+    _await_camera(ended, progress := Progress(sys.stderr))
+    writer = BagWriter(path)
     Recorder(writer, args.images, args.topic)
     began_s, warned = time.monotonic(), False
     reason = ""
@@ -185,6 +188,18 @@ def record(args: argparse.Namespace) -> int:
     path = writer.close()
     progress.say(reason or "ended by the operator")
     return _say(writer, path, elapsed_s)
+
+
+def _await_camera(ended: SignalFlag, progress: Progress) -> None:
+    """Wait for the first image, but not forever: a recording may be of something else."""
+    came: list[object] = []
+    listener = rospy.Subscriber(topics.CAMERA_INFO, rospy.AnyMsg, came.append, queue_size=1)
+    deadline_s = time.monotonic() + _CAMERA_WAIT_S
+    while not (came or ended.came or rospy.is_shutdown()) and time.monotonic() < deadline_s:
+        time.sleep(_TICK_S)
+        if progress.is_due:
+            progress.show(f"waiting for the camera on {rospy.resolve_name(topics.CAMERA_INFO)}; Ctrl-C ends it")
+    listener.unregister()
 
 
 def _limit(args: argparse.Namespace, writer: BagWriter, elapsed_s: float, path: Path) -> str:

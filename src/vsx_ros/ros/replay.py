@@ -72,7 +72,7 @@ def _play(live: LiveRun, monitor: Monitor, player: Player, rate: float) -> None:
         if live.progress.is_due and player.sent:
             stats = monitor.stats
             found = f"{stats.get('tracked', 0):.0f}/{stats.get('attempted', 0):.0f} points"
-            dropped = f"{stats.get('dropped', 0):.0f} dropped"
+            dropped = f"{stats.get('dropped', 0):.0f} images skipped"
             live.progress.show(f"image {player.sent}/{player.count}  {monitor.slam_state}  {found}  {dropped}")
         return not live.interrupted and not live.dead
 

@@ -1,34 +1,30 @@
 """The live run behind ``vsx explore``: all nodes, an emulated robot if a world is given, a run folder at the end."""
 
 import argparse
+import os
+import signal
+import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
-import numpy as np
 from msgspec.structs import replace
 
-from vsx_ros.config import Config
-from vsx_ros.errors import ConfigError
-from vsx_ros.evaluation.summary import with_accuracy
-from vsx_ros.evaluation.trajectory import path_length
+from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.exploration.decision import MissionState
-from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.ros import headers, launch, logs
+from vsx_ros.ros.dashboard.ending import Ended, show_end
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import MASTER, READY_WAIT_S, LiveRun, refuse_second_robot
-from vsx_ros.ros.monitor import Monitor, MonitorJournal, progress_line
-from vsx_ros.ros.nodes.dashboard import open_browser
+from vsx_ros.ros.monitor import Monitor, MonitorJournal
+from vsx_ros.ros.nodes.dashboard import TOKEN, open_browser
+from vsx_ros.ros.progress import progress_line
+from vsx_ros.ros.run_results import About, Ending, write_results
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.journal import RunEvent
-from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, ended_well
+from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, SignalFlag
 from vsx_ros.runs.record import MapJudge
-from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
-from vsx_ros.runs.session import results_of_slam
+from vsx_ros.runs.report import EXIT_CODES
 from vsx_ros.runs.start import begin
 from vsx_ros.sim.world import Start, World
 from vsx_ros.sim.world_file import save_world
@@ -37,15 +33,6 @@ from vsx_ros.slam.state import TrackingState
 _COVERAGE_PERIOD_S = 2.0  # between comparisons with the truth
 _VITAL = "mobile_base", "vslam", "explore", "emulator"
 _TICK_S = 0.1  # so that Ctrl-C takes effect at once
-
-
-class Ending(NamedTuple):
-    """Why a run ended, and its exit code."""
-
-    reason: str
-    code: int
-
-
 _TRACKED = [state.word for state in TrackingState if state.tracked]
 _CODES = {outcome.name: code for outcome, code in EXIT_CODES.items()}
 
@@ -78,8 +65,28 @@ class Coverage:
 
 
 def explore(args: argparse.Namespace) -> int:
-    """One live run, or the rest of an interrupted one; returns the exit code. args: the options of ``vsx explore``."""
+    """One live run, or the rest of an interrupted one, and more of it as long as a viewer wants that; returns the exit
+    code. args: the options of ``vsx explore``."""
     logs.quiet_failures()
+    while True:
+        folder, code, go_on = _explore(args)
+        if not go_on:
+            return code
+        args = go_on_args(args, folder)
+
+
+def go_on_args(args: argparse.Namespace, folder: RunFolder) -> argparse.Namespace:
+    """The options for going on with a run that has ended, for as long again as it was to last."""
+    forgotten = dict.fromkeys(("world", "seed", "base", "planner", "phi", "load_map", "config", "out"))
+    given_s = folder.read_config()[1].get("time")
+    lasted_s = float(folder.read_summary().get("duration_s") or 0.0)
+    limit_s = None if given_s is None else lasted_s + float(given_s)
+    named = {"set": [], "moved": False, "resume": folder.path, "time": limit_s, "until": None}
+    return argparse.Namespace(**{**vars(args), **forgotten, **named})
+
+
+def _explore(args: argparse.Namespace) -> tuple[RunFolder, int, bool]:
+    """The folder of one run, its exit code, and whether it is to go on."""
     refuse_second_robot([node.name for node in (*launch.bringup(), *launch.exploration())])
     folder, config, world = begin(args)
     # The position of a loaded map in the world is unknown.
@@ -94,8 +101,24 @@ def explore(args: argparse.Namespace) -> int:
                 open_browser(live.url)
             monitor = Monitor(emulated=world is not None)
             ending = _watch(live, monitor, journal, Coverage(judge, args.until), args.time)
+            monitor.is_ending = True
             live.progress.say(f"stopping: {ending.reason}")
-    return _gather(folder, config, monitor, journal, judge, ending, args)
+    about = About(args.world, args.seed, args.planner, args.load_map)
+    code = write_results(folder, config, monitor, journal, judge, ending, about)
+    return folder, code, bool(live.url) and _shown(live, folder)
+
+
+def _shown(live: LiveRun, folder: RunFolder) -> bool:
+    """Show the end to those who look; whether somebody wants to go on."""
+    stop = SignalFlag(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    try:
+        summary = folder.read_summary()
+    except InputError:
+        return False
+    ended = Ended(folder, summary, ended_well=bool(summary.get("ended_well")))
+    if not live.interrupted:
+        sys.stderr.write("the live view shows the end as long as its page is open; Ctrl-C ends it\n")
+    return show_end(ended, os.environ[TOKEN], live.port, lambda: stop.came, stay=not live.interrupted)
 
 
 def _nodes(
@@ -164,51 +187,3 @@ def _ending(live: LiveRun, monitor: Monitor, elapsed_s: float, limit_s: float | 
     if limit_s is not None and elapsed_s >= limit_s:
         return Ending(f"time limit of {limit_s:g} s", DONE)
     return None
-
-
-def _gather(
-    folder: RunFolder, config: Config, monitor: Monitor, journal: MonitorJournal, judge: MapJudge | None,
-    ending: Ending, args: argparse.Namespace,
-) -> int:  # fmt: skip
-    """Complete vslam's results with the monitor's data and report them; returns the exit code."""
-    known, missing = results_of_slam(folder, mounted(config.robot.mount))
-    truth, so_far = [*journal.truth(), *monitor.truth], journal.so_far
-    summary = with_accuracy(known, *folder.read_trajectories(), truth, "yaw")
-    if judge is not None:
-        summary = judge.judged(summary, monitor.grid)
-    plan_ms, error_m = np.array(monitor.plan_ms), np.array(monitor.error_m)
-    summary = summary.with_values(
-        **_told_by_truth(monitor, journal, truth), duration_s=so_far.elapsed_s, plans=so_far.plans,
-        plan_ms_median=float(np.median(plan_ms)) if plan_ms.size else None,
-        plan_ms_p99=float(np.percentile(plan_ms, 99)) if plan_ms.size else None,
-        planned_vs_executed_rms_m=float(np.sqrt(np.mean(error_m**2))) if error_m.size else None,
-        stop_reason=ending.reason, ended_well=ended_well(ending.code), world=args.world,
-        seed=args.seed if args.world else None, planner=args.planner, phi=config.planner.phi_rad_m,
-        continued_map=args.load_map,
-    )  # fmt: skip
-    writes: list[Callable[[], object]] = [lambda: folder.write_summary(summary.as_dict())]
-    if (grid := monitor.grid) is not None:
-        writes.append(lambda: folder.write_map(grid))
-    writes.append(lambda: folder.write_events(all_events(folder, journal, monitor)))
-    if truth:
-        writes.append(lambda: folder.write_poses("groundtruth", truth))
-    failure = folder.write_what_fits(*writes, lambda: write_report(folder)) or journal.failure or missing
-    return tell_the_end(folder, summary.as_dict(), ending.code, failure)
-
-
-def _told_by_truth(monitor: Monitor, journal: MonitorJournal, truth: Sequence[StampedPose]) -> dict[str, float | None]:
-    """What the truth says of the emulated body; path and clearance only without earlier sessions."""
-    if not truth or journal.before:
-        return {"collisions": journal.so_far.collisions if monitor.emulated else None}
-    return {
-        "collisions": journal.so_far.collisions,
-        "driven_m": path_length([StampedPose(ns, T @ journal.T_cam_base) for ns, T in truth]),
-        "min_clearance_m": monitor.min_clearance_m,
-    }
-
-
-def all_events(folder: RunFolder, journal: MonitorJournal, monitor: Monitor) -> list[RunEvent]:
-    """SLAM events from the folder, all others from the monitor: if SLAM never started again, the folder still holds
-    both kinds from the previous session."""
-    slam = [event for event in folder.read_events() if event.source == "slam"]
-    return [*slam, *journal.events(), *monitor.events]

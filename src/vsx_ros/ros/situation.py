@@ -5,8 +5,11 @@ import threading
 import time
 
 import numpy as np
+import rospy
+from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from move_base_msgs.msg import MoveBaseActionGoal
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import UInt8
 
@@ -15,11 +18,14 @@ from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.control.localization import Localization, LocalizationState
 from vsx_ros.exploration.decision import NavigationState, Situation
+from vsx_ros.exploration.user_goals import GoalState, UserGoals
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import Odometry, OperatorHold
 from vsx_ros.ros import convert, headers, topics
-from vsx_ros.ros.callbacks import hear_odometry, subscribe
+from vsx_ros.ros.callbacks import hear_odometry, hear_operator_hold, subscribe
 from vsx_ros.ros.zones import ZonedMap
+
+_LIVE = GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING
 
 
 class LocalizationSubscriber:
@@ -61,17 +67,23 @@ class LocalizationSubscriber:
 
 
 class HeardSituation:
-    """Subscribers: map, zones, vslam/map_points, mobile_base/hazards, and those of ``LocalizationSubscriber``. grid:
-    the newest map with the zones, if any."""
+    """Subscribers: map, zones, vslam/map_points, mobile_base/{hazards,operator_hold}, move_base/{goal,status}, and
+    those of ``LocalizationSubscriber``. grid: the newest map with the zones, if any."""
 
     def __init__(self, config: Config) -> None:
+        self._lock = threading.Lock()
         self.grid: OccupancyGrid | None = None
         self.where = LocalizationSubscriber()
         self._landmarks: Points3 = np.zeros((0, 3))
         self._hazards = 0
+        self._held: OperatorHold | None = None
+        self._user_goals = UserGoals(f"{rospy.get_name()}-")
         ZonedMap(config, self._on_map)
         subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
+        hear_operator_hold(self._on_hold)
+        subscribe(topics.MOVE_BASE_GOAL, MoveBaseActionGoal, self._on_goal, queue_size=5, tcp_nodelay=True)
+        subscribe(topics.MOVE_BASE_STATUS, GoalStatusArray, self._on_goals, queue_size=5, tcp_nodelay=True)
 
     def _on_map(self, grid: OccupancyGrid, _: int) -> None:
         self.grid = grid
@@ -82,6 +94,24 @@ class HeardSituation:
     def _on_hazards(self, msg: UInt8) -> None:
         self._hazards = msg.data
 
+    def _on_hold(self, hold: OperatorHold | None) -> None:
+        self._held = hold
+
+    def _on_goal(self, msg: MoveBaseActionGoal) -> None:
+        with self._lock:
+            frame = headers.bare(msg.goal.target_pose.header.frame_id)
+            self._user_goals.sent(headers.now_ns(), msg.goal_id.id, frame)
+
+    def _on_goals(self, msg: GoalStatusArray) -> None:
+        states = {
+            status.goal_id.id: GoalState(
+                live=status.status in _LIVE, reached=status.status == GoalStatus.SUCCEEDED, reason=status.text
+            )
+            for status in msg.status_list
+        }
+        with self._lock:
+            self._user_goals.told(headers.now_ns(), states)
+
     def at(self, now_ns: int, navigation: NavigationState, navigation_reason: str) -> Situation:
         """The situation, with the goal's state."""
         where = self.where.at(now_ns)
@@ -90,5 +120,6 @@ class HeardSituation:
             T_odom_base=where.T_odom_base, grid=self.grid, navigation=navigation, navigation_reason=navigation_reason,
             lifted=Hazard(self._hazards) & Hazard.WHEEL_DROP == Hazard.WHEEL_DROP,
             hazard=convert.hazard_words(self._hazards) or (where.stuck.reason if where.stuck is not None else None),
-            landmarks_world=self._landmarks, odom_epoch=where.odom_epoch,
+            landmarks_world=self._landmarks, odom_epoch=where.odom_epoch, held=self._held,
+            user_goal=self._user_goals.current, user_goal_end=self._user_goals.last_end,
         )  # fmt: skip

@@ -15,7 +15,7 @@ from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import logs
+from vsx_ros.ros import logs, node
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.rooms import look_into
 from vsx_ros.runs.self_calibration import write_self_calibration
@@ -38,7 +38,7 @@ class SlamRun:
 
     def __init__(self, config: Config) -> None:
         self._known_odometry = config.robot.odometry
-        T_base_cam, run_dir = mounted(config.robot.mount), str(rospy.get_param("~run_dir", ""))
+        T_base_cam, run_dir = mounted(config.robot.mount), node.run_dir()
         self._save_map = str(rospy.get_param("~save_map", ""))  # read now: the master may be gone at the end
         self._save_map_to = Path(run_dir or tempfile.gettempdir()) / "map.vsxmap"
         self._folder = RunFolder(Path(run_dir)) if run_dir else None

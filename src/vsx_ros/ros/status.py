@@ -4,6 +4,7 @@ import json
 import sys
 import time
 from collections import deque
+from datetime import datetime
 from typing import Any
 
 import rospy
@@ -11,8 +12,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import BatteryState, CameraInfo
 from std_msgs.msg import Float32, String, UInt8
 
+from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import convert, operator_command, topics
-from vsx_ros.ros.callbacks import json_object, subscribe
+from vsx_ros.ros.callbacks import hear_operator_hold, json_object, subscribe
 from vsx_ros.runs import process
 from vsx_ros.runs.process import DONE, FAILED
 
@@ -22,12 +24,12 @@ _PATIENCE_S = 4.0  # Longest wait for values that nobody has published yet
 
 class StatusBoard:
     """Subscribers: explore/status, vslam/state, vslam/stats/tracked_ratio, camera/rgb/camera_info (each image has one),
-    battery, cmd_vel_mux/active, mobile_base/hazards, /diagnostics."""
+    battery, cmd_vel_mux/active, mobile_base/{hazards,operator_hold}, /diagnostics."""
 
     def __init__(self) -> None:
         self._facts: dict[str, Any] = dict.fromkeys(
             ("state", "reason", "slam_state", "slam_reason", "tracked_ratio", "camera_hz", "driver", "base_reason",
-             "estop", "hazards", "battery_fraction", "battery_v", "charging")
+             "estop", "held_by", "held_since_ns", "hazards", "battery_fraction", "battery_v", "charging")
         )  # fmt: skip
         self._safety = f"{rospy.resolve_name('mobile_base').lstrip('/')}: safety"
         self._images_s: deque[float] = deque(maxlen=200)
@@ -38,6 +40,7 @@ class StatusBoard:
         subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
         subscribe(topics.MUX_ACTIVE, String, lambda m: self._set(driver=m.data), queue_size=1)
         subscribe(topics.HAZARDS, UInt8, lambda m: self._set(hazards=convert.hazard_words(m.data)), queue_size=1)
+        hear_operator_hold(self._on_hold)
         subscribe(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
 
     def facts(self) -> dict[str, Any]:
@@ -57,6 +60,9 @@ class StatusBoard:
 
     def _on_slam(self, msg: DiagnosticStatus) -> None:
         self._set(slam_state=msg.name, slam_reason=msg.message)
+
+    def _on_hold(self, hold: OperatorHold | None) -> None:
+        self._set(held_by=hold.by if hold is not None else "", held_since_ns=hold.since_ns if hold is not None else 0)
 
     def _on_battery(self, msg: BatteryState) -> None:
         charging = msg.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_CHARGING
@@ -78,7 +84,11 @@ def screen(facts: dict[str, Any]) -> str:
     def with_reason(state: str, reason: str) -> str:
         return shown(state) + (f": {facts[reason]}" if facts[reason] else "")
 
-    wheels = "EMERGENCY STOP, 'vsx stop --release' ends it" if facts["estop"] else shown("base_reason")
+    held = ""
+    if facts["held_by"] and not facts["estop"]:
+        since = datetime.fromtimestamp(facts["held_since_ns"] * 1e-9)
+        held = f"HELD BY THE OPERATOR ({facts['held_by']}) since {since:%H:%M:%S}; "
+    wheels = "EMERGENCY STOP, 'vsx stop --release' ends it" if facts["estop"] else held + shown("base_reason")
     battery = shown("battery_fraction", "{:.0%}") + shown("battery_v", ", {:.1f} V", "")
     found = shown("tracked_ratio", "; {:.0%} of the points searched are found", "")
     lines = {

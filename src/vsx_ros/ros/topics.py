@@ -2,9 +2,20 @@
 
 ``PUBLISHED`` and ``SERVICES`` are the node graph; documentation and tests read it from here."""
 
-_NODES = "camera", "mobile_base", "vslam", "move_base", "follower", "explore", "teleop", "emulator", "dashboard"
+_NODES = (
+    "camera",
+    "mobile_base",
+    "vslam",
+    "move_base",
+    "follower",
+    "explore",
+    "teleop",
+    "emulator",
+    "dashboard",
+    "run_folder",
+)
 PUBLISHED: dict[str, dict[str, str]] = {node: {} for node in _NODES}
-"""Node -> topic -> type. Every node but teleop and dashboard also publishes ``DIAGNOSTICS``."""
+"""Node -> topic -> type. Every node but teleop, dashboard and run_folder also publishes ``DIAGNOSTICS``."""
 
 SERVICES: dict[str, dict[str, str]] = {}  # Node -> service -> type
 
@@ -49,6 +60,7 @@ SET_CAMERA_INFO = _service("camera/rgb/set_camera_info", "sensor_msgs/SetCameraI
 ODOM = _topic("odom", "nav_msgs/Odometry", "mobile_base")
 JOINT_STATES = _topic("joint_states", "sensor_msgs/JointState", "mobile_base")
 HAZARDS = _topic("mobile_base/hazards", "std_msgs/UInt8", "mobile_base")
+OPERATOR_HOLD = _topic("mobile_base/operator_hold", "std_msgs/String", "mobile_base")  # JSON: by, since_ns
 BUTTONS = _topic("mobile_base/buttons", "std_msgs/UInt8", "mobile_base")
 BATTERY = _topic("battery", "sensor_msgs/BatteryState", "mobile_base")
 IMU = _topic("mobile_base/sensors/imu_data", "sensor_msgs/Imu", "mobile_base")
@@ -104,9 +116,9 @@ FOLLOWER_LEASE = _topic("follower/lease", "std_msgs/String", "vslam", "move_base
 
 # move_base: the planner
 MOVE_BASE_ACTION = "move_base"
-_topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore")
+MOVE_BASE_GOAL = _topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore")
 _topic("move_base/cancel", "actionlib_msgs/GoalID", "explore")
-_topic("move_base/status", "actionlib_msgs/GoalStatusArray", "move_base")
+MOVE_BASE_STATUS = _topic("move_base/status", "actionlib_msgs/GoalStatusArray", "move_base")
 _topic("move_base/result", "move_base_msgs/MoveBaseActionResult", "move_base")
 _topic("move_base/feedback", "move_base_msgs/MoveBaseActionFeedback", "move_base")
 _topic("move_base/parameter_descriptions", "dynamic_reconfigure/ConfigDescription", "move_base")

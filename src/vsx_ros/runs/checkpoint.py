@@ -23,6 +23,7 @@ from vsx_ros.limits import DATA_BYTES, file_bytes, file_text, json_tree
 from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.snapshot import SlamMap
 
+_PNG, _PICTURE_BYTES = b"\x89PNG\r\n\x1a\n", 2**22
 _STATE, _NOTES = "state/", "checkpoint.json"
 _KEYFRAMES, _PATCHES = 64, 4096  # Keyframes whose corners form one piece, and patches in one piece: some megabytes
 
@@ -101,6 +102,14 @@ class Checkpoint:
                 if name.startswith(_STATE)
             }
             return CheckpointData(slam_map_of_entries(entries), int(tree["stamp_ns"]), state, dict(tree["mission"]))
+
+    def newest_picture(self) -> bytes:
+        """The PNG of the newest keyframe; empty when there is none, or when it is larger than a camera's."""
+        pictures = sorted((self.path / "keyframes").glob("*.png"))
+        if not pictures or pictures[-1].stat().st_size > _PICTURE_BYTES:
+            return b""
+        content = file_bytes(pictures[-1], _PICTURE_BYTES)
+        return content if content.startswith(_PNG) else b""
 
     def write_mission(self, memory: Mapping[str, Any], stamp_ns: int) -> None:
         """Write the memory of a mission in a separate process, apart from the map, in one step. stamp_ns: its time.

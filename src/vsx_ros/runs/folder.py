@@ -75,9 +75,9 @@ class RunFolder:
         return RunFolder(path)
 
     @staticmethod
-    def create_dated(name: str) -> RunFolder:
-        """Make runs/<date>_<name>, with _2, _3, ... appended if it exists. Raises InputError if it cannot be made."""
-        first = Path("runs") / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{name}"
+    def create_dated(name: str, parent: Path = Path("runs")) -> RunFolder:
+        """Make <parent>/<date>_<name>, with _2, _3, ... appended if it exists. Raises InputError if that fails."""
+        first = parent / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{name}"
         path, number = first, 1
         with _making(first):
             first.parent.mkdir(parents=True, exist_ok=True)
@@ -121,7 +121,9 @@ class RunFolder:
 
     def write_config(self, config: Config, command: Sequence[str], **facts: Any) -> None:
         """Write configuration, versions of the computing packages, command line, and facts such as the seed."""
-        tree = {"command": " ".join(command), **facts, "versions": installed_versions(), "config": to_dict(config)}
+        date = datetime.now().isoformat(" ", "seconds")
+        tree = {"command": " ".join(command), "date": date, **facts, "versions": installed_versions()}
+        tree["config"] = to_dict(config)
         write_text(self.path / "config.yaml", yaml.safe_dump(tree, sort_keys=False), durable=True)
 
     def read_config(self) -> tuple[Config, dict[str, Any]]:

@@ -45,6 +45,7 @@ def report_data(folder: RunFolder) -> ReportData:
         world_is_level=bool(folder.read_poses("odometry")),
         good_ratio=config.slam.tracker.good_ratio,
         lost_ratio=config.slam.tracker.lost_ratio,
+        picture_png=folder.checkpoint.newest_picture(),
     )
 
 

@@ -20,24 +20,25 @@ def commands() -> dict[str, Command]:
         "resume": _call(topics.EXPLORE_RESUME, Trigger),
         "home": _call(topics.EXPLORE_HOME, Trigger),
         "stop": _call(topics.EXPLORE_STOP, Trigger),
-        "estop": _call(topics.ESTOP, SetBool, True),
-        "release": _call(topics.ESTOP, SetBool, False),
+        "estop": _call(topics.ESTOP, SetBool, True, said="the wheels stand until the emergency stop is released"),
+        "release": _call(topics.ESTOP, SetBool, False, said="the robot may drive"),
         "zones?": _tell(topics.CHANGE_ZONES),
         "name-room?": _tell(topics.NAME_ROOM),
     }
 
 
-def _call(service: str, kind: type[Any], *arguments: object) -> Command:
-    return lambda: _answer(service, kind, *arguments)
+def _call(service: str, kind: type[Any], *arguments: object, said: str = "") -> Command:
+    return lambda: _answer(service, kind, *arguments, said=said)
 
 
 def _tell(service: str) -> Command:
     return lambda text: _answer(service, AddDiagnostics, text)
 
 
-def _answer(service: str, kind: type[Any], *arguments: object) -> Answer:
+def _answer(service: str, kind: type[Any], *arguments: object, said: str = "") -> Answer:
+    """said: in place of the service's own words, when it has obeyed."""
     try:
         response = calls.service(service, kind, *arguments, within_s=_SERVICE_WAIT_S)
     except (rospy.ROSException, rospy.ServiceException):
         return Answer(False, f"service {rospy.resolve_name(service)} does not answer; is its node running?")
-    return Answer(bool(response.success), str(response.message))
+    return Answer(bool(response.success), said if said and response.success else str(response.message))

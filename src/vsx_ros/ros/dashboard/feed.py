@@ -128,6 +128,7 @@ class Feed:
         hear(topics.KEYFRAMES, PoseArray, "keyframes", keyframes)
         hear(topics.GLOBAL_PLAN, PathMsg, "plan", plan)
         hear(topics.HAZARDS, UInt8, "hazards", lambda msg: convert.hazard_words(msg.data))
+        hear(topics.OPERATOR_HOLD, String, "held", json_object)
         hear(topics.MUX_ACTIVE, String, "driver", lambda msg: msg.data)
         hear(topics.DIAGNOSTICS, DiagnosticArray, "health", self._condition, queue_size=20)
         hear(topics.PLAN_MS, Float32, "stats", self._statistic("plan_ms"))

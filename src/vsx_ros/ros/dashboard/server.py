@@ -1,5 +1,5 @@
-"""The HTTP server of the live view: ``/`` the page, ``/events`` a stream of server-sent events, ``POST /command/NAME``
-with the token.
+"""The HTTP server of the live view: ``/`` the page, ``/events`` a stream of server-sent events, ``/report`` that of a
+run that has ended, ``POST /command/NAME`` with the token.
 
 Viewing is free for anyone who reaches the port under a name of this machine and not from a foreign page (``Names``).
 Commands need the token. Each client's resources are limited: requests in size and time, updates in the time to read
@@ -74,6 +74,7 @@ class ViewServer(ThreadingHTTPServer):
                 f"live view: cannot listen on {host} port {port} ({error.strerror or error}); give another address or "
                 "port"
             ) from error
+        self.report: Callable[[], bytes] | None = None
         listens_as = [host] if host and ":" not in host else []
         self.names = Names(self.server_port, [*listens_as, *allowed])
 
@@ -136,6 +137,11 @@ class Handler(BaseHTTPRequestHandler):
             self._reply(HTTPStatus.OK, "text/html; charset=utf-8", page)
         elif self.path == "/events":
             self._stream()
+        elif self.path == "/report" and self.server.report is not None:
+            try:
+                self._reply(HTTPStatus.OK, "text/html; charset=utf-8", self.server.report())
+            except FileNotFoundError:
+                self._say(HTTPStatus.NOT_FOUND, "this run has no report; its folder may be gone")
         else:
             self._say(HTTPStatus.NOT_FOUND, "there is nothing here")
 

@@ -1,8 +1,8 @@
 """Node ``dashboard``: the live view in a browser.
 
 Subscribers, while there is a viewer: vslam/{preview/compressed,pose,state,keyframes,stats/*}, map, explore/{status,
-    events,frontiers}, zones, rooms, move_base/{global_plan,stats/plan_ms}, mobile_base/hazards, cmd_vel_mux/active,
-    /diagnostics.
+    events,frontiers}, zones, rooms, move_base/{global_plan,stats/plan_ms}, mobile_base/{hazards,operator_hold},
+    cmd_vel_mux/active, /diagnostics.
 Services called: explore/{pause,resume,home,stop}, mobile_base/estop, zones/change, rooms/name.
 Parameters: ~host (127.0.0.1: only this machine), ~port (8765), ~allow (further names under which the view may be
     opened, NAME or NAME:PORT, separated by commas).

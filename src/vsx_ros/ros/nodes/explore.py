@@ -1,14 +1,14 @@
 """Node ``explore``: chooses the next view and lets move_base drive there.
 
-Subscribers: map, zones, vslam/map_points, vslam/pose, vslam/state, odom, mobile_base/hazards, battery
-    (nearly empty: the robot goes home, once), follower/lease.
+Subscribers: map, zones, vslam/map_points, vslam/pose, vslam/state, odom, mobile_base/{hazards,operator_hold}, battery
+    (nearly empty: the robot goes home, once), follower/lease, move_base/{goal,status} (goals of others come first).
 Publishers: explore/frontiers (as explore_lite), explore/status (latched String, JSON, 1 Hz and on change),
     explore/events (String, JSON: every change of state and every choice, with its reason), explore/coverage (known
     area, m2), move_base/lease.
 Services: explore/pause, explore/resume, explore/stop, explore/home.
 Actions: client of move_base.
 Parameters: ~config (tree of 'vsx config'), ~run_dir (folder of the run, where the mission stores its memory for a
-    session that resumes it; none)."""
+    session that resumes it; auto: the one of the launch file; none)."""
 
 import threading
 from collections.abc import Callable
@@ -19,6 +19,7 @@ from sensor_msgs.msg import BatteryState
 
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
+from vsx_ros.exploration.decision import MissionState
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.planner import Planner
@@ -46,16 +47,16 @@ class ExploreNode:
         self._slam = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = Diagnostics()
         self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
-        self._topics = MissionTopics(self._mission)
+        self._topics = MissionTopics(self._mission, config.exploration.stop_cost_m)
         self._goals = GoalSender()
         subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
-        for name, request in (
-            (topics.EXPLORE_PAUSE, self._mission.pause),
-            (topics.EXPLORE_RESUME, self._mission.resume),
-            (topics.EXPLORE_STOP, self._mission.stop),
-            (topics.EXPLORE_HOME, self._mission.home),
+        for name, request, answer in (
+            (topics.EXPLORE_PAUSE, self._mission.pause, "the robot stands until the exploration is resumed"),
+            (topics.EXPLORE_RESUME, self._mission.resume, "the exploration goes on"),
+            (topics.EXPLORE_STOP, self._mission.stop, "the exploration ends here"),
+            (topics.EXPLORE_HOME, self._mission.home, "the robot drives home, then the exploration ends"),
         ):
-            offer_trigger(name, partial(self._request, request))
+            offer_trigger(name, partial(self._request, request, answer))
         self._writer = MissionWriter(self._mission, self._lock, self._heard.where)
         threads.every(PERIOD_S, "lease", self._lease.keep)
         threads.every(config.exploration.decide_s, "mission", self._decide)
@@ -68,12 +69,13 @@ class ExploreNode:
                 self._mission.home(headers.now_ns())
         self._battery_empty = self._battery_empty or empty
 
-    def _request(self, request: Callable[[int], None]) -> str:
+    def _request(self, request: Callable[[int], None], answer: str) -> str:
         with self._lock:
             if self._mission.outcome is not None:
                 raise InputError(f"the exploration is over: {self._mission.outcome.value}")
             request(headers.now_ns())
-            return self._mission.state.value
+            held = self._mission.state is MissionState.HELD
+            return f"{answer}, when the operator lets go of the wheels" if held else answer
 
     def _decide(self) -> None:
         self._lease.promise(_DECIDE_WITHIN_S)

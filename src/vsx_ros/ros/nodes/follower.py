@@ -1,7 +1,7 @@
 """Node ``follower``: drives along the trajectory of move_base, 30 times a second.
 
 Subscribers: move_base/trajectory (frame map: by camera and odometry; frame odom: by odometry alone), odom, vslam/pose,
-    vslam/state, mobile_base/hazards, follower/lease.
+    vslam/state, mobile_base/{hazards,operator_hold}, follower/lease.
 Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, frame, error,
     at_s: the current time within the trajectory, stop: while it brakes for move_base, the pose x, y, theta where it
     will stand).
@@ -22,9 +22,9 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.navigation.follower import Follower, FollowerReport, MessageAges
-from vsx_ros.robot import STOP, VelocityCommand
+from vsx_ros.robot import STOP, OperatorHold, VelocityCommand
 from vsx_ros.ros import convert, driving, headers, node, threads, topics
-from vsx_ros.ros.callbacks import offer_trigger, subscribe
+from vsx_ros.ros.callbacks import hear_operator_hold, offer_trigger, subscribe
 from vsx_ros.ros.driving import LeaseWatch
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.situation import LocalizationSubscriber
@@ -50,6 +50,7 @@ class FollowerNode:
         self._tell(None)
         offer_trigger(topics.FOLLOWER_CANCEL, self._cancel)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5, tcp_nodelay=True)
+        hear_operator_hold(self._on_hold)
         subscribe(topics.TRAJECTORY, MultiDOFJointTrajectory, self._on_trajectory, queue_size=2)
         threads.every(_PERIOD_S, "control", self._control)
 
@@ -66,6 +67,10 @@ class FollowerNode:
         words = convert.hazard_words(msg.data)
         with self._lock:
             self._tell(self._follower.take_hazards(headers.now_ns(), frozenset(words.split(", ") if words else [])))
+
+    def _on_hold(self, hold: OperatorHold | None) -> None:
+        with self._lock:
+            self._tell(self._follower.hold(headers.now_ns(), hold.words() if hold is not None else ""))
 
     def _cancel(self) -> str:
         with self._lock:

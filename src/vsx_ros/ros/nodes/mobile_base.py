@@ -7,7 +7,9 @@ Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this
 Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the low bits of
     vsx_hw.readings.Hazard, latched, on change), mobile_base/buttons (UInt8, those pressed, latched, on change; Kobuki:
     1, 2, 4 are B0, B1, B2; Create: 1 Play, 4 Advance; Create 2: 1 Clean, 2 Spot, 4 Dock), battery (1 Hz),
-    cmd_vel_mux/active (latched, on change), mobile_base/sensors/imu_data (if the base has a gyro) and imu_data_raw
+    cmd_vel_mux/active (latched, on change), mobile_base/operator_hold (latched String, JSON, on change: by, since_ns;
+    "by" is "emergency stop", teleop, safety_controller or empty),
+    mobile_base/sensors/imu_data (if the base has a gyro) and imu_data_raw
     (Kobuki: 100 samples a second of its three axes, bias not removed),
     mobile_base/sensors/bumper_pointcloud (while a bumper is pressed or a cliff seen, and once after).
 Services: mobile_base/estop (true stops, false allows; survives a restart of the node), mobile_base/reset_odometry.
@@ -49,7 +51,7 @@ class MobileBaseNode:
         self._master.period_s = 0.1
         settings = base_settings(config)
         self._supervisor = supervisor(config, settings)
-        self._topics = BaseTopics(settings.robot_type)
+        self._topics = BaseTopics(settings.robot_type, config.exploration.teleop_quiet_s)
         diagnostics = Diagnostics(settings.port)
         settings = wait_for_base(settings, diagnostics)
         self._health = BaseHealth(diagnostics, self._supervisor)
@@ -76,6 +78,7 @@ class MobileBaseNode:
         self._driver.drive(decision.v_m_s, decision.omega_rad_s, decision.until_ns)
         self._driver.show(signal)
         self._topics.tell(reading, decision.source)
+        self._topics.tell_hold(self._supervisor.estopped, decision.source)
         self._health.doubt(reading.odometry.doubt)
         self._latest = reading, decision
 
@@ -88,6 +91,7 @@ class MobileBaseNode:
     def _on_estop(self, request: SetBoolRequest) -> SetBoolResponse:
         self._supervisor.emergency_stop(bool(request.data))
         self._master.keep({"~estopped": bool(request.data)})
+        self._topics.tell_hold(bool(request.data))
         rospy.logwarn("emergency stop %s", "set" if request.data else "cleared")
         return SetBoolResponse(True, "stopped" if request.data else "free to drive")
 

@@ -8,6 +8,7 @@ Services: move_base/make_plan.
 Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
     odometry alone: straight or along the trail, without a map. Plans keep the map points in view, drive slowly where
     they cannot, and are refused if that part would be long; points much older or newer than the map do not count.
+    While the operator holds the wheels a goal waits; then it is planned anew.
 Parameters: ~config (tree of 'vsx config'), ~planner (fov, unconstrained, paper or a plug-in's; fov), ~seed (int, 0).
     While it runs, dynamic_reconfigure changes these for later plans: ~v_m_s and ~omega_rad_s (up to the configured
     limits), ~phi_rad_m.
@@ -21,21 +22,20 @@ import time
 import actionlib
 import rospy
 from geometry_msgs.msg import PoseStamped
-from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedback, MoveBaseGoal
+from move_base_msgs.msg import MoveBaseAction, MoveBaseFeedback, MoveBaseGoal
 
 from vsx_ros.config import Config
 from vsx_ros.errors import VsxError
 from vsx_ros.navigation.follower import LEASE_S
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.ros import convert, headers, node, threads, topics
-from vsx_ros.ros.callbacks import subscribe
-from vsx_ros.ros.driving import PERIOD_S, FollowerLink, Lease, LeaseWatch
+from vsx_ros.ros.driving import PERIOD_S, FollowerLink, Lease, LeaseWatch, relay_simple_goals
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.planning_thread import PlanningThread
 from vsx_ros.ros.situation import LocalizationSubscriber
 
 _LOOK_WITHIN_S = 2.0  # checks of the drive are fast; a thread that takes this long hangs, and the base stops
-_CANCELLED = "cancelled by the client"
+_CANCELLED, _REPLACED = "cancelled by the client", "replaced by another goal"
 
 
 class MoveBaseNode:
@@ -48,8 +48,7 @@ class MoveBaseNode:
         self._planner = PlanningThread(config, self._diagnostics)
         self._clients = LeaseWatch(topics.NAVIGATION_LEASE)
         self._lease = Lease(topics.FOLLOWER_LEASE, "move_base")
-        goals = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/goal", MoveBaseActionGoal, queue_size=2)
-        subscribe(topics.SIMPLE_GOAL, PoseStamped, lambda msg: goals.publish(goal=MoveBaseGoal(msg)), queue_size=1)
+        relay_simple_goals()
         threads.every(PERIOD_S, "lease", self._lease.keep)
         self._server = actionlib.SimpleActionServer(topics.MOVE_BASE_ACTION, MoveBaseAction, self._execute, False)
         self._server.start()
@@ -77,7 +76,7 @@ class MoveBaseNode:
             if self._server.is_preempt_requested():
                 self._execution.cancel(now_ns, _CANCELLED)
                 if self._server.is_new_goal_available():
-                    return Done(False, _CANCELLED)
+                    return Done(False, _REPLACED)
             for number, answer in self._planner.answers():
                 self._execution.planned(now_ns, number, answer)
             for act in self._execution.step(now_ns, self._seen(now_ns, frame)):

@@ -8,8 +8,8 @@ Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> o
 Services: static_map; zones/change (AddDiagnostics: JSON {"add": zone}, {"remove": name} or {"clear": true});
     rooms/name (AddDiagnostics: JSON {"room": name or number, "name": new name});
     vslam/save_map (Trigger: saves the SLAM map, the answer is its path).
-Parameters: ~config (tree of 'vsx config'), ~seed (int, 0), ~run_dir (folder for the results of the run; if it holds the
-    map of an interrupted run, that run is resumed; none),
+Parameters: ~config (tree of 'vsx config'), ~seed (int, 0), ~run_dir (folder for the results of the run; auto: the one
+    of the launch file; if it holds the map of an interrupted run, that run is resumed; none),
     ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
     ~load_map (SLAM map to continue, the robot anywhere in it; none; not read if ~run_dir is resumed),
     ~room (explore only this room of ~load_map; none),

@@ -1,0 +1,189 @@
+"""The operator is heard: held wheels and goals of the user's hold the mission, and nothing is blamed for them."""
+
+import pytest
+from test_exploration_mission import SECOND, euclid, mapping_mission, situation
+
+from vsx_ros.config import Config, overridden
+from vsx_ros.exploration.decision import Action, MissionState, NavigationState
+from vsx_ros.exploration.mission import Mission
+from vsx_ros.exploration.user_goals import GoalState, UserGoals
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import EMERGENCY_STOP, OperatorHold, UserGoal
+from vsx_ros.slam.state import TrackingState
+
+FAILED = NavigationState.ABORTED
+STOPPED = OperatorHold(EMERGENCY_STOP, 2 * SECOND)
+TELEOP = OperatorHold("teleop", 2 * SECOND)
+GOAL = UserGoal("/rviz-1", "/rviz", 2 * SECOND, "map")
+
+
+def blamed(mission: Mission, now_ns: int) -> int:
+    return len(mission.view_selector.blacklist.left(now_ns))
+
+
+@pytest.mark.parametrize("hold", [STOPPED, TELEOP])
+def test_five_minutes_of_held_wheels_cost_no_goal_and_no_view(hold):
+    mission = mapping_mission()
+    first = mission.decide(2 * SECOND, situation(navigation=NavigationState.ACTIVE, held=hold))
+    assert (first.action, mission.state) == (Action.CANCEL, MissionState.HELD)
+    assert hold.by in first.reason
+    for k in range(1, 5 * 60 * 5):
+        decision = mission.decide(2 * SECOND + k * SECOND // 5, situation(navigation=FAILED, held=hold))
+        assert decision.action is Action.WAIT
+    now_ns = 303 * SECOND
+    assert mission.decide(now_ns, situation(navigation=FAILED)).action is Action.WAIT
+    assert mission.state is MissionState.MAPPING
+    again = mission.decide(now_ns + SECOND, situation(navigation=FAILED))
+    assert again.action is Action.GO
+    assert blamed(mission, now_ns) == 0
+    told = [event.reason for event in mission.drain_events() if event.state == "held"]
+    assert told == [hold.words()], "one event for the whole hold"
+
+
+def test_a_failure_told_before_the_hold_that_caused_it_is_withdrawn():
+    mission = mapping_mission()
+    mission.decide(2 * SECOND + SECOND // 10, situation(navigation=FAILED, navigation_reason="heading 15 deg off"))
+    assert blamed(mission, 2 * SECOND) == 1
+    mission.decide(3 * SECOND, situation(navigation=FAILED, held=STOPPED))
+    assert blamed(mission, 3 * SECOND) == 0
+
+
+def test_an_older_failure_stays_one():
+    mission = mapping_mission()
+    mission.decide(2 * SECOND, situation(navigation=FAILED, navigation_reason="goal blocked"))
+    mission.decide(9 * SECOND, situation(navigation=FAILED, held=OperatorHold("teleop", 9 * SECOND)))
+    assert blamed(mission, 9 * SECOND) == 1
+
+
+def test_a_held_start_drive_is_no_attempt():
+    mission = Mission(Config(), euclid)
+    blind = situation(slam_state=TrackingState.NOT_INITIALISED, grid=None)
+    for k in range(30):
+        now_ns = 10 * k * SECOND
+        assert mission.decide(now_ns, blind).action is Action.GO, k
+        mission.decide(now_ns + SECOND, blind._replace(navigation=NavigationState.ACTIVE, held=TELEOP))
+        mission.decide(now_ns + 5 * SECOND, blind._replace(navigation=FAILED))
+        assert mission.state is MissionState.STARTING
+
+
+def test_driving_by_hand_makes_the_trail_longer():
+    """Lost afterwards, the robot backs along the ground that the operator drove it over."""
+    mission = mapping_mission()
+    for k in range(41):
+        mission.decide(2 * SECOND + k, situation(T_odom_base=SE2(0.05 * k, 0, 0), held=TELEOP))
+    lost = situation(slam_state=TrackingState.LOST, T_odom_base=SE2(2.0, 0, 0))
+    decisions = [mission.decide(3 * SECOND + k * SECOND // 2, lost) for k in range(8)]
+    back = next(decision for decision in decisions if decision.action is Action.GO)
+    assert back.goal.x == pytest.approx(2.0 - Config().exploration.backtrack_step_m, abs=0.06)
+
+
+def test_a_pause_within_a_hold_stays_a_pause_and_resumes_where_it_was():
+    mission = mapping_mission()
+    mission.decide(2 * SECOND, situation(held=STOPPED))
+    mission.pause(3 * SECOND)
+    mission.drain_events()
+    for k in range(5):
+        assert STOPPED.words() in mission.decide(3 * SECOND + k, situation(held=STOPPED)).reason
+    assert [event.state for event in mission.drain_events()] == ["paused"], "told once"
+    assert mission.decide(4 * SECOND, situation()).reason == "paused"
+    mission.resume(5 * SECOND)
+    assert mission.state is MissionState.MAPPING
+
+
+def test_a_goal_of_the_user_is_driven_to_and_the_exploration_goes_on_after_it():
+    mission = mapping_mission()
+    for k in range(50):
+        decision = mission.decide(2 * SECOND + k * SECOND, situation(navigation=FAILED, user_goal=GOAL))
+        assert decision.action is Action.WAIT, "neither another goal nor a cancellation"
+        assert mission.state is MissionState.USER_GOAL
+    assert "/rviz" in decision.reason
+    mission.decide(60 * SECOND, situation(navigation=FAILED, user_goal_end="the goal of /rviz is reached"))
+    assert mission.decide(61 * SECOND, situation(navigation=FAILED)).action is Action.GO
+    assert blamed(mission, 61 * SECOND) == 0
+    assert any("the goal of /rviz is reached" in event.reason for event in mission.drain_events())
+
+
+def test_it_stays_at_the_goal_when_it_is_told_to():
+    config = overridden(Config(), {"exploration.stay_at_user_goal": True})
+    mission = Mission(config, euclid)
+    mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))
+    mission.decide(SECOND, situation())
+    mission.decide(2 * SECOND, situation(user_goal=GOAL))
+    for k in range(3, 60):
+        assert mission.decide(k * SECOND, situation(navigation=FAILED)).action is Action.WAIT
+    assert mission.state is MissionState.PAUSED
+    mission.resume(60 * SECOND)
+    assert mission.decide(61 * SECOND, situation(navigation=FAILED)).action is Action.GO
+
+
+def test_held_wheels_come_before_a_goal_of_the_user():
+    mission = mapping_mission()
+    mission.decide(2 * SECOND, situation(user_goal=GOAL))
+    mission.decide(3 * SECOND, situation(user_goal=GOAL, held=STOPPED))
+    assert mission.state is MissionState.HELD
+    mission.decide(4 * SECOND, situation(user_goal=GOAL))
+    assert mission.state is MissionState.USER_GOAL
+    mission.decide(5 * SECOND, situation(user_goal_end="reached"))
+    assert mission.state is MissionState.MAPPING
+
+
+def test_a_goal_in_the_map_is_given_up_when_the_camera_stays_lost():
+    mission = mapping_mission()
+    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", user_goal=GOAL)
+    states = []
+    for k in range(20):
+        mission.decide((2 + k) * SECOND, lost)
+        states.append(mission.state)
+    assert states[4] is MissionState.USER_GOAL
+    assert states[-1] is MissionState.RECOVERING
+    assert any("given up: dark" in event.reason for event in mission.drain_events())
+
+
+def test_goals_of_others_are_told_from_ours():
+    goals = UserGoals("/explore-")
+    goals.sent(0, "/explore-1-2.5", "map")
+    assert goals.current is None
+    goals.sent(1, "/rviz_7-1-2.5", "odom")
+    assert goals.current == UserGoal("/rviz_7-1-2.5", "/rviz_7", 1, "odom")
+    ours = {"/explore-1-2.5": GoalState(live=False, reached=False, reason="replaced")}
+    goals.told(2, ours)
+    assert goals.current is not None, "move_base has not listed it yet"
+    goals.told(3, {**ours, "/rviz_7-1-2.5": GoalState(live=True, reached=False, reason="")})
+    assert goals.current is not None
+    goals.told(4, {"/rviz_7-1-2.5": GoalState(live=False, reached=False, reason="blocked")})
+    assert (goals.current, goals.last_end) == (None, "the goal of /rviz_7 is not reached (blocked)")
+
+
+@pytest.mark.parametrize(
+    ("states", "end"),
+    [
+        ({"/me-1": GoalState(live=False, reached=True, reason="arrived")}, "the goal of /me is reached"),
+        ({}, "move_base does not know the goal of /me any more"),
+    ],
+)
+def test_how_a_goal_of_the_user_ends(states, end):
+    goals = UserGoals("/explore-")
+    goals.told(0, {"/me-1": GoalState(live=True, reached=False, reason="")})
+    goals.told(1, {"/me-1": GoalState(live=True, reached=False, reason="")})
+    assert goals.current is not None
+    goals.told(2, states)
+    assert (goals.current, goals.last_end) == (None, end)
+
+
+def test_a_goal_that_was_lost_on_its_way_does_not_hold_the_mission():
+    goals = UserGoals("/explore-")
+    goals.sent(0, "/me-1", "map")
+    goals.told(2 * SECOND, {})
+    assert goals.current is not None
+    goals.told(2 * SECOND + 1, {})
+    assert goals.current is None
+
+
+def test_the_newer_of_two_goals_counts():
+    goals = UserGoals("/explore-")
+    goals.sent(0, "/me-1", "map")
+    goals.sent(1, "/you-1", "map")
+    live, over = GoalState(live=True, reached=False, reason=""), GoalState(live=False, reached=False, reason="replaced")
+    goals.told(2, {"/me-1": over, "/you-1": live})
+    assert goals.current is not None
+    assert goals.current.client == "/you"

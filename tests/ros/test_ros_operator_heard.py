@@ -1,0 +1,136 @@
+"""The operator is heard by a robot that explores: emergency stop, teleop and goals of others, live."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import actionlib
+import rospy
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
+from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from std_msgs.msg import String
+from std_srvs.srv import SetBool
+
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import EMERGENCY_STOP
+from vsx_ros.ros import convert, topics
+
+if TYPE_CHECKING:
+    from conftest import Stack
+
+pytestmark = pytest.mark.ros
+
+HELD_S = 12.0  # longer than any goal takes to fail
+PATIENCE_S = 300.0
+
+
+class Ears:
+    """What explore and the base tell."""
+
+    def __init__(self) -> None:
+        self.status: dict[str, Any] = {}
+        self.held: dict[str, Any] = {}
+        self.events: list[dict[str, Any]] = []
+        self._subscribers = [
+            rospy.Subscriber(f"/{topics.EXPLORE_STATUS}", String, lambda msg: self.status.update(json.loads(msg.data))),
+            rospy.Subscriber(f"/{topics.EXPLORE_EVENTS}", String, lambda msg: self.events.append(json.loads(msg.data))),
+            rospy.Subscriber(f"/{topics.OPERATOR_HOLD}", String, lambda msg: self.held.update(json.loads(msg.data))),
+        ]
+
+    def blamed(self) -> list[str]:
+        return [event["reason"] for event in self.events if "blacklisted for" in event["reason"]]
+
+    def close(self) -> None:
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+
+@pytest.fixture
+def ears(stack: Stack) -> Any:
+    rospy.wait_for_message(f"/{topics.POSE}", PoseWithCovarianceStamped, timeout=PATIENCE_S)
+    stack.wait_until_driving()
+    heard = Ears()
+    stack.wait(lambda: heard.status and heard.held, PATIENCE_S, "the explorer's status")
+    yield heard
+    heard.close()
+
+
+def pose() -> SE2:
+    return convert.se2(
+        rospy.wait_for_message(f"/{topics.POSE}", PoseWithCovarianceStamped, timeout=PATIENCE_S).pose.pose
+    )
+
+
+def test_an_emergency_stop_holds_the_mission_and_blames_nobody(stack: Stack, ears: Ears) -> None:
+    estop = rospy.ServiceProxy(f"/{topics.ESTOP}", SetBool)
+    assert estop(True).success
+    try:
+        stack.wait(lambda: ears.status["state"] == "held", PATIENCE_S, "the mission to be held")
+        assert ears.held["by"] == EMERGENCY_STOP
+        goals = sum("driving" in event["reason"] for event in ears.events)
+        time.sleep(HELD_S)
+        assert ears.status["state"] == "held"
+        assert EMERGENCY_STOP in ears.status["reason"]
+        assert sum("driving" in event["reason"] for event in ears.events) == goals, "goals while the wheels are held"
+        assert [event["state"] for event in ears.events].count("held") == 1
+    finally:
+        assert estop(False).success
+    stack.wait_until_driving()
+    assert ears.blamed() == []
+
+
+def test_teleop_holds_the_mission_and_it_goes_on_by_itself(stack: Stack, ears: Ears) -> None:
+    keys = rospy.Publisher(f"/{topics.COMMAND_TELEOP}", Twist, queue_size=1)
+    turning = Twist()
+    turning.angular.z = 0.3
+    until_s = time.monotonic() + HELD_S
+    while time.monotonic() < until_s:
+        keys.publish(turning)
+        time.sleep(0.05)
+    assert ears.status["state"] == "held"
+    assert ears.held["by"] == "teleop"
+    stack.wait(lambda: ears.status["state"] != "held", PATIENCE_S, "the exploration to go on")
+    stack.wait_until_driving()
+    assert ears.blamed() == []
+
+
+def test_a_goal_of_an_actionlib_client_is_driven_to_while_exploring(stack: Stack, ears: Ears) -> None:
+    client = actionlib.SimpleActionClient(f"/{topics.MOVE_BASE_ACTION}", MoveBaseAction)
+    assert client.wait_for_server(rospy.Duration(PATIENCE_S))
+    goal = convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), pose())
+    client.send_goal(MoveBaseGoal(goal))
+    stack.wait(lambda: ears.status["state"] == "user goal", PATIENCE_S, "the explorer to step back")
+    assert client.wait_for_result(rospy.Duration(PATIENCE_S))
+    assert "cancelled" not in client.get_goal_status_text()
+    assert client.get_state() in (GoalStatus.SUCCEEDED, GoalStatus.ABORTED)
+    stack.wait_until_driving()
+    assert any("the goal of /observer is" in event["reason"] for event in ears.events)
+    assert ears.blamed() == []
+
+
+def test_an_arrow_of_rviz_is_driven_to_while_exploring(stack: Stack, ears: Ears) -> None:
+    arrow = rospy.Publisher(f"/{topics.SIMPLE_GOAL}", PoseStamped, queue_size=1)
+    stack.wait(arrow.get_num_connections, PATIENCE_S, "move_base to listen")
+    arrow.publish(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), pose()))
+    stack.wait(lambda: ears.status["state"] == "user goal", PATIENCE_S, "the explorer to step back")
+    assert "/observer" in ears.status["reason"]
+    stack.wait(lambda: ears.status["state"] != "user goal", PATIENCE_S, "the end of the goal")
+    stack.wait_until_driving()
+
+
+def test_vsx_go_waits_for_the_end(stack: Stack, ears: Ears) -> None:
+    here = pose()
+    words = [sys.executable, "-m", "vsx_ros.cli.main", "go", f"{here.x:.2f},{here.y:.2f},{here.theta * 57.3:.0f}"]
+    done = subprocess.run(words, env=stack.environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert "reached" in done.stdout + done.stderr
+    assert (done.returncode == 0) == done.stdout.startswith("reached")
+    stack.wait_until_driving()

@@ -1,0 +1,53 @@
+"""What stays of a run: a folder by roslaunch, too, and no master of a killed run."""
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy")
+
+from ros_ports import free_port
+from test_ros_run import CHECKOUT, environment, exploring, processes_that_name
+
+from vsx_ros.runs.folder import RunFolder
+
+pytestmark = pytest.mark.ros
+
+
+def test_roslaunch_leaves_a_whole_folder(tmp_path: Path) -> None:
+    port = free_port()
+    around = {**environment(tmp_path, port), "ROS_PACKAGE_PATH": f"{CHECKOUT}:/usr/share"}
+    words = ["roslaunch", "-p", str(port), "vsx_ros", "simulate.launch", "seed:=1", f"devices:={tmp_path}"]
+    with subprocess.Popen(words, env=around, start_new_session=True) as launched:
+        try:
+            while not list(tmp_path.glob("runs/*_ros/resume/map.zip")):
+                assert launched.poll() is None
+                time.sleep(0.2)
+            time.sleep(5.0)
+        finally:
+            launched.send_signal(signal.SIGINT)
+    (path,) = (tmp_path / "runs").iterdir()
+    folder = RunFolder.open(path)
+    config, facts = folder.read_config()
+    assert (facts["world"], facts["seed"], facts["fast"]) == ("lab", 1, False)
+    summary = folder.read_summary()
+    assert summary["stop_reason"] == "stopped by the operator"
+    assert summary["frames_tracked"] > 0
+    assert summary["coverage"] > 0.0
+    assert any(event.source == "mission" for event in folder.read_events())
+    assert folder.read_map() is not None
+    assert (path / "report.html").exists()
+    assert config.exploration.teleop_quiet_s > 0.0
+
+
+def test_a_killed_run_leaves_no_master(tmp_path: Path) -> None:
+    port = free_port()
+    with exploring(tmp_path, port, tmp_path / "run") as (run, _):
+        os.kill(run.pid, signal.SIGKILL)
+        run.wait()
+    while processes_that_name(f"-p {port}"):
+        time.sleep(0.1)
