@@ -1,0 +1,173 @@
+"""The radiance of the pixels whose triangles are known: trilinear texture times light.
+
+Along a row, neighbouring pixels of one triangle share its forms; the light, which is smooth, is looked up at the ends of
+short runs and interpolated."""
+
+import numpy as np
+
+from vsx_ros.arrays import Float32Array, FloatArray, Int32Array
+from vsx_ros.kernels import kernel, part
+from vsx_ros.kernels.sim.mesh_raster import edge_forms
+from vsx_ros.kernels.sim.mesh_scene import MIP_LEVELS, MeshScene, Rays
+from vsx_ros.kernels.sim.raycast_pixels import tint_index
+
+RUN = 12  # most pixels between two looks at the light
+OFFSET = 0.7  # of the light's spacing: how far in front of a surface its light is taken
+F0, F1, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+PER_255 = np.float32(1.0 / 255.0)
+BYTE = np.uint32(255)
+
+
+@part
+def _texel(scene: MeshScene, begin: int, lw: int, lh: int, u: np.float32, v: np.float32, shift: np.uint32) -> np.float32:
+    """Bilinear value (0..255) of one channel of a mip level at u, v (v downwards), which repeat."""
+    width, height = 1 << lw, 1 << lh
+    x, y = u * np.float32(width) - HALF, v * np.float32(height) - HALF
+    x_floor, y_floor = np.floor(x), np.floor(y)
+    fx, fy = x - x_floor, y - y_floor
+    i0, j0 = int(x_floor) & (width - 1), int(y_floor) & (height - 1)
+    i1, j1 = (i0 + 1) & (width - 1), (j0 + 1) & (height - 1)
+    upper, lower = begin + (j0 << lw), begin + (j1 << lw)
+    t00 = np.float32((scene.texels[upper + i0] >> shift) & BYTE)
+    t01 = np.float32((scene.texels[upper + i1] >> shift) & BYTE)
+    t10 = np.float32((scene.texels[lower + i0] >> shift) & BYTE)
+    t11 = np.float32((scene.texels[lower + i1] >> shift) & BYTE)
+    top, bottom = t00 + fx * (t01 - t00), t10 + fx * (t11 - t10)
+    value: np.float32 = top + fy * (bottom - top)
+    return value
+
+
+@part
+def _trilinear(
+    scene: MeshScene, kind: int, u: np.float32, v: np.float32, lod: np.float32, shift: np.uint32
+) -> np.float32:
+    """Reflectance in one channel of a picture, between the two mip levels around lod."""
+    row, lw, lh = scene.pictures[kind, 0], scene.pictures[kind, 1], scene.pictures[kind, 2]
+    coarsest = max(lw, lh)
+    level = min(int(lod), coarsest)
+    begin, a, b = scene.levels[row, level], max(lw - level, 0), max(lh - level, 0)
+    value = _texel(scene, begin, a, b, u, v, shift)
+    share = lod - np.float32(level)
+    if share > F0 and level < coarsest:
+        begin, a, b = scene.levels[row, level + 1], max(lw - level - 1, 0), max(lh - level - 1, 0)
+        value += share * (_texel(scene, begin, a, b, u, v, shift) - value)
+    value *= PER_255
+    return value * value
+
+
+@kernel
+def light_at(scene: MeshScene, x: float, y: float, z: float, nx: float, ny: float, nz: float) -> np.float32:
+    """Irradiance of a surface with the unit normal n at a point [m], taken a little in front of it."""
+    light, frame = scene.light, scene.light_frame
+    step = frame[3]
+    gx = min(max((x - frame[0]) / step + OFFSET * nx, 0.0), light.shape[2] - 1.001)
+    gy = min(max((y - frame[1]) / step + OFFSET * ny, 0.0), light.shape[1] - 1.001)
+    gz = min(max((z - frame[2]) / step + OFFSET * nz, 0.0), light.shape[0] - 1.001)
+    i, j, k = int(gx), int(gy), int(gz)
+    fx, fy, fz = gx - i, gy - j, gz - k
+    a, b, c = (0 if nx > 0.0 else 1), (2 if ny > 0.0 else 3), (4 if nz > 0.0 else 5)
+    wa, wb, wc = nx * nx, ny * ny, nz * nz
+    total = 0.0
+    for dk in range(2):
+        for dj in range(2):
+            for di in range(2):
+                weight = (fx if di else 1.0 - fx) * (fy if dj else 1.0 - fy) * (fz if dk else 1.0 - fz)
+                node = light[k + dk, j + dj, i + di]
+                total += weight * (wa * node[a] + wb * node[b] + wc * node[c])
+    return np.float32(total)
+
+
+@kernel
+def _sum_of(forms: FloatArray, out: FloatArray) -> None:
+    for j in range(3):
+        out[j] = forms[0, j] + forms[1, j] + forms[2, j]
+
+
+@kernel
+def _light_of_pixel(
+    scene: MeshScene, rays: Rays, y: int, x: int, normal: FloatArray, nearness: np.float32
+) -> np.float32:
+    """Light on the triangle that pixel (y, x) sees. normal (3,): away from the camera."""
+    far = 1.0 / nearness
+    line, o = rays.directions[y], rays.origins[y]
+    px, py, pz = o[0] + far * line[0, x], o[1] + far * line[1, x], o[2] + far * line[2, x]
+    return light_at(scene, px, py, pz, -normal[0], -normal[1], -normal[2])
+
+
+@kernel
+def _shade_run(
+    scene: MeshScene, kind: int, uv: FloatArray, rays: Rays, y: int, begin: int, end: int, lights: FloatArray,
+    sharpness: np.float32, bayer: bool, share: np.float32, radiance: Float32Array,
+) -> None:  # fmt: skip
+    """Add the pixels begin..end - 1 of a row, all on one triangle. uv (3, 3): forms of u, v and 1; lights (2,): at both
+    ends."""
+    U0, U1, U2 = np.float32(uv[0, 0]), np.float32(uv[0, 1]), np.float32(uv[0, 2])
+    V0, V1, V2 = np.float32(uv[1, 0]), np.float32(uv[1, 1]), np.float32(uv[1, 2])
+    C0, C1, C2 = np.float32(uv[2, 0]), np.float32(uv[2, 1]), np.float32(uv[2, 2])
+    light = np.float32(lights[0])
+    rise = np.float32((lights[1] - lights[0]) / max(end - begin - 1, 1))
+    plain = scene.pictures[kind, 0] < 0
+    wide, high = np.float32(1 << max(scene.pictures[kind, 1], 0)), np.float32(1 << max(scene.pictures[kind, 2], 0))
+    here, below = rays.directions[y], rays.directions[y + 1]
+    for x in range(begin, end):
+        channel = tint_index(y, x, bayer)
+        value = scene.colours[kind, channel]
+        if not plain:
+            d0, d1, d2 = here[0, x], here[1, x], here[2, x]
+            x0, x1, x2 = here[0, x + 1] - d0, here[1, x + 1] - d1, here[2, x + 1] - d2
+            y0, y1, y2 = below[0, x] - d0, below[1, x] - d1, below[2, x] - d2
+            inverse = F1 / (C0 * d0 + C1 * d1 + C2 * d2)
+            u, v = (U0 * d0 + U1 * d1 + U2 * d2) * inverse, (V0 * d0 + V1 * d1 + V2 * d2) * inverse
+            cx, cy = C0 * x0 + C1 * x1 + C2 * x2, C0 * y0 + C1 * y1 + C2 * y2
+            ux = (U0 * x0 + U1 * x1 + U2 * x2 - u * cx) * inverse * wide
+            uy = (U0 * y0 + U1 * y1 + U2 * y2 - u * cy) * inverse * wide
+            vx = (V0 * x0 + V1 * x1 + V2 * x2 - v * cx) * inverse * high
+            vy = (V0 * y0 + V1 * y1 + V2 * y2 - v * cy) * inverse * high
+            area = abs(ux * vy - uy * vx)  # of the pixel, in texels
+            longest = ux * ux + uy * uy + vx * vx + vy * vy
+            spread = max(max(area, longest * sharpness), F1)
+            lod = min(HALF * np.log2(spread), np.float32(MIP_LEVELS - 1))
+            value *= _trilinear(scene, kind, u, F1 - v, lod, np.uint32(8 * channel))
+        radiance[x] += share * value * light
+        light += rise
+
+
+@kernel
+def shade_rows(
+    scene: MeshScene, rays: Rays, nearness: Float32Array, ident: Int32Array, first: int, last: int, sharpness: float,
+    bayer: bool, share: float, radiance: Float32Array,
+) -> None:  # fmt: skip
+    """Add share times the radiance of the rows first..last - 1 to radiance (H, W). sharpness: square of the shortest
+    edge of a texture's footprint in relation to its longest, for the choice of the mip level."""
+    width = ident.shape[1]
+    forms, uv, lights, weight = np.empty((3, 3)), np.empty((3, 3)), np.empty(2), np.float32(share)
+    for y in range(first, last):
+        line, x, before, length = ident[y], 0, np.int32(-1), 1.0
+        while x < width:
+            t = line[x]
+            if t < 0:
+                radiance[y, x] += weight * np.float32(scene.sky)
+                x += 1
+                continue
+            end = x + 1
+            while end < width and end - x < RUN and line[end] == t:
+                end += 1
+            if t != before:
+                edge_forms(scene.corners[t], rays.origins[y], forms)
+                _sum_of(forms, uv[2])
+                length = np.sqrt(uv[2, 0] ** 2 + uv[2, 1] ** 2 + uv[2, 2] ** 2)
+                for j in range(3):
+                    uv[2, j] /= length  # keeps tiny triangles within the range of float32
+                    for i in range(2):
+                        uv[i, j] = 0.0
+                        for corner in range(3):
+                            uv[i, j] += scene.uv[t, 2 * corner + i] * forms[corner, j] / length
+                before = t
+            lights[0] = _light_of_pixel(scene, rays, y, x, uv[2], nearness[y, x])
+            lights[1] = lights[0]
+            if end - x > 1:
+                lights[1] = _light_of_pixel(scene, rays, y, end - 1, uv[2], nearness[y, end - 1])
+            _shade_run(
+                scene, scene.kinds[t], uv, rays, y, x, end, lights, np.float32(sharpness), bayer, weight, radiance[y]
+            )  # fmt: skip
+            x = end
