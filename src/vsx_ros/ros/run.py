@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from msgspec.structs import replace
 
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
@@ -30,7 +29,8 @@ from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.session import results_of_slam
 from vsx_ros.runs.start import begin
-from vsx_ros.sim.world import Start, World
+from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.world import Start
 from vsx_ros.sim.world_file import save_world
 from vsx_ros.slam.state import TrackingState
 
@@ -99,7 +99,7 @@ def explore(args: argparse.Namespace) -> int:
 
 
 def _nodes(
-    args: argparse.Namespace, folder: RunFolder, world: World | None, devices: Path, T_world_base: SE2 | None
+    args: argparse.Namespace, folder: RunFolder, world: EmulatedWorld | None, devices: Path, T_world_base: SE2 | None
 ) -> list[LaunchNode]:
     """T_world_base: where an emulated robot stood when the run was interrupted."""
     above = launch.exploration(args.planner, args.seed, str(folder.path.resolve()), args.load_map or "")
@@ -109,7 +109,7 @@ def _nodes(
     if T_world_base is not None:
         path = path.with_name("world_resumed.yaml")
         start = Start(x=T_world_base.x, y=T_world_base.y, theta_rad=T_world_base.theta)
-        save_world(replace(world, start=start), path)
+        save_world(world.starting_at(start), path)
     return [*launch.emulation(str(path), args.seed, str(devices), args.base, args.rate), *above]
 
 

@@ -1,0 +1,158 @@
+"""An emulated world of triangles, as a Gazebo file describes it. Metres, world frame, floor at z = 0."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, IntArray, Points2
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.kernels.sim.mesh_slab import slab_polygons
+from vsx_ros.sim.gazebo.assemble import Parts
+from vsx_ros.sim.gazebo.elements import Lamp
+from vsx_ros.sim.world import Point, Start
+
+SLICE_M = 0.02, 0.45  # above the floor: what a robot touches
+FLOOR_STEP_M = 0.05  # between the floor's triangles and its height
+_LEVEL_M = 0.02  # heights that count as one level
+_LEAST_SHARE = 0.3  # of the largest level, for the lowest one to be the floor
+_STEEP = 0.98  # least z of a level triangle's normal
+_ROUND_M = 0.001  # of segments, to drop doubles
+AROUND_M = 0.5  # ground around the obstacles that belongs to the world
+
+
+@dataclass(frozen=True, eq=False)
+class MeshWorld:
+    """file, folders: what it was read from, and where its models are looked for. floor_z_m: height of the floor in the
+    file; everything here is lower by it. bounds: x_min, y_min, x_max, y_max of what a robot can touch [m]."""
+
+    name: str
+    file: Path
+    folders: tuple[Path, ...]
+    start: Start
+    floor_z_m: float
+    bounds: tuple[float, float, float, float]
+    parts: Parts
+    lamps: list[Lamp]
+    ambient: float
+    sky: float
+
+    @property
+    def start_pose(self) -> SE2:
+        """T_world_base at the beginning."""
+        return SE2(self.start.x, self.start.y, self.start.theta_rad)
+
+    @property
+    def sights(self) -> list[Point]:
+        """Places of pictures; here unknown."""
+        return []
+
+    def starting_at(self, start: Start) -> "MeshWorld":
+        """The same world with another start."""
+        return replace(self, start=start)
+
+    def plan(self, z_min: float, z_max: float) -> Iterator[tuple[Points2, bool]]:
+        """Polygons (N, 2), and whether they are solid between the heights [m]; later ones cover earlier ones. First the
+        floor. The floor itself is no obstacle: z_min is at least 2 cm."""
+        for triangle in floor_triangles(self):
+            yield triangle, False
+        polygons, counts, _ = self.slab(z_min, z_max)
+        for polygon, count in zip(polygons, counts):
+            yield polygon[:count], True
+
+    def slab(self, z_min: float, z_max: float) -> tuple[FloatArray, IntArray, IntArray]:
+        """As ``slab_polygons``, of the solids between the heights."""
+        return slab_polygons(self.parts.solids, max(z_min, SLICE_M[0]), z_max)
+
+    def obstacle_segments(self, z_min: float, z_max: float) -> FloatArray:
+        """(N, 4) borders of all solids between the heights: x0, y0, x1, y1 [m]."""
+        return _borders(*self.slab(z_min, z_max)[:2])
+
+    def owner_near(self, x: float, y: float) -> str:
+        """The name of the model whose solids at a robot's height lie nearest to a place."""
+        polygons, counts, owners = self.slab(*SLICE_M)
+        points = np.where(np.arange(5)[None, :, None] < counts[:, None, None], polygons, np.inf)
+        gaps = np.hypot(points[..., 0] - x, points[..., 1] - y).min(axis=1)
+        return self.parts.names[int(self.parts.owners[owners[int(np.argmin(gaps))]])]
+
+
+def _borders(polygons: FloatArray, counts: IntArray) -> FloatArray:
+    """(N, 4) sides of polygons (M, 5, 2) with counts (M,) corners, each once; of an upright wall, whose polygon is a
+    line, only this line."""
+    segments = []
+    for n in np.unique(counts):
+        some = polygons[counts == n, :n]
+        span = np.ptp(some, axis=1)
+        along = np.where((span[:, 0] >= span[:, 1])[:, None], some[..., 0], some[..., 1])
+        rows = np.arange(len(some))
+        lines = np.concatenate([some[rows, along.argmin(axis=1)], some[rows, along.argmax(axis=1)]], axis=1)
+        following = np.roll(some, -1, axis=1)
+        areas = 0.5 * np.abs((some[..., 0] * following[..., 1] - following[..., 0] * some[..., 1]).sum(axis=1))
+        flat = areas < 1e-3 * np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1])
+        segments += [lines[flat], np.concatenate([some, following], axis=2)[~flat].reshape(-1, 4)]
+    if not segments:
+        return np.zeros((0, 4))
+    found = np.rint(np.concatenate(segments) / _ROUND_M)
+    backwards = (found[:, 0] > found[:, 2]) | ((found[:, 0] == found[:, 2]) & (found[:, 1] > found[:, 3]))
+    found[backwards] = found[backwards][:, [2, 3, 0, 1]]
+    return np.unique(found, axis=0) * _ROUND_M
+
+
+def _level_triangles(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The triangles (T, 3, 3) that lie level, and their areas [m2]."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    level = np.abs(normals[:, 2]) > _STEEP * np.maximum(lengths, 1e-12)
+    return corners[level], 0.5 * lengths[level]
+
+
+def floor_height(parts: Parts) -> float | None:
+    """Height of the floor [m], or None: the lowest level with a large area, of the solids if they have one. Where two
+    lie close together, the upper one, on which a robot stands."""
+    x0, y0, x1, y1 = ground_bounds(parts.solids, -math.inf)
+    most = max((x1 - x0) * (y1 - y0), 1.0)
+    for corners in (parts.solids, np.asarray(parts.seen.corners, float)):
+        level, areas = _level_triangles(corners)
+        if not len(level) or areas.sum() < 0.5:
+            continue
+        heights = np.rint(level[..., 2].mean(axis=1) / _LEVEL_M).astype(np.int64)
+        levels, which = np.unique(heights, return_inverse=True)
+        sizes = np.minimum(np.bincount(which, np.minimum(areas, most)), most)
+        lowest = levels[np.argmax(sizes >= _LEAST_SHARE * sizes.max())]
+        close = (levels >= lowest) & (levels <= lowest + 2) & (sizes >= _LEAST_SHARE * sizes.max())
+        upper = heights == levels[close].max()
+        return float(np.average(level[upper][..., 2].mean(axis=1), weights=areas[upper]))
+    return None
+
+
+def ground_bounds(solids: FloatArray, floor_z_m: float) -> tuple[float, float, float, float]:
+    """x_min, y_min, x_max, y_max of the solids that a robot on this floor can touch, or of all solids higher than a
+    floor that is not known (-inf) [m]; with some ground around. Zeros if there are none."""
+    points = solids.reshape(-1, 3)
+    if math.isfinite(floor_z_m):
+        polygons, counts, _ = slab_polygons(solids, floor_z_m + SLICE_M[0], floor_z_m + SLICE_M[1])
+        points = polygons[np.arange(5)[None, :] < counts[:, None]]
+    else:
+        upright = np.ptp(solids[..., 2], axis=1) > SLICE_M[0]
+        points = solids[upright].reshape(-1, 3)
+    if not len(points):
+        return 0.0, 0.0, 0.0, 0.0
+    low, high = points[:, :2].min(axis=0) - AROUND_M, points[:, :2].max(axis=0) + AROUND_M
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+@lru_cache(maxsize=4)
+def floor_triangles(world: MeshWorld) -> list[Points2]:
+    """(3, 2) triangles of the floor, of solids and of what is seen, cut to the neighbourhood of the bounds [m]."""
+    x0, y0, x1, y1 = world.bounds
+    found = []
+    for corners in (world.parts.solids, np.asarray(world.parts.seen.corners, float)):
+        level, _ = _level_triangles(corners)
+        level = level[np.abs(level[..., 2]).max(axis=1) < FLOOR_STEP_M]
+        outside = (level[..., 0].max(axis=1) < x0) | (level[..., 0].min(axis=1) > x1)
+        outside |= (level[..., 1].max(axis=1) < y0) | (level[..., 1].min(axis=1) > y1)
+        found += list(level[~outside][..., :2])
+    return found
