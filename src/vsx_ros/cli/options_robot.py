@@ -99,7 +99,9 @@ def world(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=int, default=0, metavar="N", help="which of the generator's worlds, or which start (default 0)")
     add("--start", type=pose, metavar="X,Y,DEG", help="where the robot starts and looks to")
     add_models(parser)
-    add("--out", type=Path, metavar="FILE", help="write the world to this YAML file; with render, the view to this .png")
+    add(
+        "--out", type=Path, metavar="FILE", help="write the world to this YAML file; with render, the view to this .png"
+    )
     add("--picture", type=Path, metavar="FILE.png", help="draw the plan and the first view")
     add("--map", type=Path, metavar="FILE.pgm", help="write the true map (pgm and yaml) for map_server")
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from vsx_ros.config import RobotConfig
 from vsx_ros.errors import ConfigError
 from vsx_ros.io.map_file import save_map
-from vsx_ros.config import RobotConfig
 from vsx_ros.runs.start import tell_remarks
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.emulated_world import EmulatedWorld

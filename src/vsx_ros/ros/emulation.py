@@ -34,9 +34,9 @@ from vsx_ros.runs.journal import flat
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.body import Body
 from vsx_ros.sim.camera import EmulatedCamera
-from vsx_ros.sim.robot import SimulationConfig
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.optics import scene_of
+from vsx_ros.sim.robot import SimulationConfig
 
 POSE = struct.Struct("<q4d")  # Time since the emulator's start [ns], x, y [m], theta [rad], travelled path [m]
 _KEPT = 600  # poses, for images that are rendered late
@@ -57,7 +57,12 @@ class BodyPlant:
     ``state`` and the counters of ``body``. ``on_step`` is called after each step."""
 
     def __init__(
-        self, world: EmulatedWorld, seed: int, robot: RobotConfig, on_step: Callable[[BodyState], None], wheel_base_m: float
+        self,
+        world: EmulatedWorld,
+        seed: int,
+        robot: RobotConfig,
+        on_step: Callable[[BodyState], None],
+        wheel_base_m: float,
     ) -> None:
         settings = msgspec.structs.replace(SimulationConfig().body, wheel_base_m=wheel_base_m)
         rng = np.random.default_rng([seed, 1])  # as in the lock-step robot

@@ -14,7 +14,6 @@ from vsx_ros.sim.generate import GENERATORS, generate_world, world_from_grid
 from vsx_ros.sim.truth import with_start
 from vsx_ros.sim.world_file import load_world
 
-
 MODEL_PATHS = "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH"  # of the environment
 
 

@@ -123,7 +123,9 @@ def _still_optics(camera: PinholeCamera, x: FloatArray, y: FloatArray, bow: floa
     """The table from directions to pixels for the rays x, y of the lit pixels, of a camera at rest. Directions beyond
     the outermost ray, where a lens may be undefined, are drawn in to it."""
     bounds = np.array([x.min(), y.min(), x.max(), y.max()])
-    gx, gy = np.meshgrid(*(np.linspace(bounds[i], bounds[i + 2], n + 1) for i, n in ((0, _LATTICE[1]), (1, _LATTICE[0]))))
+    gx, gy = np.meshgrid(
+        *(np.linspace(bounds[i], bounds[i + 2], n + 1) for i, n in ((0, _LATTICE[1]), (1, _LATTICE[0])))
+    )
     radius = np.hypot(gx, gy)
     inwards = np.minimum(1.0, float(np.hypot(x, y).max()) / np.maximum(radius, 1e-9))
     plane = np.column_stack([(gx * inwards).ravel(), (gy * inwards).ravel()])

@@ -34,8 +34,8 @@ def compile_mesh(world: MeshWorld) -> MeshScene:
     needed = sum(picture.pixels[..., 0].size for picture in pictures) * 4 // 3
     if needed > MAX_TEXELS:
         raise ConfigError(
-            f"world {world.name}: its {len(pictures)} textures have {needed} texels, at most {MAX_TEXELS} can be drawn; "
-            "leave some out"
+            f"world {world.name}: its {len(pictures)} textures have {needed} texels, at most {MAX_TEXELS} can be "
+            "drawn; leave some out"
         )
     levels, texels = _packed(pictures)
     rows = {picture: row for row, picture in enumerate(pictures)}

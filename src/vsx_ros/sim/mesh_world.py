@@ -69,7 +69,7 @@ class MeshWorld:
 
     def obstacle_segments(self, z_min: float, z_max: float) -> FloatArray:
         """(N, 4) borders of all solids between the heights: x0, y0, x1, y1 [m]."""
-        return _borders(*self.slab(z_min, z_max)[:2])
+        return _segments(self, z_min, z_max)
 
     def owner_near(self, x: float, y: float) -> str:
         """The name of the model whose solids at a robot's height lie nearest to a place."""
@@ -77,6 +77,11 @@ class MeshWorld:
         points = np.where(np.arange(5)[None, :, None] < counts[:, None, None], polygons, np.inf)
         gaps = np.hypot(points[..., 0] - x, points[..., 1] - y).min(axis=1)
         return self.parts.names[int(self.parts.owners[owners[int(np.argmin(gaps))]])]
+
+
+@lru_cache(maxsize=4)
+def _segments(world: MeshWorld, z_min: float, z_max: float) -> FloatArray:
+    return _borders(*world.slab(z_min, z_max)[:2])
 
 
 def _borders(polygons: FloatArray, counts: IntArray) -> FloatArray:

@@ -94,7 +94,13 @@ def free_ahead(world: EmulatedWorld, x: float, y: float, theta: float) -> float:
     """How far a disc of radius 0.25 m can go straight ahead from a pose before it touches something [m], at most 6."""
     steps = np.arange(0.0, 6.0, 0.05)
     points = np.array([x, y]) + steps[:, None] * np.array([math.cos(theta), math.sin(theta)])
-    blocked = gap_to_walls(world.obstacle_segments(0.0, BAND_M), points) < PASSAGE_RADIUS_M
+    low, high = points.min(axis=0) - PASSAGE_RADIUS_M, points.max(axis=0) + PASSAGE_RADIUS_M
+    segments = world.obstacle_segments(0.0, BAND_M)
+    a, b = segments[:, :2], segments[:, 2:]
+    beside = segments[(np.maximum(a, b) >= low).all(axis=1) & (np.minimum(a, b) <= high).all(axis=1)]
+    if not len(beside):
+        return 6.0
+    blocked = gap_to_walls(beside, points) < PASSAGE_RADIUS_M
     return float(steps[np.argmax(blocked)]) if blocked.any() else 6.0
 
 
@@ -109,8 +115,10 @@ def with_start(rng: np.random.Generator, world: W) -> W:
     for _ in range(START_TRIES):
         x, y = places[int(rng.integers(len(places)))].tolist()
         theta = float(rng.uniform(-math.pi, math.pi))
+        if gap_to_walls(segments, np.array([[x, y]]))[0] < START_GAP_M:
+            continue
         ahead = free_ahead(world, x, y, theta)
-        if ahead < START_AHEAD_M + 0.3 or gap_to_walls(segments, np.array([[x, y]]))[0] < START_GAP_M:
+        if ahead < START_AHEAD_M + 0.3:
             continue
         angles = [math.atan2(sy - y, sx - x) - theta for sx, sy in world.sights]
         distances = [math.hypot(sx - x, sy - y) for sx, sy in world.sights]
@@ -122,8 +130,8 @@ def with_start(rng: np.random.Generator, world: W) -> W:
 
 
 def middle_of_largest_room(world: EmulatedWorld) -> Start:
-    """The place with the most space around it, of the largest ground where a robot can drive from place to place, looking
-    to where most is free. Raises ConfigError for a world without a place for the robot."""
+    """The place with the most space around it, on the largest ground that a robot can drive, looking to where most is
+    free. Raises ConfigError for a world without a place for the robot."""
     grid = _solid_grid(world, 0.05, 0.0, BAND_M)
     space = cv2.distanceTransform((grid.data == FREE).astype(np.uint8), cv2.DIST_L2, 5) * grid.resolution
     count, labels, statistics, _ = cv2.connectedComponentsWithStats((space > PASSAGE_RADIUS_M).astype(np.uint8))

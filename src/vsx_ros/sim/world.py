@@ -248,4 +248,3 @@ def prisms(world: World) -> list[Prism]:
         ring = np.column_stack([np.cos(angles), np.sin(angles)]) * cylinder.radius
         solids.append(Prism(ring + np.array([cylinder.x, cylinder.y]), 0.0, cylinder.height, cylinder.material))
     return solids
-

@@ -16,6 +16,7 @@ from vsx_ros.kernels.sim.mesh_scene import MeshScene, Rays
 NEAR_M = 0.05  # nothing nearer is drawn
 BLOCK = 16  # pixels of a row that are skipped together
 _HALF_ALPHA = 125
+_SMALL = 0.1  # extent on the plane z = 1 up to which four corners tell where a triangle lies
 _EDGE_ON = 1e-13  # volume [m3] of a triangle with the camera, seen from its edge
 
 
@@ -90,14 +91,15 @@ def _pixel_box(optics: Optics, box: FloatArray, slack: float, found: FloatArray)
         return False
     found[0] = found[1] = np.inf
     found[2] = found[3] = -np.inf
-    for i in range(3):
-        for j in range(3):
-            x, y = x0 + 0.5 * i * (x1 - x0), y0 + 0.5 * j * (y1 - y0)
+    span = max(x1 - x0, y1 - y0)
+    steps = 1 if span < _SMALL else 2
+    for i in range(steps + 1):
+        for j in range(steps + 1):
+            x, y = x0 + i * (x1 - x0) / steps, y0 + j * (y1 - y0) / steps
             u, v = _pixel(optics, x, y, 0), _pixel(optics, x, y, 1)
             found[0], found[1] = min(found[0], u), min(found[1], v)
             found[2], found[3] = max(found[2], u), max(found[3], v)
-    half = 0.5 * max(x1 - x0, y1 - y0)
-    margin = 1.0 + 0.125 * optics.curvature * half * half
+    margin = 1.0 + 0.125 * optics.curvature * (span / steps) ** 2
     found[0] -= margin
     found[1] -= margin
     found[2] += margin
@@ -183,7 +185,9 @@ def rasterise(
     height, width = nearness.shape
     nearness[first:last], ident[first:last] = np.float32(0.0), np.int32(-1)
     cam, forms, box, found = np.empty((3, 3)), np.empty((3, 3)), np.empty(4), np.empty(4)
-    stretch = 1.0 + max(optics.bounds[0] ** 2, optics.bounds[2] ** 2) + max(optics.bounds[1] ** 2, optics.bounds[3] ** 2)
+    stretch = (
+        1.0 + max(optics.bounds[0] ** 2, optics.bounds[2] ** 2) + max(optics.bounds[1] ** 2, optics.bounds[3] ** 2)
+    )
     for k in order:
         for t in range(scene.chunks[k], scene.chunks[k + 1]):
             corners = scene.corners[t]

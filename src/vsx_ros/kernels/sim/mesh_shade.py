@@ -1,7 +1,7 @@
 """The radiance of the pixels whose triangles are known: trilinear texture times light.
 
-Along a row, neighbouring pixels of one triangle share its forms; the light, which is smooth, is looked up at the ends of
-short runs and interpolated."""
+Along a row, neighbouring pixels of one triangle share its forms; the light, which is smooth, is looked up at the ends
+of short runs and interpolated."""
 
 import numpy as np
 
@@ -19,7 +19,9 @@ BYTE = np.uint32(255)
 
 
 @part
-def _texel(scene: MeshScene, begin: int, lw: int, lh: int, u: np.float32, v: np.float32, shift: np.uint32) -> np.float32:
+def _texel(
+    scene: MeshScene, begin: int, lw: int, lh: int, u: np.float32, v: np.float32, shift: np.uint32
+) -> np.float32:
     """Bilinear value (0..255) of one channel of a mip level at u, v (v downwards), which repeat."""
     width, height = 1 << lw, 1 << lh
     x, y = u * np.float32(width) - HALF, v * np.float32(height) - HALF

@@ -1,4 +1,4 @@
-"""Elements of SDF: numbers, poses, shapes, materials and lamps. What is wrong is an InputError that names the element."""
+"""Elements of SDF: numbers, poses, shapes, materials and lamps. An InputError names an element that is wrong."""
 
 import math
 from pathlib import Path

@@ -80,7 +80,10 @@ def _read(path: Path, _changed_ns: int) -> Picture:
 
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"texture {path} has {path.stat().st_size} bytes, at most {MOST_BYTES} are read; shrink it")
-    with explained(InputError, f"texture {path} cannot be read", "save it again as PNG", DAMAGE), Image.open(path) as image:
+    with (
+        explained(InputError, f"texture {path} cannot be read", "save it again as PNG", DAMAGE),
+        Image.open(path) as image,
+    ):
         return picture_of(str(path), image)
 
 
