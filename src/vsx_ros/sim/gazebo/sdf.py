@@ -16,7 +16,14 @@ from vsx_ros.sim.gazebo.paths import ModelFolders, is_remote
 from vsx_ros.sim.gazebo.surfaces import Surface
 
 MOST_SHAPES, DEEPEST = 20_000, 16  # of a world; of models in models
-_SUN = Lamp("directional", np.array([0.0, 0.0, 10.0]), np.array([-0.46, 0.09, -0.88]), 0.8, (1e3, 0.9, 0.01, 0.0), 3.2)
+_SUN = Lamp(
+    kind="directional",
+    position=np.array([0.0, 0.0, 10.0]),
+    direction=np.array([-0.46, 0.09, -0.88]),
+    strength=0.8,
+    attenuation=(1e3, 0.9, 0.01, 0.0),
+    half_angle_rad=3.2,
+)
 _UNSUPPORTED = "actor", "population", "road"
 
 
@@ -124,7 +131,12 @@ class _Reader:
         elif word == "ground_plane":
             floor = geometry.plane(np.array([0.0, 0.0, 1.0]), 100.0, 100.0)
             for solid in (False, True):
-                self._add(Shape(name, name, T_parent, solid, floor, Surface((0.6, 0.6, 0.6)), ""))
+                paint = Surface((0.6, 0.6, 0.6))
+                self._add(
+                    Shape(
+                        name=name, link=name, T_world=T_parent, solid=solid, geometry=floor, surface=paint, missing=""
+                    )
+                )
         elif is_remote(uri):
             self._remark(f"model {name} is on the network ({uri}): download it, and give its folder with --models")
         else:
