@@ -11,7 +11,7 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.robot import VelocityCommand
 from vsx_ros.sim.camera import KINECT
-from vsx_ros.sim.gazebo.load import load_gazebo
+from vsx_ros.sim.gazebo_world import load_gazebo
 from vsx_ros.sim.mesh_renderer import MeshRenderer
 from vsx_ros.sim.mesh_scene import compile_mesh
 from vsx_ros.sim.renderer import exact_rays

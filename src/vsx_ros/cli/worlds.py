@@ -11,7 +11,7 @@ from vsx_ros.io.map_file import save_map
 from vsx_ros.runs.start import tell_remarks
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
-from vsx_ros.sim.gazebo.load import checked_start
+from vsx_ros.sim.gazebo_world import checked_start
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.picture import BAND_M, first_view, world_picture, write_picture
 from vsx_ros.sim.truth import ground_truth_grid, reachable_area_m2

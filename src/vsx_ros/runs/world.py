@@ -8,8 +8,8 @@ import numpy as np
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.io.map_file import is_map_file, load_map, load_plan
+from vsx_ros.sim import gazebo_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
-from vsx_ros.sim.gazebo import load
 from vsx_ros.sim.generate import GENERATORS, generate_world, world_from_grid
 from vsx_ros.sim.truth import with_start
 from vsx_ros.sim.world_file import load_world
@@ -31,8 +31,8 @@ def open_world(name: str, seed: int, models: Sequence[Path] = ()) -> EmulatedWor
     if name in GENERATORS:
         return generate_world(name, seed)
     path = Path(name)
-    if path.suffix in load.SUFFIXES and path.is_file():
-        return with_start(np.random.default_rng([seed, 0]), load.load_gazebo(path, model_folders(models)))
+    if path.suffix in gazebo_world.SUFFIXES and path.is_file():
+        return with_start(np.random.default_rng([seed, 0]), gazebo_world.load_gazebo(path, model_folders(models)))
     if path.suffix in (".png", ".pgm") and path.is_file():
         grid = load_map(path) if path.with_suffix(".yaml").exists() else load_plan(path)
         return world_from_grid(grid, path.stem, seed)

@@ -11,7 +11,7 @@ import yaml
 from vsx_ros.errors import ConfigError, reason_of
 from vsx_ros.limits import file_text, yaml_tree
 from vsx_ros.sim.emulated_world import EmulatedWorld
-from vsx_ros.sim.gazebo.load import load_gazebo
+from vsx_ros.sim.gazebo_world import load_gazebo
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.truth import MAX_AREA_M2
 from vsx_ros.sim.world import Box, Outline, Poster, Start, Table, Wall, World
