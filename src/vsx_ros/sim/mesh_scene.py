@@ -31,7 +31,7 @@ def compile_mesh(world: MeshWorld) -> MeshScene:
     into memory."""
     seen = world.parts.seen
     pictures = list(dict.fromkeys(s.picture for s in seen.surfaces if s.picture is not None))
-    needed = sum(picture.pixels[..., 0].size for picture in pictures) * 4 // 3
+    needed = sum(_texels(picture) for picture in pictures)
     if needed > MAX_TEXELS:
         raise ConfigError(
             f"world {world.name}: its {len(pictures)} textures have {needed} texels, at most {MAX_TEXELS} can be "
@@ -87,29 +87,37 @@ def _spheres(seen: Seen) -> FloatArray:
 
 def _with_grey(pixels: Pixels) -> Pixels:
     """The picture with its grey value in place of alpha: the root of the mean of squares, as reflectance is stored."""
-    squares = np.arange(256, dtype=np.float32) ** 2
-    weights = (GREY / GREY.sum()).astype(np.float32)
-    total = sum(weights[i] * squares[pixels[..., i]] for i in range(3))
+    squares = np.arange(256, dtype=np.uint32) ** 2
+    weights = np.rint(GREY / GREY.sum() * 1024).astype(np.uint32)
+    roots = np.rint(np.sqrt(np.arange(255**2 + 64))).astype(np.uint8)
     packed = pixels.copy()
-    packed[..., 3] = np.rint(np.sqrt(total)).astype(np.uint8)
+    for rows in np.array_split(np.arange(len(pixels)), max(1, len(pixels) // 256)):  # bounds the memory
+        total = sum((weights[i] * squares)[pixels[rows[0] : rows[-1] + 1, :, i]] for i in range(3))
+        packed[rows[0] : rows[-1] + 1, :, 3] = roots[total >> 10]
     return packed
 
 
 def _packed(pictures: list[Picture]) -> tuple[Int32Array, NDArray[np.uint32]]:
     """The mip levels of all pictures one after another, and where each begins (P, 12)."""
-    begins, parts, at = np.zeros((max(len(pictures), 1), MIP_LEVELS), np.int32), [np.zeros(1, np.uint32)], 1
+    begins, at = np.zeros((max(len(pictures), 1), MIP_LEVELS), np.int32), 0
+    texels = np.zeros(1 + sum(_texels(picture) for picture in pictures), np.uint32)
     for row, picture in enumerate(pictures):
         level = _with_grey(picture.pixels)
         for k in range(MIP_LEVELS):
-            begins[row, k] = at
-            parts.append(level.reshape(-1, 4).view(np.uint32).ravel())
-            at += len(parts[-1])
-            size = max(level.shape[1] // 2, 1), max(level.shape[0] // 2, 1)
+            begins[row, k:] = at
+            texels[at : at + level[..., 0].size] = level.reshape(-1, 4).view(np.uint32).ravel()
+            at += level[..., 0].size
             if level.shape[:2] == (1, 1):
-                begins[row, k:] = begins[row, k]
                 break
+            size = max(level.shape[1] // 2, 1), max(level.shape[0] // 2, 1)
             level = np.ascontiguousarray(cv2.resize(level, size, interpolation=cv2.INTER_AREA)).reshape(*size[::-1], 4)
-    return begins, np.concatenate(parts)
+    return begins, texels
+
+
+def _texels(picture: Picture) -> int:
+    """The number of texels of a picture with its mip levels."""
+    width, height = picture.pixels.shape[1], picture.pixels.shape[0]
+    return sum(max(width >> k, 1) * max(height >> k, 1) for k in range(max(width, height).bit_length()))
 
 
 def _holes(surfaces: list[Surface]) -> tuple[NDArray[np.uint8], Int32Array]:
