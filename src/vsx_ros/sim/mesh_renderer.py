@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.kernels.geometry import project_points
-from vsx_ros.kernels.sim.mesh_raster import BLOCK, Optics, rasterise
+from vsx_ros.kernels.sim.mesh_boxes import HIGH, WIDE, Optics
+from vsx_ros.kernels.sim.mesh_raster import rasterise
 from vsx_ros.kernels.sim.mesh_scene import MeshScene, Rays, fill_rays
 from vsx_ros.kernels.sim.mesh_shade import shade_rows
 from vsx_ros.kernels.sim.raycast_shade import TILE
@@ -111,12 +112,13 @@ def _all_pixels(camera: PinholeCamera) -> FloatArray:
 
 
 def _bow(rx: NDArray[np.float32], ry: NDArray[np.float32]) -> float:
-    """How far a ray lies from the straight line between the ends of its block, at most."""
-    half = BLOCK // 2
-    bends = (
-        np.abs(rays[:, half:-half] - 0.5 * (rays[:, : -2 * half] + rays[:, 2 * half :])).max() for rays in (rx, ry)
-    )
-    return 1.5 * math.hypot(*(float(bend) for bend in bends)) + 1e-6
+    """How far a ray lies from what its tile's corners give by interpolation, at most."""
+    bend = 0.0
+    for rays in (rx, ry):
+        for along, half in ((rays, WIDE // 2), (rays.T, HIGH // 2)):
+            middle = 0.5 * (along[:, : -2 * half] + along[:, 2 * half :])
+            bend = max(bend, float(np.abs(along[:, half:-half] - middle).max()))
+    return 3.0 * bend + 1e-6
 
 
 def _still_optics(camera: PinholeCamera, x: FloatArray, y: FloatArray, bow: float) -> Optics:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, Int32Array
 from vsx_ros.errors import ConfigError
-from vsx_ros.kernels.sim.mesh_light import bake, fill_cells, spread_into_solids
+from vsx_ros.kernels.sim.mesh_light import bake, fill_cells, smooth
 from vsx_ros.kernels.sim.mesh_scene import MIP_LEVELS, MeshScene
 from vsx_ros.sim.gazebo.assemble import Seen
 from vsx_ros.sim.gazebo.elements import Lamp
@@ -20,6 +20,7 @@ MAX_TEXELS = 2**27  # a house has a third of it; 4 bytes each
 MOST_NODES = 300_000  # of the light's lattice
 LEAST_STEP_M, ABOVE_M = 0.12, 6.0  # between its nodes; how high it reaches above the floor
 SKY_RAYS = 32
+SMOOTHINGS = 3
 REACH_M = 2.0  # within which surfaces darken each other
 USUAL_LIGHT = 1.2  # median irradiance that the lamps are scaled to: the world's own values suit no camera
 _HOLE_PX = 512  # side of the map of a picture's holes, at most
@@ -173,9 +174,9 @@ def _baked(world: MeshWorld) -> tuple[Float32Array, FloatArray]:
     light = np.zeros((*shape, 6), np.float32)
     bake(solid, frame, _even_directions(SKY_RAYS), REACH_M / frame[3], world.ambient, lamps, light)
     free = ~solid
-    owed = np.zeros(1, np.int32)
-    for _ in range(3):  # nodes inside of walls, as far as surfaces look them up
-        spread_into_solids(solid, light, owed)
+    known = free
+    for _ in range(SMOOTHINGS):  # the edges of shadows; and into walls, as far as surfaces look the light up
+        known, light = smooth(known, light)
     heights = frame[2] + frame[3] * np.arange(shape[0])
     low = (heights > 0.1) & (heights < 1.5)
     usual = float(np.median(light[low][free[low]])) if free[low].any() else 0.0

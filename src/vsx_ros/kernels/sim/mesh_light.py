@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, Int32Array
+from vsx_ros.arrays import BoolArray, Float32Array, FloatArray
 from vsx_ros.kernels import kernel
 
 BOUNCE = 0.45  # of the ambient light comes from surfaces that are near
@@ -93,26 +93,23 @@ def bake(
 
 
 @kernel
-def spread_into_solids(solid: BoolArray, light: Float32Array, owed: Int32Array) -> None:
-    """Give each solid node the mean of its neighbours that are free. owed: (1,) gets the number without any."""
-    filled = solid.copy()
-    owed[0] = 0
-    for k in range(solid.shape[0]):
-        for j in range(solid.shape[1]):
-            for i in range(solid.shape[2]):
-                if not filled[k, j, i]:
-                    continue
-                count, total = 0, np.zeros(6)
-                for c in range(max(k - 1, 0), min(k + 2, solid.shape[0])):
-                    for b in range(max(j - 1, 0), min(j + 2, solid.shape[1])):
-                        for a in range(max(i - 1, 0), min(i + 2, solid.shape[2])):
-                            if not filled[c, b, a]:
+def smooth(known: BoolArray, light: Float32Array) -> tuple[BoolArray, Float32Array]:
+    """The mean light of each node and its 26 neighbours, of those that are known (Z, Y, X); and which are known now."""
+    filled, mean, total = known.copy(), light.copy(), np.zeros(6)
+    for k in range(known.shape[0]):
+        for j in range(known.shape[1]):
+            for i in range(known.shape[2]):
+                count = 0
+                total[:] = 0.0
+                for c in range(max(k - 1, 0), min(k + 2, known.shape[0])):
+                    for b in range(max(j - 1, 0), min(j + 2, known.shape[1])):
+                        for a in range(max(i - 1, 0), min(i + 2, known.shape[2])):
+                            if known[c, b, a]:
                                 count += 1
                                 for f in range(6):
                                     total[f] += light[c, b, a, f]
                 if count:
+                    filled[k, j, i] = True
                     for f in range(6):
-                        light[k, j, i, f] = np.float32(total[f] / count)
-                    solid[k, j, i] = False
-                else:
-                    owed[0] += 1
+                        mean[k, j, i, f] = np.float32(total[f] / count)
+    return filled, mean

@@ -5,106 +5,17 @@ and a x b (Olano and Greer, Triangle scan conversion using 2D homogeneous coordi
 the rays may be bent by any lens; the corners are taken relative to the camera of each row (rolling shutter). Triangles
 that share an edge leave no gap: its form is the same to the last bit, with the other sign."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from vsx_ros.arrays import Float32Array, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel, part
+from vsx_ros.kernels.sim.mesh_boxes import HIGH, WIDE, Optics, box_of, group_is_hidden, is_hidden, note_depths
 from vsx_ros.kernels.sim.mesh_scene import MeshScene, Rays
 
-NEAR_M = 0.05  # nothing nearer is drawn
 BLOCK = 16  # pixels of a row that are skipped together
+_REFRESH = (3, 8, 16, 30, 60, 120, 240)  # groups of triangles after which the tiles' depths are noted
 _HALF_ALPHA = 125
-_SMALL = 0.1  # extent on the plane z = 1 up to which four corners tell where a triangle lies
 _EDGE_ON = 1e-13  # volume [m3] of a triangle with the camera, seen from its edge
-
-
-class Optics(NamedTuple):
-    """Where directions lie in the image: pixels (Y, X, 2) u, v at a lattice of the plane z = 1 over bounds (4,) x0, y0,
-    x1, y1; curvature: largest second derivative of the pixels [px]. bow: how far a ray is from the mean of those half
-    a block to its left and right, at most. turn, shift: motion of the camera from row to row [rad], [m]."""
-
-    pixels: Float32Array
-    bounds: FloatArray
-    curvature: float
-    bow: float
-    turn: float
-    shift: float
-
-
-@part
-def _seen_from(corners: Float32Array, rays: Rays, row: int, cam: FloatArray) -> None:
-    """cam (3, 3): the corners (9,) in the camera of a row."""
-    ox, oy, oz = rays.origins[row, 0], rays.origins[row, 1], rays.origins[row, 2]
-    R = rays.turns[row]
-    for i in range(3):
-        x, y, z = corners[3 * i] - ox, corners[3 * i + 1] - oy, corners[3 * i + 2] - oz
-        for j in range(3):
-            cam[i, j] = R[0, j] * x + R[1, j] * y + R[2, j] * z
-
-
-@kernel
-def _extent(cam: FloatArray, box: FloatArray) -> float:
-    """box (4,): least x, y and greatest x, y of the corners (3, 3) on the plane z = 1, cut off at ``NEAR_M``; returns
-    their least depth, or 0 if all lie nearer."""
-    box[0] = box[1] = np.inf
-    box[2] = box[3] = -np.inf
-    least = np.inf
-    for i in range(3):
-        j = (i + 1) % 3
-        here, there = cam[i, 2] >= NEAR_M, cam[j, 2] >= NEAR_M
-        if here:
-            x, y = cam[i, 0] / cam[i, 2], cam[i, 1] / cam[i, 2]
-            box[0], box[1], box[2], box[3] = min(box[0], x), min(box[1], y), max(box[2], x), max(box[3], y)
-            least = min(least, cam[i, 2])
-        if here != there:
-            share = (NEAR_M - cam[i, 2]) / (cam[j, 2] - cam[i, 2])
-            x = (cam[i, 0] + share * (cam[j, 0] - cam[i, 0])) / NEAR_M
-            y = (cam[i, 1] + share * (cam[j, 1] - cam[i, 1])) / NEAR_M
-            box[0], box[1], box[2], box[3] = min(box[0], x), min(box[1], y), max(box[2], x), max(box[3], y)
-            least = NEAR_M
-    return least if least < np.inf else 0.0
-
-
-@part
-def _pixel(optics: Optics, x: float, y: float, axis: int) -> float:
-    """Pixel coordinate (0: u, 1: v) of a direction inside the bounds."""
-    rows, columns = optics.pixels.shape[0] - 1, optics.pixels.shape[1] - 1
-    gx = (x - optics.bounds[0]) / (optics.bounds[2] - optics.bounds[0]) * columns
-    gy = (y - optics.bounds[1]) / (optics.bounds[3] - optics.bounds[1]) * rows
-    i, j = min(max(int(gx), 0), columns - 1), min(max(int(gy), 0), rows - 1)
-    fx, fy, p = gx - i, gy - j, optics.pixels
-    upper = p[j, i, axis] + fx * (p[j, i + 1, axis] - p[j, i, axis])
-    lower = p[j + 1, i, axis] + fx * (p[j + 1, i + 1, axis] - p[j + 1, i, axis])
-    value: float = upper + fy * (lower - upper)
-    return value
-
-
-@kernel
-def _pixel_box(optics: Optics, box: FloatArray, slack: float, found: FloatArray) -> bool:
-    """found (4,): least u, v and greatest u, v that directions inside box, made wider by slack, may have. False if none
-    lies in the image's bounds."""
-    x0, y0 = max(box[0] - slack, optics.bounds[0]), max(box[1] - slack, optics.bounds[1])
-    x1, y1 = min(box[2] + slack, optics.bounds[2]), min(box[3] + slack, optics.bounds[3])
-    if x0 > x1 or y0 > y1:
-        return False
-    found[0] = found[1] = np.inf
-    found[2] = found[3] = -np.inf
-    span = max(x1 - x0, y1 - y0)
-    steps = 1 if span < _SMALL else 2
-    for i in range(steps + 1):
-        for j in range(steps + 1):
-            x, y = x0 + i * (x1 - x0) / steps, y0 + j * (y1 - y0) / steps
-            u, v = _pixel(optics, x, y, 0), _pixel(optics, x, y, 1)
-            found[0], found[1] = min(found[0], u), min(found[1], v)
-            found[2], found[3] = max(found[2], u), max(found[3], v)
-    margin = 1.0 + 0.125 * optics.curvature * (span / steps) ** 2
-    found[0] -= margin
-    found[1] -= margin
-    found[2] += margin
-    found[3] += margin
-    return True
 
 
 @kernel
@@ -176,41 +87,82 @@ def _draw_row(
 
 
 @kernel
+def _crossed(
+    forms: FloatArray, rays: Rays, rows: tuple[int, int], columns: tuple[int, int], bow: float, drift: float
+) -> tuple[int, int]:
+    """The columns of a band of rows, first and last, that a triangle may reach; none if the first is the larger.
+    drift: how much its forms differ between the rows of the band, for a ray of length 1."""
+    upper, lower = rays.directions[rows[0]], rays.directions[rows[1]]
+    begin, end = columns[1] + 1, columns[0] - 1
+    for p in range(columns[0], columns[1] + 1, WIDE):
+        q, outside = min(p + WIDE - 1, columns[1]), False
+        for i in range(3):
+            e0, e1, e2 = forms[i, 0], forms[i, 1], forms[i, 2]
+            most = max(
+                max(e0 * upper[0, p] + e1 * upper[1, p] + e2 * upper[2, p],
+                    e0 * upper[0, q] + e1 * upper[1, q] + e2 * upper[2, q]),
+                max(e0 * lower[0, p] + e1 * lower[1, p] + e2 * lower[2, p],
+                    e0 * lower[0, q] + e1 * lower[1, q] + e2 * lower[2, q]),
+            )  # fmt: skip
+            if most < -(bow * (abs(e0) + abs(e1) + abs(e2)) + drift):
+                outside = True
+                break
+        if not outside:
+            begin, end = min(begin, p), q
+    return begin, end
+
+
+@kernel
+def _draw(
+    scene: MeshScene, t: int, box: tuple[int, int, int, int], rays: Rays, optics: Optics, nearness: Float32Array,
+    ident: Int32Array,
+) -> None:  # fmt: skip
+    """Draw triangle t into a box of columns and rows, u0, v0, u1, v1."""
+    u0, v0, u1, v1 = box
+    corners, forms = scene.corners[t], np.empty((3, 3))
+    for top in range(v0, v1 + 1, HIGH):
+        bottom, begin, end = min(top + HIGH - 1, v1), u0, u1
+        if u1 - u0 >= WIDE:
+            middle = (top + bottom) // 2
+            edge_forms(corners, rays.origins[middle], forms)
+            reach = 0.0
+            for i in range(9):
+                reach = max(reach, abs(corners[i] - rays.origins[middle, i % 3]))
+            drift = 8.0 * HIGH * optics.shift * (reach + HIGH * optics.shift)
+            begin, end = _crossed(forms, rays, (top, bottom), (u0, u1), optics.bow, drift)
+        for y in range(top, bottom + 1 if begin <= end else top):
+            volume = edge_forms(corners, rays.origins[y], forms)
+            if volume > _EDGE_ON:
+                _draw_row(
+                    scene, t, forms, volume, rays.directions[y], begin, end, optics.bow, nearness[y], ident[y]
+                )  # fmt: skip
+
+
+@kernel
 def rasterise(
     scene: MeshScene, order: IntArray, rays: Rays, optics: Optics, first: int, last: int,
     nearness: Float32Array, ident: Int32Array,
 ) -> None:  # fmt: skip
     """Fill the rows first..last - 1 of nearness (H, W), 1 / depth [1/m] or 0, and of ident (H, W), triangle or -1.
-    order: the chunks to draw, near ones first."""
+    order: the groups of triangles to draw, near ones first."""
     height, width = nearness.shape
     nearness[first:last], ident[first:last] = np.float32(0.0), np.int32(-1)
-    cam, forms, box, found = np.empty((3, 3)), np.empty((3, 3)), np.empty(4), np.empty(4)
-    stretch = (
-        1.0 + max(optics.bounds[0] ** 2, optics.bounds[2] ** 2) + max(optics.bounds[1] ** 2, optics.bounds[3] ** 2)
-    )
-    for k in order:
+    cam, box, found = np.empty((3, 3)), np.empty(4), np.empty(4)
+    bounds = optics.bounds
+    stretch = 1.0 + max(bounds[0] ** 2, bounds[2] ** 2) + max(bounds[1] ** 2, bounds[3] ** 2)
+    floors = np.zeros(((height + HIGH - 1) // HIGH, (width + WIDE - 1) // WIDE), np.float32)
+    for place in range(len(order)):
+        k = order[place]
+        for refresh in _REFRESH:
+            if place == refresh:
+                note_depths(nearness, first, last, floors)
+        if group_is_hidden(scene.spheres[k], rays, optics, floors, first, last):
+            continue
         for t in range(scene.chunks[k], scene.chunks[k + 1]):
-            corners = scene.corners[t]
-            row = height // 2
-            _seen_from(corners, rays, row, cam)
-            depth = _extent(cam, box)
-            drift = 0.0 if depth <= 0.0 else (optics.turn * stretch + optics.shift / depth) * height
-            if depth <= 0.0 or not _pixel_box(optics, box, 0.5 * drift, found):
+            depth = box_of(scene.corners[t], rays, optics, stretch, cam, box, found)
+            if depth <= 0.0:
                 continue
-            if drift > 0.0:  # once more with the camera of its own rows, which may differ less
-                top, bottom = max(found[1], 0.0), min(found[3], height - 1.0)
-                row = min(max(int(0.5 * (top + bottom)), 0), height - 1)
-                _seen_from(corners, rays, row, cam)
-                depth = _extent(cam, box)
-                apart = 2.0 + 0.5 * max(bottom - top, 0.0)
-                slack = (optics.turn * stretch + optics.shift / max(depth, NEAR_M)) * apart
-                if depth <= 0.0 or not _pixel_box(optics, box, slack, found):
-                    continue
             u0, u1 = max(int(np.floor(found[0])), 0), min(int(np.ceil(found[2])), width - 1)
             v0, v1 = max(int(np.floor(found[1])), first), min(int(np.ceil(found[3])), last - 1)
-            for y in range(v0, v1 + 1 if u1 >= u0 else v0):
-                volume = edge_forms(corners, rays.origins[y], forms)
-                if volume > _EDGE_ON:
-                    _draw_row(
-                        scene, t, forms, volume, rays.directions[y], u0, u1, optics.bow, nearness[y], ident[y]
-                    )  # fmt: skip
+            if u0 <= u1 and v0 <= v1 and not is_hidden(floors, found, 1.0 / depth, first, last):
+                _draw(scene, t, (u0, v0, u1, v1), rays, optics, nearness, ident)
