@@ -27,7 +27,7 @@ def test_the_room_has_its_floor_walls_and_furniture(room: MeshWorld) -> None:
     assert room.floor_z_m == pytest.approx(0.0, abs=0.01)
     area = float((grid.data == FREE).sum()) * grid.resolution**2
     assert 24.0 < area < 28.2  # 5.8 x 4.8 m without furniture
-    for x, y in ((0.0, 2.0), (2.0, 5.8), (2.98, 4.5)):  # wall, hidden pillar, nested wall
+    for x, y in ((0.0, 2.08), (2.0, 5.82), (2.92, 4.5)):  # wall, hidden pillar, nested wall
         assert grid.value_at(x, y) == OCCUPIED
     assert grid.value_at(room.start.x, room.start.y) == FREE
 
@@ -119,7 +119,7 @@ def test_what_is_too_large_is_refused_before_it_is_read(tmp_path: Path) -> None:
     (tmp_path / "big.png").write_bytes(png_header(16384, 16384))
     (tmp_path / "t.mtl").write_text("newmtl a\nmap_Kd big.png\n")
     (tmp_path / "t.obj").write_text("mtllib t.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n")
-    with pytest.raises(InputError, match=r"16384 x 16384 pixels.*smaller"):
+    with pytest.raises(InputError, match=r"big.png has .* pixels, at most 8192 x 8192.*smaller"):
         load_gazebo(write_world(tmp_path, FLOOR, WALLS, mesh.format("t.obj")), [])
 
 

@@ -76,7 +76,7 @@ class MeshRenderer:
         order = self._near_first(rays.turns[height // 2], rays.origins[height // 2])
         turn = float(np.linalg.norm(np.diff(R, axis=0), axis=(1, 2)).max(initial=0.0)) / math.sqrt(2.0) / TILE
         shift = float(np.linalg.norm(np.diff(t, axis=0), axis=1).max(initial=0.0)) / TILE
-        optics = self._still._replace(turn=turn, shift=shift)
+        optics = self._still._replace(turn=turn, shift=shift, jitter=np.array(jitter))
 
         def rows(first: int, last: int) -> None:
             rasterise(self._scene, order, rays, optics, first, last, self._nearness, self._ident)
@@ -132,14 +132,23 @@ def _still_optics(camera: PinholeCamera, x: FloatArray, y: FloatArray, bow: floa
     inwards = np.minimum(1.0, float(np.hypot(x, y).max()) / np.maximum(radius, 1e-9))
     plane = np.column_stack([(gx * inwards).ravel(), (gy * inwards).ravel()])
     pixels = np.asarray(project_points(kernel_camera(camera), plane), float).reshape(*gx.shape, 2)
-    steps = (bounds[2:] - bounds[:2]) / np.array(_LATTICE[::-1])
-    across = np.abs(np.diff(pixels, 2, axis=1)).max() / steps[0] ** 2
-    down = np.abs(np.diff(pixels, 2, axis=0)).max() / steps[1] ** 2
+    per_step = np.array(_LATTICE[::-1]) / (bounds[2:] - bounds[:2])
+    as_given = inwards >= 1.0
+    bends = [
+        (np.abs(np.diff(pixels, 2, axis=axis)).max(axis=2) * per_step[1 - axis] ** 2)[
+            np.take(as_given, range(0, n - 1), axis) & np.take(as_given, range(2, n + 1), axis)
+        ]
+        for axis, n in enumerate(_LATTICE)
+    ]
+    curvature = max(float(bend.max(initial=0.0)) for bend in bends)
     return Optics(
         pixels=np.ascontiguousarray(pixels, np.float32),
         bounds=bounds,
-        curvature=float(max(across, down)),
+        per_step=per_step,
+        slack=0.05 + 0.25 * curvature / float(per_step.min()) ** 2,
+        curvature=curvature,
         bow=bow,
+        jitter=np.zeros(2),
         turn=0.0,
         shift=0.0,
     )

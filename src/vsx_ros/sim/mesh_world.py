@@ -18,8 +18,8 @@ from vsx_ros.sim.world import Point, Start
 SLICE_M = 0.02, 0.45  # above the floor: what a robot touches
 FLOOR_STEP_M = 0.05  # between the floor's triangles and its height
 _LEVEL_M = 0.02  # heights that count as one level
-_LEAST_SHARE = 0.3  # of the largest level, for the lowest one to be the floor
-_STEEP = 0.98  # least z of a level triangle's normal
+_LEAST_SHARE, _LEAST_GROUND = 0.3, 0.15  # of the largest level, and of the world's extent, that a floor has
+_STEEP = 0.98  # z of a level triangle's normal, at least
 _ROUND_M = 0.001  # of segments, to drop doubles
 AROUND_M = 0.5  # ground around the obstacles that belongs to the world
 
@@ -106,30 +106,32 @@ def _borders(polygons: FloatArray, counts: IntArray) -> FloatArray:
     return np.unique(found, axis=0) * _ROUND_M
 
 
-def _level_triangles(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The triangles (T, 3, 3) that lie level, and their areas [m2]."""
+def _level_triangles(corners: FloatArray, least: float) -> tuple[FloatArray, FloatArray]:
+    """The triangles (T, 3, 3) whose normal has at least this z, and their areas [m2]."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
-    level = np.abs(normals[:, 2]) > _STEEP * np.maximum(lengths, 1e-12)
+    upward = normals[:, 2] if least > 0.0 else np.abs(normals[:, 2])
+    level = upward > abs(least) * np.maximum(lengths, 1e-12)
     return corners[level], 0.5 * lengths[level]
 
 
 def floor_height(parts: Parts) -> float | None:
-    """Height of the floor [m], or None: the lowest level with a large area, of the solids if they have one. Where two
-    lie close together, the upper one, on which a robot stands."""
+    """Height of the floor [m], or None: the lowest large level that looks up and has room for a robot above it; of the
+    solids if they have one, else of what is seen; last, of faces that look down."""
     x0, y0, x1, y1 = ground_bounds(parts.solids, -math.inf)
     most = max((x1 - x0) * (y1 - y0), 1.0)
-    for corners in (parts.solids, np.asarray(parts.seen.corners, float)):
-        level, areas = _level_triangles(corners)
-        if not len(level) or areas.sum() < 0.5:
-            continue
+    everything = parts.solids, np.asarray(parts.seen.corners, float)
+    for corners, least in ((corners, least) for least in (_STEEP, -_STEEP) for corners in everything):
+        level, areas = _level_triangles(corners, least)
         heights = np.rint(level[..., 2].mean(axis=1) / _LEVEL_M).astype(np.int64)
         levels, which = np.unique(heights, return_inverse=True)
-        sizes = np.minimum(np.bincount(which, np.minimum(areas, most)), most)
-        lowest = levels[np.argmax(sizes >= _LEAST_SHARE * sizes.max())]
-        close = (levels >= lowest) & (levels <= lowest + 2) & (sizes >= _LEAST_SHARE * sizes.max())
-        upper = heights == levels[close].max()
-        return float(np.average(level[upper][..., 2].mean(axis=1), weights=areas[upper]))
+        sizes = np.minimum(np.bincount(which, np.minimum(areas, most), len(levels)), most)
+        if not len(levels) or sizes.max() < _LEAST_GROUND * most:
+            continue
+        large = levels[sizes >= _LEAST_SHARE * sizes.max()]
+        gaps = np.diff(large, append=large[-1] + 10**6) * _LEVEL_M
+        chosen = heights == large[np.argmax(gaps > SLICE_M[1])]
+        return float(np.average(level[chosen][..., 2].mean(axis=1), weights=areas[chosen]))
     return None
 
 
@@ -155,7 +157,7 @@ def floor_triangles(world: MeshWorld) -> list[Points2]:
     x0, y0, x1, y1 = world.bounds
     found = []
     for corners in (world.parts.solids, np.asarray(world.parts.seen.corners, float)):
-        level, _ = _level_triangles(corners)
+        level, _ = _level_triangles(corners, -_STEEP)
         level = level[np.abs(level[..., 2]).max(axis=1) < FLOOR_STEP_M]
         outside = (level[..., 0].max(axis=1) < x0) | (level[..., 0].min(axis=1) > x1)
         outside |= (level[..., 1].max(axis=1) < y0) | (level[..., 1].min(axis=1) > y1)

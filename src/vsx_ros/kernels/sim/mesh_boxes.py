@@ -15,13 +15,18 @@ _SMALL = 0.1  # extent on the plane z = 1 up to which four corners tell where a 
 
 class Optics(NamedTuple):
     """Where directions lie in the image: pixels (Y, X, 2) u, v at a lattice of the plane z = 1 over bounds (4,) x0, y0,
-    x1, y1; curvature: largest second derivative of the pixels [px]. bow: how far a ray is from the mean of those half
-    a block to its left and right, at most. turn, shift: motion of the camera from row to row [rad], [m]."""
+    x1, y1; per_step (2,): its steps in one unit; slack: what interpolation may be wrong by [px]; curvature: largest
+    second derivative of the pixels [px]. bow: how far a ray is from what the corners of its tile give, at most. jitter:
+    where in a pixel its ray passes, from the centre [px]. turn, shift: motion of the camera from row to row [rad],
+    [m]."""
 
     pixels: Float32Array
     bounds: FloatArray
+    per_step: FloatArray
+    slack: float
     curvature: float
     bow: float
+    jitter: FloatArray
     turn: float
     shift: float
 
@@ -61,17 +66,15 @@ def _extent(cam: FloatArray, box: FloatArray) -> float:
 
 
 @part
-def _pixel(optics: Optics, x: float, y: float, axis: int) -> float:
-    """Pixel coordinate (0: u, 1: v) of a direction inside the bounds."""
-    rows, columns = optics.pixels.shape[0] - 1, optics.pixels.shape[1] - 1
-    gx = (x - optics.bounds[0]) / (optics.bounds[2] - optics.bounds[0]) * columns
-    gy = (y - optics.bounds[1]) / (optics.bounds[3] - optics.bounds[1]) * rows
-    i, j = min(max(int(gx), 0), columns - 1), min(max(int(gy), 0), rows - 1)
-    fx, fy, p = gx - i, gy - j, optics.pixels
-    upper = p[j, i, axis] + fx * (p[j, i + 1, axis] - p[j, i, axis])
-    lower = p[j + 1, i, axis] + fx * (p[j + 1, i + 1, axis] - p[j + 1, i, axis])
-    value: float = upper + fy * (lower - upper)
-    return value
+def _pixel(optics: Optics, x: float, y: float) -> tuple[float, float]:
+    """u, v of a direction inside the bounds."""
+    p = optics.pixels
+    gx, gy = (x - optics.bounds[0]) * optics.per_step[0], (y - optics.bounds[1]) * optics.per_step[1]
+    i, j = min(max(int(gx), 0), p.shape[1] - 2), min(max(int(gy), 0), p.shape[0] - 2)
+    fx, fy, a, b, c, d = gx - i, gy - j, p[j, i], p[j, i + 1], p[j + 1, i], p[j + 1, i + 1]
+    upper_u, lower_u = a[0] + fx * (b[0] - a[0]), c[0] + fx * (d[0] - c[0])
+    upper_v, lower_v = a[1] + fx * (b[1] - a[1]), c[1] + fx * (d[1] - c[1])
+    return upper_u + fy * (lower_u - upper_u), upper_v + fy * (lower_v - upper_v)
 
 
 @kernel
@@ -89,14 +92,13 @@ def _pixel_box(optics: Optics, box: FloatArray, slack: float, found: FloatArray)
     for i in range(steps + 1):
         for j in range(steps + 1):
             x, y = x0 + i * (x1 - x0) / steps, y0 + j * (y1 - y0) / steps
-            u, v = _pixel(optics, x, y, 0), _pixel(optics, x, y, 1)
+            u, v = _pixel(optics, x, y)
             found[0], found[1] = min(found[0], u), min(found[1], v)
             found[2], found[3] = max(found[2], u), max(found[3], v)
-    margin = 1.0 + 0.125 * optics.curvature * (span / steps) ** 2
-    found[0] -= margin
-    found[1] -= margin
-    found[2] += margin
-    found[3] += margin
+    margin = optics.slack + 0.125 * optics.curvature * (span / steps) ** 2
+    jitter = optics.jitter
+    found[0], found[1] = found[0] - margin - jitter[0], found[1] - margin - jitter[1]
+    found[2], found[3] = found[2] + margin - jitter[0], found[3] + margin - jitter[1]
     return True
 
 

@@ -69,12 +69,13 @@ def _draw_row(
     for begin in range(first, last + 1, BLOCK):
         end = min(begin + BLOCK, last + 1)
         p, q = begin, end - 1
-        if max(a0 * dx[p] + a1 * dy[p] + a2 * dz[p], a0 * dx[q] + a1 * dy[q] + a2 * dz[q]) < slack_a:
-            continue
-        if max(b0 * dx[p] + b1 * dy[p] + b2 * dz[p], b0 * dx[q] + b1 * dy[q] + b2 * dz[q]) < slack_b:
-            continue
-        if max(c0 * dx[p] + c1 * dy[p] + c2 * dz[p], c0 * dx[q] + c1 * dy[q] + c2 * dz[q]) < slack_c:
-            continue
+        if end - begin > 4:
+            if max(a0 * dx[p] + a1 * dy[p] + a2 * dz[p], a0 * dx[q] + a1 * dy[q] + a2 * dz[q]) < slack_a:
+                continue
+            if max(b0 * dx[p] + b1 * dy[p] + b2 * dz[p], b0 * dx[q] + b1 * dy[q] + b2 * dz[q]) < slack_b:
+                continue
+            if max(c0 * dx[p] + c1 * dy[p] + c2 * dz[p], c0 * dx[q] + c1 * dy[q] + c2 * dz[q]) < slack_c:
+                continue
         for x in range(begin, end):
             wa = a0 * dx[x] + a1 * dy[x] + a2 * dz[x]
             wb = b0 * dx[x] + b1 * dy[x] + b2 * dz[x]
@@ -114,12 +115,12 @@ def _crossed(
 
 @kernel
 def _draw(
-    scene: MeshScene, t: int, box: tuple[int, int, int, int], rays: Rays, optics: Optics, nearness: Float32Array,
-    ident: Int32Array,
+    scene: MeshScene, t: int, box: tuple[int, int, int, int], rays: Rays, optics: Optics, forms: FloatArray,
+    nearness: Float32Array, ident: Int32Array,
 ) -> None:  # fmt: skip
-    """Draw triangle t into a box of columns and rows, u0, v0, u1, v1."""
+    """Draw triangle t into a box of columns and rows, u0, v0, u1, v1. forms (3, 3): scratch memory."""
     u0, v0, u1, v1 = box
-    corners, forms = scene.corners[t], np.empty((3, 3))
+    corners = scene.corners[t]
     for top in range(v0, v1 + 1, HIGH):
         bottom, begin, end = min(top + HIGH - 1, v1), u0, u1
         if u1 - u0 >= WIDE:
@@ -147,7 +148,7 @@ def rasterise(
     order: the groups of triangles to draw, near ones first."""
     height, width = nearness.shape
     nearness[first:last], ident[first:last] = np.float32(0.0), np.int32(-1)
-    cam, box, found = np.empty((3, 3)), np.empty(4), np.empty(4)
+    cam, forms, box, found = np.empty((3, 3)), np.empty((3, 3)), np.empty(4), np.empty(4)
     bounds = optics.bounds
     stretch = 1.0 + max(bounds[0] ** 2, bounds[2] ** 2) + max(bounds[1] ** 2, bounds[3] ** 2)
     floors = np.zeros(((height + HIGH - 1) // HIGH, (width + WIDE - 1) // WIDE), np.float32)
@@ -162,7 +163,7 @@ def rasterise(
             depth = box_of(scene.corners[t], rays, optics, stretch, cam, box, found)
             if depth <= 0.0:
                 continue
-            u0, u1 = max(int(np.floor(found[0])), 0), min(int(np.ceil(found[2])), width - 1)
-            v0, v1 = max(int(np.floor(found[1])), first), min(int(np.ceil(found[3])), last - 1)
+            u0, u1 = max(int(np.ceil(found[0])), 0), min(int(np.floor(found[2])), width - 1)
+            v0, v1 = max(int(np.ceil(found[1])), first), min(int(np.floor(found[3])), last - 1)
             if u0 <= u1 and v0 <= v1 and not is_hidden(floors, found, 1.0 / depth, first, last):
-                _draw(scene, t, (u0, v0, u1, v1), rays, optics, nearness, ident)
+                _draw(scene, t, (u0, v0, u1, v1), rays, optics, forms, nearness, ident)

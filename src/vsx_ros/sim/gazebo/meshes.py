@@ -16,6 +16,7 @@ from vsx_ros.sim.gazebo.surfaces import Colour, Surface, picture_of, read_pictur
 MOST_TRIANGLES = 2_000_000  # of a file and of a world: 152 bytes each while it is drawn
 MOST_BYTES = 512 * MIB
 KINDS = (".dae", ".obj", ".stl", ".gltf", ".glb")
+PICTURES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".tif", ".tiff", ".webp", ".dds")
 _COUNT = re.compile(rb"<(?:triangles|polylist|polygons|trifans|tristrips)\b[^>]*\bcount=\"(\d+)\"")
 
 FindTexture = Callable[[str, Path], Path | None]
@@ -118,7 +119,29 @@ def surface_of(name: str, colour: Colour, beside: Path, find_texture: FindTextur
 def _trimesh_parts(path: Path, find_texture: FindTexture) -> Iterator[MeshPart]:
     import trimesh
 
-    scene = trimesh.load_scene(str(path), process=False)
+    missing: list[str] = []
+    refused: list[InputError] = []
+
+    class Beside(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]  # trimesh is untyped
+        """Finds pictures as for any mesh, and keeps in mind what trimesh would only log."""
+
+        def get(self, name: str) -> bytes:
+            if not name.lower().endswith(PICTURES):
+                return bytes(super().get(name))
+            file = find_texture(name, path)
+            if file is None:
+                missing.append(name)
+                raise FileNotFoundError(name)
+            try:
+                read_picture(file)
+            except InputError as error:
+                refused.append(error)
+                raise
+            return file.read_bytes()
+
+    scene = trimesh.load_scene(str(path), resolver=Beside(str(path)), process=False)
+    if refused:
+        raise refused[0]
     for node in scene.graph.nodes_geometry:
         T, name = scene.graph[node]
         mesh = scene.geometry[name]
@@ -128,19 +151,17 @@ def _trimesh_parts(path: Path, find_texture: FindTexture) -> Iterator[MeshPart]:
         corners = (np.asarray(mesh.vertices, float) @ T[:3, :3].T + T[:3, 3])[faces]
         given = getattr(mesh.visual, "uv", None)
         uv = np.asarray(given, float)[faces][..., :2] if given is not None else np.zeros((len(faces), 3, 2))
-        surface, missing = _trimesh_surface(getattr(mesh.visual, "material", None), path, find_texture)
-        yield MeshPart(corners=corners, uv=uv, surface=surface, name=str(name), missing=missing)
+        surface = _trimesh_surface(getattr(mesh.visual, "material", None), path)
+        lost = missing[0] if missing and given is not None and surface.picture is None else ""
+        surface = substitute(lost, surface.colour) if lost else surface
+        yield MeshPart(corners=corners, uv=uv, surface=surface, name=str(name), missing=lost)
 
 
-def _trimesh_surface(material: Any, path: Path, find_texture: FindTexture) -> tuple[Surface, str]:
-    image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+def _trimesh_surface(material: Any, path: Path) -> Surface:
+    image = getattr(material, "baseColorTexture", None)
+    image = getattr(material, "image", None) if image is None else image
+    if image is not None:
+        return Surface((1.0, 1.0, 1.0), picture_of(f"{path} {getattr(material, 'name', '')}", image))
     given = getattr(material, "baseColorFactor", None)
     given = getattr(material, "diffuse", None) if given is None else given
-    colour = _colour(np.asarray(given, float) / 255.0) if given is not None and len(given) >= 3 else Surface().colour
-    if image is not None:
-        return Surface((1.0, 1.0, 1.0), picture_of(f"{path} {getattr(material, 'name', '')}", image)), ""
-    named = getattr(material, "kwargs", {}).get("map_kd")  # OBJ: the picture was not found beside the mesh
-    if named:
-        name = named if isinstance(named, str) else " ".join(named)
-        return surface_of(name, (1.0, 1.0, 1.0), path, find_texture)
-    return Surface(colour), ""
+    return Surface(_colour(np.asarray(given, float) / 255.0)) if given is not None and len(given) >= 3 else Surface()

@@ -55,17 +55,15 @@ def _fitting(side: int) -> int:
     return min(MOST_KEPT_PX, 2 ** max(0, math.ceil(math.log2(side) - 0.25)))
 
 
-def _checked_size(name: str, width: int, height: int) -> None:
-    if max(width, height) > MOST_GIVEN_PX or min(width, height) < 1:
-        raise InputError(
-            f"texture {name} has {width} x {height} pixels, at most {MOST_GIVEN_PX} x {MOST_GIVEN_PX} are read; "
-            "make it smaller"
-        )
+def _too_large(name: str, size: str) -> InputError:
+    most = f"at most {MOST_GIVEN_PX} x {MOST_GIVEN_PX} are read"
+    return InputError(f"texture {name} has {size} pixels, {most}; make it smaller")
 
 
 def picture_of(name: str, image: Any) -> Picture:
     """A texture from an image as Pillow opens it. Raises InputError if it is too large or damaged."""
-    _checked_size(name, *image.size)
+    if max(image.size) > MOST_GIVEN_PX or min(image.size) < 1:
+        raise _too_large(name, f"{image.size[0]} x {image.size[1]}")
     with explained(InputError, f"texture {name} cannot be read", "save it again as PNG", DAMAGE):
         pixels = np.asarray(image.convert("RGBA"))
     size = _fitting(pixels.shape[1]), _fitting(pixels.shape[0])
@@ -80,11 +78,13 @@ def _read(path: Path, _changed_ns: int) -> Picture:
 
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"texture {path} has {path.stat().st_size} bytes, at most {MOST_BYTES} are read; shrink it")
-    with (
-        explained(InputError, f"texture {path} cannot be read", "save it again as PNG", DAMAGE),
-        Image.open(path) as image,
-    ):
-        return picture_of(str(path), image)
+    with explained(InputError, f"texture {path} cannot be read", "save it again as PNG", DAMAGE):
+        try:
+            image = Image.open(path)
+        except Image.DecompressionBombError:
+            raise _too_large(str(path), "too many") from None
+        with image:
+            return picture_of(str(path), image)
 
 
 def read_picture(path: Path) -> Picture:
