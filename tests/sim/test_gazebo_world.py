@@ -27,8 +27,11 @@ def test_the_room_has_its_floor_walls_and_furniture(room: MeshWorld) -> None:
     assert room.floor_z_m == pytest.approx(0.0, abs=0.01)
     area = float((grid.data == FREE).sum()) * grid.resolution**2
     assert 24.0 < area < 28.2  # 5.8 x 4.8 m without furniture
-    for x, y in ((0.0, 2.08), (2.0, 5.82), (2.92, 4.5)):  # wall, hidden pillar, nested wall
-        assert grid.value_at(x, y) == OCCUPIED
+    for x, y, dx, dy in ((0.0, 2.05, 0.0, 1.0), (2.0, 5.85, 0.0, -1.0), (2.95, 4.5, -1.0, 0.0)):
+        # A wall, the hidden pillar, a nested wall: their faces are 5 cm away, known to a cell or two.
+        assert grid.value_at(x, y) != FREE
+        assert grid.value_at(x + 0.2 * dx, y + 0.2 * dy) == FREE
+        assert OCCUPIED in [grid.value_at(x + s * dx, y + s * dy) for s in (0.0, 0.05, 0.1)]
     assert grid.value_at(room.start.x, room.start.y) == FREE
 
 

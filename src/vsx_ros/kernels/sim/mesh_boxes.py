@@ -32,17 +32,17 @@ class Optics(NamedTuple):
 
 
 @part
-def _seen_from(corners: Float32Array, rays: Rays, row: int, cam: FloatArray) -> None:
-    """cam (3, 3): the corners (9,) in the camera of a row."""
+def _seen_from(corners: Float32Array, t: int, rays: Rays, row: int, cam: FloatArray) -> None:
+    """cam (3, 3): the corners of triangle t, of (T, 9), in the camera of a row."""
     ox, oy, oz = rays.origins[row, 0], rays.origins[row, 1], rays.origins[row, 2]
-    R = rays.turns[row]
+    R = rays.turns
     for i in range(3):
-        x, y, z = corners[3 * i] - ox, corners[3 * i + 1] - oy, corners[3 * i + 2] - oz
+        x, y, z = corners[t, 3 * i] - ox, corners[t, 3 * i + 1] - oy, corners[t, 3 * i + 2] - oz
         for j in range(3):
-            cam[i, j] = R[0, j] * x + R[1, j] * y + R[2, j] * z
+            cam[i, j] = R[row, 0, j] * x + R[row, 1, j] * y + R[row, 2, j] * z
 
 
-@kernel
+@part
 def _extent(cam: FloatArray, box: FloatArray) -> float:
     """box (4,): least x, y and greatest x, y of the corners (3, 3) on the plane z = 1, cut off at ``NEAR_M``; returns
     their least depth, or 0 if all lie nearer."""
@@ -71,13 +71,15 @@ def _pixel(optics: Optics, x: float, y: float) -> tuple[float, float]:
     p = optics.pixels
     gx, gy = (x - optics.bounds[0]) * optics.per_step[0], (y - optics.bounds[1]) * optics.per_step[1]
     i, j = min(max(int(gx), 0), p.shape[1] - 2), min(max(int(gy), 0), p.shape[0] - 2)
-    fx, fy, a, b, c, d = gx - i, gy - j, p[j, i], p[j, i + 1], p[j + 1, i], p[j + 1, i + 1]
-    upper_u, lower_u = a[0] + fx * (b[0] - a[0]), c[0] + fx * (d[0] - c[0])
-    upper_v, lower_v = a[1] + fx * (b[1] - a[1]), c[1] + fx * (d[1] - c[1])
+    fx, fy = gx - i, gy - j
+    upper_u = p[j, i, 0] + fx * (p[j, i + 1, 0] - p[j, i, 0])
+    lower_u = p[j + 1, i, 0] + fx * (p[j + 1, i + 1, 0] - p[j + 1, i, 0])
+    upper_v = p[j, i, 1] + fx * (p[j, i + 1, 1] - p[j, i, 1])
+    lower_v = p[j + 1, i, 1] + fx * (p[j + 1, i + 1, 1] - p[j + 1, i, 1])
     return upper_u + fy * (lower_u - upper_u), upper_v + fy * (lower_v - upper_v)
 
 
-@kernel
+@part
 def _pixel_box(optics: Optics, box: FloatArray, slack: float, found: FloatArray) -> bool:
     """found (4,): least u, v and greatest u, v that directions inside box, made wider by slack, may have. False if none
     lies in the image's bounds."""
@@ -102,15 +104,15 @@ def _pixel_box(optics: Optics, box: FloatArray, slack: float, found: FloatArray)
     return True
 
 
-@kernel
+@part
 def box_of(
-    corners: Float32Array, rays: Rays, optics: Optics, stretch: float, cam: FloatArray, box: FloatArray,
+    corners: Float32Array, t: int, rays: Rays, optics: Optics, stretch: float, cam: FloatArray, box: FloatArray,
     found: FloatArray,
 ) -> float:  # fmt: skip
-    """found (4,): box of pixels that a triangle may reach; returns its least depth [m], or 0 if it is out of view. cam
-    (3, 3), box (4,): scratch memory."""
+    """found (4,): box of pixels that triangle t, of (T, 9), may reach; returns its least depth [m], or 0 if it is out of
+    view. cam (3, 3), box (4,): scratch memory."""
     height = rays.origins.shape[0] - 1
-    _seen_from(corners, rays, height // 2, cam)
+    _seen_from(corners, t, rays, height // 2, cam)
     depth = _extent(cam, box)
     if depth <= 0.0:
         return 0.0
@@ -121,7 +123,7 @@ def box_of(
         return depth
     # Once more with the camera of its own rows, which may differ less.
     top, bottom = min(max(found[1], 0.0), height - 1.0), max(min(found[3], height - 1.0), 0.0)
-    _seen_from(corners, rays, int(0.5 * (top + bottom)), cam)
+    _seen_from(corners, t, rays, int(0.5 * (top + bottom)), cam)
     least = _extent(cam, box)
     apart = 2.0 + 0.5 * max(bottom - top, 0.0)
     slack = (optics.turn * stretch + optics.shift / max(least, NEAR_M)) * apart

@@ -57,7 +57,7 @@ def _trilinear(
     return value * value
 
 
-@kernel
+@part
 def light_at(scene: MeshScene, x: float, y: float, z: float, nx: float, ny: float, nz: float) -> np.float32:
     """Irradiance of a surface with the unit normal n at a point [m], taken a little in front of it."""
     light, frame = scene.light, scene.light_frame
@@ -74,29 +74,27 @@ def light_at(scene: MeshScene, x: float, y: float, z: float, nx: float, ny: floa
         for dj in range(2):
             for di in range(2):
                 weight = (fx if di else 1.0 - fx) * (fy if dj else 1.0 - fy) * (fz if dk else 1.0 - fz)
-                node = light[k + dk, j + dj, i + di]
-                total += weight * (wa * node[a] + wb * node[b] + wc * node[c])
+                p, q, r = k + dk, j + dj, i + di
+                total += weight * (wa * light[p, q, r, a] + wb * light[p, q, r, b] + wc * light[p, q, r, c])
     return np.float32(total)
 
 
-@kernel
+@part
 def _sum_of(forms: FloatArray, out: FloatArray) -> None:
     for j in range(3):
-        out[j] = forms[0, j] + forms[1, j] + forms[2, j]
+        out[2, j] = forms[0, j] + forms[1, j] + forms[2, j]
 
 
-@kernel
-def _light_of_pixel(
-    scene: MeshScene, rays: Rays, y: int, x: int, normal: FloatArray, nearness: np.float32
-) -> np.float32:
-    """Light on the triangle that pixel (y, x) sees. normal (3,): away from the camera."""
+@part
+def _light_of_pixel(scene: MeshScene, rays: Rays, y: int, x: int, uv: FloatArray, nearness: np.float32) -> np.float32:
+    """Light on the triangle that pixel (y, x) sees. uv (3, 3): its last row is the normal, away from the camera."""
     far = 1.0 / nearness
-    line, o = rays.directions[y], rays.origins[y]
-    px, py, pz = o[0] + far * line[0, x], o[1] + far * line[1, x], o[2] + far * line[2, x]
-    return light_at(scene, px, py, pz, -normal[0], -normal[1], -normal[2])
+    d, o = rays.directions, rays.origins
+    px, py, pz = o[y, 0] + far * d[y, 0, x], o[y, 1] + far * d[y, 1, x], o[y, 2] + far * d[y, 2, x]
+    return light_at(scene, px, py, pz, -uv[2, 0], -uv[2, 1], -uv[2, 2])
 
 
-@kernel
+@part
 def _shade_run(
     scene: MeshScene, kind: int, uv: FloatArray, rays: Rays, y: int, begin: int, end: int, lights: FloatArray,
     sharpness: np.float32, bayer: bool, share: np.float32, radiance: Float32Array,
@@ -110,14 +108,14 @@ def _shade_run(
     rise = np.float32((lights[1] - lights[0]) / max(end - begin - 1, 1))
     plain = scene.pictures[kind, 0] < 0
     wide, high = np.float32(1 << max(scene.pictures[kind, 1], 0)), np.float32(1 << max(scene.pictures[kind, 2], 0))
-    here, below = rays.directions[y], rays.directions[y + 1]
+    d = rays.directions
     for x in range(begin, end):
         channel = tint_index(y, x, bayer)
         value = scene.colours[kind, channel]
         if not plain:
-            d0, d1, d2 = here[0, x], here[1, x], here[2, x]
-            x0, x1, x2 = here[0, x + 1] - d0, here[1, x + 1] - d1, here[2, x + 1] - d2
-            y0, y1, y2 = below[0, x] - d0, below[1, x] - d1, below[2, x] - d2
+            d0, d1, d2 = d[y, 0, x], d[y, 1, x], d[y, 2, x]
+            x0, x1, x2 = d[y, 0, x + 1] - d0, d[y, 1, x + 1] - d1, d[y, 2, x + 1] - d2
+            y0, y1, y2 = d[y + 1, 0, x] - d0, d[y + 1, 1, x] - d1, d[y + 1, 2, x] - d2
             inverse = F1 / (C0 * d0 + C1 * d1 + C2 * d2)
             u, v = (U0 * d0 + U1 * d1 + U2 * d2) * inverse, (V0 * d0 + V1 * d1 + V2 * d2) * inverse
             cx, cy = C0 * x0 + C1 * x1 + C2 * x2, C0 * y0 + C1 * y1 + C2 * y2
@@ -130,7 +128,7 @@ def _shade_run(
             spread = max(max(area, longest * sharpness), F1)
             lod = min(HALF * np.log2(spread), np.float32(MIP_LEVELS - 1))
             value *= _trilinear(scene, kind, u, F1 - v, lod, np.uint32(8 * channel))
-        radiance[x] += share * value * light
+        radiance[y, x] += share * value * light
         light += rise
 
 
@@ -144,19 +142,19 @@ def shade_rows(
     width = ident.shape[1]
     forms, uv, lights, weight = np.empty((3, 3)), np.empty((3, 3)), np.empty(2), np.float32(share)
     for y in range(first, last):
-        line, x, before, length = ident[y], 0, np.int32(-1), 1.0
+        x, before = 0, np.int32(-1)
         while x < width:
-            t = line[x]
+            t = ident[y, x]
             if t < 0:
                 radiance[y, x] += weight * np.float32(scene.sky)
                 x += 1
                 continue
             end = x + 1
-            while end < width and end - x < RUN and line[end] == t:
+            while end < width and end - x < RUN and ident[y, end] == t:
                 end += 1
             if t != before:
-                edge_forms(scene.corners[t], rays.origins[y], forms)
-                _sum_of(forms, uv[2])
+                edge_forms(scene.corners, t, rays.origins, y, forms)
+                _sum_of(forms, uv)
                 length = np.sqrt(uv[2, 0] ** 2 + uv[2, 1] ** 2 + uv[2, 2] ** 2)
                 for j in range(3):
                     uv[2, j] /= length  # keeps tiny triangles within the range of float32
@@ -165,11 +163,11 @@ def shade_rows(
                         for corner in range(3):
                             uv[i, j] += scene.uv[t, 2 * corner + i] * forms[corner, j] / length
                 before = t
-            lights[0] = _light_of_pixel(scene, rays, y, x, uv[2], nearness[y, x])
+            lights[0] = _light_of_pixel(scene, rays, y, x, uv, nearness[y, x])
             lights[1] = lights[0]
             if end - x > 1:
-                lights[1] = _light_of_pixel(scene, rays, y, end - 1, uv[2], nearness[y, end - 1])
+                lights[1] = _light_of_pixel(scene, rays, y, end - 1, uv, nearness[y, end - 1])
             _shade_run(
-                scene, scene.kinds[t], uv, rays, y, x, end, lights, np.float32(sharpness), bayer, weight, radiance[y]
+                scene, scene.kinds[t], uv, rays, y, x, end, lights, np.float32(sharpness), bayer, weight, radiance
             )  # fmt: skip
             x = end
