@@ -88,7 +88,8 @@ def test_any_number_of_threads_gives_the_same_bits(hall: MeshRenderer) -> None:
 
 
 def test_light_is_darker_under_things_and_shadows_fall(tmp_path: Path) -> None:
-    lamp = '<light name="a" type="point"><pose>0 0 0.95 0 0 0</pose><attenuation><range>20</range><constant>0.1</constant><linear>0</linear></attenuation></light>'
+    fades = "<attenuation><range>20</range><constant>0.1</constant><linear>0</linear></attenuation>"
+    lamp = f'<light name="a" type="point"><pose>0 0 0.95 0 0 0</pose>{fades}</light>'
     screen = box_model("screen", "1 0 0.25 0 0 0", "0.3 1.5 0.5")
     table = box_model("table", "-1.5 0 0.4 0 0 0", "1 1 0.05")
     world = load_gazebo(write_world(tmp_path, FLOOR, WALLS, screen, table, lamp), [])

@@ -109,8 +109,8 @@ def box_of(
     corners: Float32Array, t: int, rays: Rays, optics: Optics, stretch: float, cam: FloatArray, box: FloatArray,
     found: FloatArray,
 ) -> float:  # fmt: skip
-    """found (4,): box of pixels that triangle t, of (T, 9), may reach; returns its least depth [m], or 0 if it is out of
-    view. cam (3, 3), box (4,): scratch memory."""
+    """found (4,): box of pixels that triangle t, of (T, 9), may reach; returns its least depth [m], or 0 if it is out
+    of view. cam (3, 3), box (4,): scratch memory."""
     height = rays.origins.shape[0] - 1
     _seen_from(corners, t, rays, height // 2, cam)
     depth = _extent(cam, box)
