@@ -129,7 +129,8 @@ def box_of(
     slack = (optics.turn * stretch + optics.shift / max(least, NEAR_M)) * apart
     if least <= 0.0 or not _pixel_box(optics, box, slack, found):
         return 0.0
-    return max(min(least, depth) - optics.shift * height, NEAR_M)
+    nearest: float = max(min(least, depth) - optics.shift * height, NEAR_M)
+    return nearest
 
 
 @kernel

@@ -58,7 +58,9 @@ class _Assembly:
     def of(self, layout: Layout) -> Parts:
         shown: set[str] = set()
         hidden: list[tuple[Shape, list[MeshPart]]] = []
-        names, solids, owners = [], [], []
+        names: list[str] = []
+        solids: list[FloatArray] = []
+        owners: list[IntArray] = []
         for shape in layout.shapes:
             parts = self._parts(shape)
             if not shape.solid:
@@ -141,11 +143,11 @@ class _Assembly:
             at += len(corners)
             starts.append(at)
         none = (np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), 0)
-        corners, uv, kinds = zip(*(self._drawn or [none]))
+        all_corners, all_uv, kinds = zip(*(self._drawn or [none]))
         return Seen(
-            corners=np.concatenate(corners).astype(np.float32),
-            uv=np.concatenate(uv).astype(np.float32),
-            kinds=np.repeat(np.array(kinds, np.int32), [len(c) for c in corners]),
+            corners=np.concatenate(all_corners).astype(np.float32),
+            uv=np.concatenate(all_uv).astype(np.float32),
+            kinds=np.repeat(np.array(kinds, np.int32), [len(c) for c in all_corners]),
             starts=np.array(starts, np.int64),
             surfaces=list(self._surfaces) or [Surface(GREY)],
         )

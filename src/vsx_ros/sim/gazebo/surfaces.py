@@ -52,7 +52,7 @@ class Surface(NamedTuple):
 
 def _fitting(side: int) -> int:
     """The power of two that a side is drawn with."""
-    return min(MOST_KEPT_PX, 2 ** max(0, math.ceil(math.log2(side) - 0.25)))
+    return min(MOST_KEPT_PX, 1 << max(0, math.ceil(math.log2(side) - 0.25)))
 
 
 def _too_large(name: str, size: str) -> InputError:
