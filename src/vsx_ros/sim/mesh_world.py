@@ -21,6 +21,7 @@ _LEVEL_M = 0.02  # heights that count as one level
 _LEAST_SHARE, _LEAST_GROUND = 0.3, 0.15  # of the largest level, and of the world's extent, that a floor has
 _STEEP = 0.98  # z of a level triangle's normal, at least
 _ROUND_M = 0.001  # of segments, to drop doubles
+RICH, SIGHT_MOST_M, SIGHT_HIGH_M = 30.0, 3.0, 2.0  # deviation of a texture; size and height of a thing to look at
 AROUND_M = 0.5  # ground around the obstacles that belongs to the world
 
 
@@ -47,8 +48,8 @@ class MeshWorld:
 
     @property
     def sights(self) -> list[Point]:
-        """Places of pictures; here unknown."""
-        return []
+        """Places of things up to 2 m high with a rich texture, good to look at."""
+        return _sights(self)
 
     def starting_at(self, start: Start) -> "MeshWorld":
         """The same world with another start."""
@@ -77,6 +78,20 @@ class MeshWorld:
         points = np.where(np.arange(5)[None, :, None] < counts[:, None, None], polygons, np.inf)
         gaps = np.hypot(points[..., 0] - x, points[..., 1] - y).min(axis=1)
         return self.parts.names[int(self.parts.owners[owners[int(np.argmin(gaps))]])]
+
+
+@lru_cache(maxsize=4)
+def _sights(world: MeshWorld) -> list[Point]:
+    seen = world.parts.seen
+    rich = [s.picture is not None and float(s.picture.pixels[::8, ::8, 1].std()) > RICH for s in seen.surfaces]
+    found = []
+    for begin, end in zip(seen.starts[:-1], seen.starts[1:]):
+        if begin < end and rich[seen.kinds[begin]]:
+            points = seen.corners[begin:end].reshape(-1, 3)
+            low, high = points.min(axis=0), points.max(axis=0)
+            if (high - low).max() < SIGHT_MOST_M and low[2] < SIGHT_HIGH_M:
+                found.append((float(low[0] + high[0]) / 2.0, float(low[1] + high[1]) / 2.0))
+    return found
 
 
 @lru_cache(maxsize=4)
