@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from gazebo_files import FLOOR, ROOM, WALLS, box_model, write_world
 
 from vsx_ros.errors import ConfigError, InputError
@@ -85,11 +86,13 @@ def triangle_file(path: Path, kind: str) -> None:
     corners = ((0.0, 0.0, 1.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0))
     if kind == "stl":
         path.write_bytes(bytes(80) + struct.pack("<I3f9fH", 1, 0, 0, 1, *(v for c in corners for v in c), 0))
+    elif kind == "glb":
+        trimesh.Trimesh(corners, [[0, 1, 2]]).export(path)
     else:
         path.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "f 1 2 3\n")
 
 
-@pytest.mark.parametrize("kind", ["stl", "obj"])
+@pytest.mark.parametrize("kind", ["stl", "obj", "glb"])
 def test_meshes_of_other_kinds_are_placed_and_scaled(tmp_path: Path, kind: str) -> None:
     triangle_file(tmp_path / f"t.{kind}", kind)
     mesh = f"<geometry><mesh><uri>t.{kind}</uri><scale>2 2 2</scale></mesh></geometry>"
