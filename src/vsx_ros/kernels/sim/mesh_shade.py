@@ -1,7 +1,7 @@
 """The radiance of the pixels whose triangles are known: trilinear texture times light.
 
-Along a row, neighbouring pixels of one triangle share its forms; the light, which is smooth, is looked up at the ends
-of short runs and interpolated."""
+Along a row, neighbouring pixels of one triangle share its forms; light and level of detail, which are smooth, are
+found at the ends of short runs and interpolated."""
 
 import numpy as np
 
@@ -95,6 +95,29 @@ def _light_of_pixel(scene: MeshScene, rays: Rays, y: int, x: int, uv: FloatArray
 
 
 @part
+def _level_of_detail(
+    scene: MeshScene, kind: int, uv: FloatArray, rays: Rays, y: int, x: int, sharpness: np.float32
+) -> np.float32:
+    """The mip level that pixel (y, x) wants of its triangle's picture; between 0 and the last one."""
+    d = rays.directions
+    wide, high = float(1 << scene.pictures[kind, 1]), float(1 << scene.pictures[kind, 2])
+    d0, d1, d2 = d[y, 0, x], d[y, 1, x], d[y, 2, x]
+    x0, x1, x2 = d[y, 0, x + 1] - d0, d[y, 1, x + 1] - d1, d[y, 2, x + 1] - d2
+    y0, y1, y2 = d[y + 1, 0, x] - d0, d[y + 1, 1, x] - d1, d[y + 1, 2, x] - d2
+    inverse = 1.0 / (uv[2, 0] * d0 + uv[2, 1] * d1 + uv[2, 2] * d2)
+    u = (uv[0, 0] * d0 + uv[0, 1] * d1 + uv[0, 2] * d2) * inverse
+    v = (uv[1, 0] * d0 + uv[1, 1] * d1 + uv[1, 2] * d2) * inverse
+    cx, cy = uv[2, 0] * x0 + uv[2, 1] * x1 + uv[2, 2] * x2, uv[2, 0] * y0 + uv[2, 1] * y1 + uv[2, 2] * y2
+    ux = (uv[0, 0] * x0 + uv[0, 1] * x1 + uv[0, 2] * x2 - u * cx) * inverse * wide
+    uy = (uv[0, 0] * y0 + uv[0, 1] * y1 + uv[0, 2] * y2 - u * cy) * inverse * wide
+    vx = (uv[1, 0] * x0 + uv[1, 1] * x1 + uv[1, 2] * x2 - v * cx) * inverse * high
+    vy = (uv[1, 0] * y0 + uv[1, 1] * y1 + uv[1, 2] * y2 - v * cy) * inverse * high
+    area = abs(ux * vy - uy * vx)  # of the pixel, in texels
+    longest = ux * ux + uy * uy + vx * vx + vy * vy
+    return np.float32(min(0.5 * np.log2(max(max(area, longest * sharpness), 1.0)), MIP_LEVELS - 1.0))
+
+
+@part
 def _shade_run(
     scene: MeshScene, kind: int, uv: FloatArray, rays: Rays, y: int, begin: int, end: int, lights: FloatArray,
     sharpness: np.float32, bayer: bool, share: np.float32, radiance: Float32Array,
@@ -104,32 +127,25 @@ def _shade_run(
     U0, U1, U2 = np.float32(uv[0, 0]), np.float32(uv[0, 1]), np.float32(uv[0, 2])
     V0, V1, V2 = np.float32(uv[1, 0]), np.float32(uv[1, 1]), np.float32(uv[1, 2])
     C0, C1, C2 = np.float32(uv[2, 0]), np.float32(uv[2, 1]), np.float32(uv[2, 2])
-    light = np.float32(lights[0])
-    rise = np.float32((lights[1] - lights[0]) / max(end - begin - 1, 1))
-    plain = scene.pictures[kind, 0] < 0
-    wide, high = np.float32(1 << max(scene.pictures[kind, 1], 0)), np.float32(1 << max(scene.pictures[kind, 2], 0))
+    per_pixel = F1 / np.float32(max(end - begin - 1, 1))
+    light, plain, lod, fall = np.float32(lights[0]), scene.pictures[kind, 0] < 0, F0, F0
+    rise = (np.float32(lights[1]) - light) * per_pixel
+    if not plain:
+        lod = _level_of_detail(scene, kind, uv, rays, y, begin, sharpness)
+        if end - begin > 1:
+            fall = (_level_of_detail(scene, kind, uv, rays, y, end - 1, sharpness) - lod) * per_pixel
     d = rays.directions
     for x in range(begin, end):
         channel = tint_index(y, x, bayer)
         value = scene.colours[kind, channel]
         if not plain:
             d0, d1, d2 = d[y, 0, x], d[y, 1, x], d[y, 2, x]
-            x0, x1, x2 = d[y, 0, x + 1] - d0, d[y, 1, x + 1] - d1, d[y, 2, x + 1] - d2
-            y0, y1, y2 = d[y + 1, 0, x] - d0, d[y + 1, 1, x] - d1, d[y + 1, 2, x] - d2
             inverse = F1 / (C0 * d0 + C1 * d1 + C2 * d2)
             u, v = (U0 * d0 + U1 * d1 + U2 * d2) * inverse, (V0 * d0 + V1 * d1 + V2 * d2) * inverse
-            cx, cy = C0 * x0 + C1 * x1 + C2 * x2, C0 * y0 + C1 * y1 + C2 * y2
-            ux = (U0 * x0 + U1 * x1 + U2 * x2 - u * cx) * inverse * wide
-            uy = (U0 * y0 + U1 * y1 + U2 * y2 - u * cy) * inverse * wide
-            vx = (V0 * x0 + V1 * x1 + V2 * x2 - v * cx) * inverse * high
-            vy = (V0 * y0 + V1 * y1 + V2 * y2 - v * cy) * inverse * high
-            area = abs(ux * vy - uy * vx)  # of the pixel, in texels
-            longest = ux * ux + uy * uy + vx * vx + vy * vy
-            spread = max(max(area, longest * sharpness), F1)
-            lod = min(HALF * np.log2(spread), np.float32(MIP_LEVELS - 1))
-            value *= _trilinear(scene, kind, u, F1 - v, lod, np.uint32(8 * channel))
+            value *= _trilinear(scene, kind, u, F1 - v, max(lod, F0), np.uint32(8 * channel))
         radiance[y, x] += share * value * light
         light += rise
+        lod += fall
 
 
 @kernel
