@@ -34,8 +34,8 @@ class Optics(NamedTuple):
 @part
 def _seen_from(corners: Float32Array, t: int, rays: Rays, row: int, cam: FloatArray) -> None:
     """cam (3, 3): the corners of triangle t, of (T, 9), in the camera of a row."""
-    ox, oy, oz = rays.origins[row, 0], rays.origins[row, 1], rays.origins[row, 2]
-    R = rays.turns
+    R, o = rays.turns, rays.origins
+    ox, oy, oz = o[row, 0], o[row, 1], o[row, 2]
     for i in range(3):
         x, y, z = corners[t, 3 * i] - ox, corners[t, 3 * i + 1] - oy, corners[t, 3 * i + 2] - oz
         for j in range(3):
@@ -68,8 +68,8 @@ def _extent(cam: FloatArray, box: FloatArray) -> float:
 @part
 def _pixel(optics: Optics, x: float, y: float) -> tuple[float, float]:
     """u, v of a direction inside the bounds."""
-    p = optics.pixels
-    gx, gy = (x - optics.bounds[0]) * optics.per_step[0], (y - optics.bounds[1]) * optics.per_step[1]
+    p, bounds, per_step = optics.pixels, optics.bounds, optics.per_step
+    gx, gy = (x - bounds[0]) * per_step[0], (y - bounds[1]) * per_step[1]
     i, j = min(max(int(gx), 0), p.shape[1] - 2), min(max(int(gy), 0), p.shape[0] - 2)
     fx, fy = gx - i, gy - j
     upper_u = p[j, i, 0] + fx * (p[j, i + 1, 0] - p[j, i, 0])
@@ -83,8 +83,9 @@ def _pixel(optics: Optics, x: float, y: float) -> tuple[float, float]:
 def _pixel_box(optics: Optics, box: FloatArray, slack: float, found: FloatArray) -> bool:
     """found (4,): least u, v and greatest u, v that directions inside box, made wider by slack, may have. False if none
     lies in the image's bounds."""
-    x0, y0 = max(box[0] - slack, optics.bounds[0]), max(box[1] - slack, optics.bounds[1])
-    x1, y1 = min(box[2] + slack, optics.bounds[2]), min(box[3] + slack, optics.bounds[3])
+    bounds = optics.bounds
+    x0, y0 = max(box[0] - slack, bounds[0]), max(box[1] - slack, bounds[1])
+    x1, y1 = min(box[2] + slack, bounds[2]), min(box[3] + slack, bounds[3])
     if x0 > x1 or y0 > y1:
         return False
     found[0] = found[1] = np.inf

@@ -4,6 +4,7 @@ Along a row, neighbouring pixels of one triangle share its forms; light and leve
 found at the ends of short runs and interpolated."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vsx_ros.arrays import Float32Array, FloatArray, Int32Array
 from vsx_ros.kernels import kernel, part
@@ -20,7 +21,7 @@ BYTE = np.uint32(255)
 
 @part
 def _texel(
-    scene: MeshScene, begin: int, lw: int, lh: int, u: np.float32, v: np.float32, shift: np.uint32
+    texels: NDArray[np.uint32], begin: int, lw: int, lh: int, u: np.float32, v: np.float32, shift: np.uint32
 ) -> np.float32:
     """Bilinear value (0..255) of one channel of a mip level at u, v (v downwards), which repeat."""
     width, height = 1 << lw, 1 << lh
@@ -30,10 +31,10 @@ def _texel(
     i0, j0 = int(x_floor) & (width - 1), int(y_floor) & (height - 1)
     i1, j1 = (i0 + 1) & (width - 1), (j0 + 1) & (height - 1)
     upper, lower = begin + (j0 << lw), begin + (j1 << lw)
-    t00 = np.float32((scene.texels[upper + i0] >> shift) & BYTE)
-    t01 = np.float32((scene.texels[upper + i1] >> shift) & BYTE)
-    t10 = np.float32((scene.texels[lower + i0] >> shift) & BYTE)
-    t11 = np.float32((scene.texels[lower + i1] >> shift) & BYTE)
+    t00 = np.float32((texels[upper + i0] >> shift) & BYTE)
+    t01 = np.float32((texels[upper + i1] >> shift) & BYTE)
+    t10 = np.float32((texels[lower + i0] >> shift) & BYTE)
+    t11 = np.float32((texels[lower + i1] >> shift) & BYTE)
     top, bottom = t00 + fx * (t01 - t00), t10 + fx * (t11 - t10)
     value: np.float32 = top + fy * (bottom - top)
     return value
@@ -41,18 +42,18 @@ def _texel(
 
 @part
 def _trilinear(
-    scene: MeshScene, kind: int, u: np.float32, v: np.float32, lod: np.float32, shift: np.uint32
-) -> np.float32:
-    """Reflectance in one channel of a picture, between the two mip levels around lod."""
-    row, lw, lh = scene.pictures[kind, 0], scene.pictures[kind, 1], scene.pictures[kind, 2]
+    texels: NDArray[np.uint32], levels: Int32Array, place: tuple[int, int, int], u: np.float32, v: np.float32,
+    lod: np.float32, shift: np.uint32,
+) -> np.float32:  # fmt: skip
+    """Reflectance in one channel of a picture, between the two mip levels around lod. place: a row of ``pictures``."""
+    row, lw, lh = place
     coarsest = max(lw, lh)
     level = min(int(lod), coarsest)
-    begin, a, b = scene.levels[row, level], max(lw - level, 0), max(lh - level, 0)
-    value = _texel(scene, begin, a, b, u, v, shift)
+    value = _texel(texels, levels[row, level], max(lw - level, 0), max(lh - level, 0), u, v, shift)
     share = lod - np.float32(level)
     if share > F0 and level < coarsest:
-        begin, a, b = scene.levels[row, level + 1], max(lw - level - 1, 0), max(lh - level - 1, 0)
-        value += share * (_texel(scene, begin, a, b, u, v, shift) - value)
+        begin, a, b = levels[row, level + 1], max(lw - level - 1, 0), max(lh - level - 1, 0)
+        value += share * (_texel(texels, begin, a, b, u, v, shift) - value)
     value *= PER_255
     return value * value
 
@@ -134,15 +135,16 @@ def _shade_run(
         lod = _level_of_detail(scene, kind, uv, rays, y, begin, sharpness)
         if end - begin > 1:
             fall = (_level_of_detail(scene, kind, uv, rays, y, end - 1, sharpness) - lod) * per_pixel
-    d = rays.directions
+    d, texels, levels, colours = rays.directions, scene.texels, scene.levels, scene.colours
+    place = scene.pictures[kind, 0], scene.pictures[kind, 1], scene.pictures[kind, 2]
     for x in range(begin, end):
         channel = tint_index(y, x, bayer)
-        value = scene.colours[kind, channel]
+        value = colours[kind, channel]
         if not plain:
             d0, d1, d2 = d[y, 0, x], d[y, 1, x], d[y, 2, x]
             inverse = F1 / (C0 * d0 + C1 * d1 + C2 * d2)
             u, v = (U0 * d0 + U1 * d1 + U2 * d2) * inverse, (V0 * d0 + V1 * d1 + V2 * d2) * inverse
-            value *= _trilinear(scene, kind, u, F1 - v, max(lod, F0), np.uint32(8 * channel))
+            value *= _trilinear(texels, levels, place, u, F1 - v, max(lod, F0), np.uint32(8 * channel))
         radiance[y, x] += share * value * light
         light += rise
         lod += fall
