@@ -35,6 +35,9 @@ setup(
         "msgspec>=0.18",
         "PyYAML>=5.4",
         "shtab>=1.7",
+        "pycollada>=0.8",
+        "trimesh>=4",
+        "Pillow>=10",
     ],
     extras_require={"sweep": ["distributed>=2024.1"]},
 )

@@ -27,7 +27,7 @@ from vsx_ros.robot import Frame, Odometry, VelocityCommand
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig
 from vsx_ros.sim.truth import ground_truth_grid
-from vsx_ros.sim.world import Start, World, obstacle_segments
+from vsx_ros.sim.world import Start, World
 
 EMULATION = SimulationConfig()
 RATE_HZ = EMULATION.frame_rate_hz
@@ -93,7 +93,7 @@ def course(legs: list[Leg]) -> np.ndarray:
 
 def clearest_start(world: World, legs: list[Leg]) -> tuple[float, Start]:
     """(distance to the nearest obstacle [m], pose) of the clearest of some drawn places for the course."""
-    segments = np.asarray(obstacle_segments(world, 0.0, RobotConfig().height_m)).reshape(-1, 4)
+    segments = np.asarray(world.obstacle_segments(0.0, RobotConfig().height_m)).reshape(-1, 4)
     a, d = segments[:, :2], segments[:, 2:] - segments[:, :2]
     rng, path = np.random.default_rng(0), course(legs)
     x0, y0, x1, y1 = world.bounds

@@ -27,7 +27,7 @@ from vsx_ros.robot import STOP
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.interior import decorated
 from vsx_ros.sim.robot import EmulatedRobot
-from vsx_ros.sim.world import Box, Material, Poster, Start, World, obstacle_segments
+from vsx_ros.sim.world import Box, Material, Poster, Start, World
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.system import ExplorationSystem
 
@@ -175,7 +175,7 @@ def row(name: str, seed: int) -> str:
         took.append(time.process_time() - began)
     while not dense.complete:
         dense = densifier.update(snapshot)
-    segments = np.asarray(obstacle_segments(world, *BAND_M)).reshape(-1, 4)
+    segments = np.asarray(world.obstacle_segments(*BAND_M)).reshape(-1, 4)
     cells = in_band(wall_cells(drive, snapshot, dense))
     point = in_band(in_truth(drive, snapshot, snapshot.points_world[snapshot.obs_point], snapshot.obs_keyframe))
     places = visible_samples(drive, snapshot, segments)

@@ -11,6 +11,8 @@ from vsx_ros.runs.world import open_world
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.world_file import load_world
 
+ROOM = Path(__file__).parents[1] / "data/gazebo_room/worlds/room.world"
+
 
 def run(*words: str) -> int:
     return main.run(main.parse(["world", *words]))
@@ -50,3 +52,18 @@ def test_a_floor_plan_alone_is_a_world(tmp_path: Path) -> None:
     assert alone.generator.name == "m"
     with pytest.raises(ConfigError, match="existing"):
         open_world(str(tmp_path / "none.png"), 1)
+
+
+def test_a_gazebo_world_is_described_drawn_and_imported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("info", str(ROOM)) == 0
+    said = capsys.readouterr()
+    assert "room.world" in said.out
+    assert "reachable" in said.out
+    assert "no_such_model" in said.err
+    view, out = tmp_path / "v.png", tmp_path / "room.yaml"
+    assert run("render", str(ROOM), "--start", "0,5,180", "--out", str(view)) == 0
+    assert cv2.imread(str(view)).shape == (480, 640, 3)
+    assert run("import", str(ROOM), "--start", "0,5,180", "--out", str(out)) == 0
+    assert load_world(out).start_pose.x == 0.0
+    with pytest.raises(ConfigError, match="stands in pillar/hidden"):
+        run("import", str(ROOM), "--start", "2,6.1,0", "--out", str(out))

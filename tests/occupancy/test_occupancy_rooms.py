@@ -9,7 +9,8 @@ from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.rooms import RoomMap, RoomTracker, right_rooms, split, without_furniture
 from vsx_ros.runs.rooms import renamed
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.truth import ground_truth_grid, room_truth
+from vsx_ros.sim.room_truth import room_truth
+from vsx_ros.sim.truth import ground_truth_grid
 
 CONFIG = RoomsConfig()
 

@@ -6,7 +6,6 @@ from sim_views import still_view
 from vsx_ros.errors import ConfigError
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.truth import free_ahead, free_places, gap_to_walls, is_connected
-from vsx_ros.sim.world import obstacle_segments
 
 SEEDS = range(12)
 
@@ -20,7 +19,7 @@ def test_labs_are_furnished_connected_and_start_in_the_open(seed: int) -> None:
     assert is_connected(world)
     start = world.start
     assert free_ahead(world, start.x, start.y, start.theta_rad) >= 1.2
-    assert gap_to_walls(obstacle_segments(world, 0.0, 0.6), np.array([[start.x, start.y]]))[0] >= 0.5
+    assert gap_to_walls(world.obstacle_segments(0.0, 0.6), np.array([[start.x, start.y]]))[0] >= 0.5
 
 
 @pytest.mark.parametrize("name", ["office", "corridor"])

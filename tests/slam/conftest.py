@@ -13,7 +13,7 @@ from vsx_ros.robot import Frame, Odometry, VelocityCommand
 from vsx_ros.sim.body import BodySettings
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig
-from vsx_ros.sim.world import Start, World, obstacle_segments
+from vsx_ros.sim.world import Start, World
 
 RATE_HZ = 15
 
@@ -38,7 +38,7 @@ def course(parts: list[tuple[float, float, float]]) -> np.ndarray:
 
 def clear_start(world: World, parts: list[tuple[float, float, float]]) -> Start:
     """A pose from which the course keeps its distance from everything; the clearest of 600 drawn ones."""
-    segments = np.asarray(obstacle_segments(world, 0.0, 0.45)).reshape(-1, 4)
+    segments = np.asarray(world.obstacle_segments(0.0, 0.45)).reshape(-1, 4)
     rng, path = np.random.default_rng(0), course(parts)
     x0, y0, x1, y1 = world.bounds
     best, chosen = -1.0, None

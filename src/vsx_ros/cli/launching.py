@@ -66,7 +66,7 @@ def parser(name: str) -> argparse.ArgumentParser:
     else:
         add("--base", choices=BASES, default="auto", help="kind of base; auto: the one that answers; ros: its topics")
     if name == "simulate":
-        add("--world", default="lab", help="lab, office, corridor, building or a world.yaml")
+        add("--world", default="lab", help="lab, office, corridor, building, a Gazebo file or a world.yaml")
         add("--devices", default="/tmp", help="folder for the emulated port and camera")
         add("--rate-hz", type=float, default=15.0, help="images a second (15)")
     else:

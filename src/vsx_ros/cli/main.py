@@ -39,7 +39,7 @@ COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "calibrate": (options_robot.calibrate, "calibrate"),
     "doctor": (options_robot.doctor, "doctor"),
     "config": (options_robot.config, "small_commands"),
-    "world": (options_robot.world, "small_commands"),
+    "world": (options_robot.world, "worlds"),
     "completion": (options_robot.completion, "small_commands"),
 }
 """For each command its options and help, and the module in this package with the function of the same name."""

@@ -22,6 +22,12 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_models(parser: argparse.ArgumentParser) -> None:
+    """The option for the folders of a Gazebo world's models."""
+    what = "folder of a Gazebo world's models; repeatable (also GAZEBO_MODEL_PATH, and beside the world)"
+    parser.add_argument("--models", type=Path, action="append", default=[], metavar="DIR", help=what)
+
+
 def add_engine(parser: argparse.ArgumentParser) -> None:
     """The options for where many runs are computed."""
     parser.add_argument("--jobs", type=count, default=1, metavar="N", help="processes on this machine (default 1)")

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from vsx_ros.cli.option_values import BASES, PLANNERS, Size, add_parameters, camera, positive, rate, share
+from vsx_ros.cli.option_values import BASES, PLANNERS, Size, add_models, add_parameters, camera, positive, rate, share
 
 MAP_FORMATS = {
     "tum": ".txt", "ply": ".ply", "colmap": "_colmap", "pgm": "_ground.yaml", "dense": "_dense.ply",
@@ -45,7 +45,9 @@ def explore(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> N
 def _robot(parser: argparse.ArgumentParser) -> None:
     """Options for the base and camera, emulated or real."""
     add = parser.add_argument
-    add("--world", metavar="NAME|FILE", help="emulate: lab, office, corridor, building, a world.yaml, map.yaml or .png")
+    emulated = "emulate: lab, office, corridor, building, a Gazebo .world or .sdf, a world.yaml, map.yaml or .png"
+    add("--world", metavar="NAME|FILE", help=emulated)
+    add_models(parser)
     add("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
     add(
         "--base",

@@ -1,5 +1,5 @@
 """The small commands: ``vsx view``, ``status``, ``stop``, ``teleop``, ``go`` and ``record`` for a running robot;
-also ``config``, ``world`` and ``completion``."""
+also ``config`` and ``completion``."""
 
 import argparse
 import math
@@ -71,29 +71,6 @@ def config(args: argparse.Namespace) -> int:
         raise ConfigError("--robot is the file that 'vsx calibrate' writes, --config another; leave out one")
     file = robot_file_here() if args.robot else args.config
     print(commented_yaml(load(file, args.set)), end="")
-    return 0
-
-
-def world(args: argparse.Namespace) -> int:
-    """Make the world, write the requested files, and print what was written."""
-    from vsx_ros.io.map_file import save_map
-    from vsx_ros.runs.world import open_world
-    from vsx_ros.sim.picture import BAND_M, world_picture, write_picture
-    from vsx_ros.sim.truth import ground_truth_grid
-    from vsx_ros.sim.world_file import save_world
-
-    if args.out is None and args.picture is None and args.map is None:
-        raise ConfigError("vsx world: say what to write with --out, --picture or --map")
-    world = open_world(args.name, args.seed)
-    if args.out is not None:
-        save_world(world, args.out)
-        print(f"world: {args.out}")
-    if args.map is not None:
-        save_map(ground_truth_grid(world, 0.05, *BAND_M), args.map)
-        print(f"true map: {args.map}")
-    if args.picture is not None:
-        write_picture(world_picture(world, args.seed), args.picture)
-        print(f"picture: {args.picture}")
     return 0
 
 

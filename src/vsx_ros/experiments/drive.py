@@ -24,9 +24,9 @@ from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import STOP
 from vsx_ros.runs.world import open_world
+from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.truth import ground_truth_grid
-from vsx_ros.sim.world import World
 
 ARMS: dict[str, tuple[str, float | None]] = {
     "constrained": ("fov", None),
@@ -67,7 +67,7 @@ class Question(NamedTuple):
     grid: OccupancyGrid
 
 
-def question(task: DriveTask, world: World, config: Config) -> Question:
+def question(task: DriveTask, world: EmulatedWorld, config: Config) -> Question:
     """A goal of the dataset's kind that the constrained and the unconstrained planner reach, drawn with the world's
     seed. Raises InputError when none is found."""
     ground = config.ground_map
@@ -108,7 +108,7 @@ def run_drives(task: DriveTask) -> dict[str, Any]:
     return {"start": _row(asked.start), "goal": _row(asked.goal), "arms": arms}
 
 
-def _drive(arm: str, asked: Question, task: DriveTask, world: World, config: Config) -> dict[str, Any]:
+def _drive(arm: str, asked: Question, task: DriveTask, world: EmulatedWorld, config: Config) -> dict[str, Any]:
     plan = plan_of(arm, asked, config)
     if isinstance(plan, Refusal):
         return {"refused": plan.reason}

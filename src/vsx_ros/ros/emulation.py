@@ -34,9 +34,9 @@ from vsx_ros.runs.journal import flat
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.body import Body
 from vsx_ros.sim.camera import EmulatedCamera
+from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.optics import scene_of
 from vsx_ros.sim.robot import SimulationConfig
-from vsx_ros.sim.scene import compile_scene
-from vsx_ros.sim.world import World, obstacle_segments
 
 POSE = struct.Struct("<q4d")  # Time since the emulator's start [ns], x, y [m], theta [rad], travelled path [m]
 _KEPT = 600  # poses, for images that are rendered late
@@ -57,11 +57,16 @@ class BodyPlant:
     ``state`` and the counters of ``body``. ``on_step`` is called after each step."""
 
     def __init__(
-        self, world: World, seed: int, robot: RobotConfig, on_step: Callable[[BodyState], None], wheel_base_m: float
+        self,
+        world: EmulatedWorld,
+        seed: int,
+        robot: RobotConfig,
+        on_step: Callable[[BodyState], None],
+        wheel_base_m: float,
     ) -> None:
         settings = msgspec.structs.replace(SimulationConfig().body, wheel_base_m=wheel_base_m)
         rng = np.random.default_rng([seed, 1])  # as in the lock-step robot
-        segments = obstacle_segments(world, 0.0, robot.height_m)
+        segments = world.obstacle_segments(0.0, robot.height_m)
         self._settings = settings
         self.body = Body(segments, world.start_pose, robot.radius_m, settings, rng)
         self._on_step = on_step
@@ -176,7 +181,8 @@ def render(settings: RenderSettings, history: PoseHistory) -> None:
     """Render frames every 1 / rate_hz until the history ends; frames that are too late are skipped and counted."""
     rng = np.random.default_rng([settings.seed, 2])  # as in the lock-step robot
     world = open_world(settings.world, settings.seed)
-    camera = EmulatedCamera(compile_scene(world), settings.robot.mount, SimulationConfig().camera, rng)
+    optics = msgspec.structs.replace(SimulationConfig().camera, samples=1)  # for time
+    camera = EmulatedCamera(scene_of(world), settings.robot.mount, optics, rng)
     write_calibration(Path(settings.socket + ".yaml"), camera.camera_given, "emulated")
     history.wait_for(0)
     camera.picture(0, history.poses_at, bayer=True)

@@ -8,8 +8,6 @@ import tempfile
 import time
 from pathlib import Path
 
-from msgspec.structs import replace
-
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.se2 import SE2
@@ -26,7 +24,8 @@ from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, Sign
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES
 from vsx_ros.runs.start import begin
-from vsx_ros.sim.world import Start, World
+from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.world import Start
 from vsx_ros.sim.world_file import save_world
 from vsx_ros.slam.state import TrackingState
 
@@ -77,11 +76,11 @@ def explore(args: argparse.Namespace) -> int:
 
 def go_on_args(args: argparse.Namespace, folder: RunFolder) -> argparse.Namespace:
     """The options for going on with a run that has ended, for as long again as it was to last."""
-    forgotten = dict.fromkeys(("world", "seed", "base", "planner", "phi", "load_map", "config", "out"))
+    forgotten = dict.fromkeys(("world", "seed", "base", "planner", "phi", "load_map", "room", "config", "out"))
     given_s = folder.read_config()[1].get("time")
     lasted_s = float(folder.read_summary().get("duration_s") or 0.0)
     limit_s = None if given_s is None else lasted_s + float(given_s)
-    named = {"set": [], "moved": False, "resume": folder.path, "time": limit_s, "until": None}
+    named = {"set": [], "models": [], "moved": False, "resume": folder.path, "time": limit_s, "until": None}
     return argparse.Namespace(**{**vars(args), **forgotten, **named})
 
 
@@ -122,7 +121,7 @@ def _shown(live: LiveRun, folder: RunFolder) -> bool:
 
 
 def _nodes(
-    args: argparse.Namespace, folder: RunFolder, world: World | None, devices: Path, T_world_base: SE2 | None
+    args: argparse.Namespace, folder: RunFolder, world: EmulatedWorld | None, devices: Path, T_world_base: SE2 | None
 ) -> list[LaunchNode]:
     """T_world_base: where an emulated robot stood when the run was interrupted."""
     above = launch.exploration(
@@ -134,7 +133,7 @@ def _nodes(
     if T_world_base is not None:
         path = path.with_name("world_resumed.yaml")
         start = Start(x=T_world_base.x, y=T_world_base.y, theta_rad=T_world_base.theta)
-        save_world(replace(world, start=start), path)
+        save_world(world.starting_at(start), path)
     return [*launch.emulation(str(path), args.seed, str(devices), args.base, args.rate), *above]
 
 

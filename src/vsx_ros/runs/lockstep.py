@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from msgspec.structs import replace
 
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
@@ -25,8 +24,9 @@ from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
 from vsx_ros.runs.zones import read_zones, write_zones
+from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.robot import EmulatedRobot, Observation, SimulationConfig
-from vsx_ros.sim.world import Start, World
+from vsx_ros.sim.world import Start
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.system import ExplorationSystem
@@ -40,7 +40,7 @@ class FastRun:
     """One lock-step run: the robot, the system and their results."""
 
     def __init__(
-        self, world: World, seed: int, planner: str, config: Config, before: PreviousSessions | None = None,
+        self, world: EmulatedWorld, seed: int, planner: str, config: Config, before: PreviousSessions | None = None,
         slam_map: SlamMap | None = None, folder: RunFolder | None = None,
     ) -> None:  # fmt: skip
         """before: an interrupted run to resume, in the same world with the same seed; the robot starts where it stood
@@ -52,7 +52,7 @@ class FastRun:
         self._before, self._truth_before = before, before.truth if before is not None else None
         if self._truth_before is not None:
             x, y, theta = self._truth_before.T_world_base
-            world = replace(world, start=Start(x=x, y=y, theta_rad=theta))
+            world = world.starting_at(Start(x=x, y=y, theta_rad=theta))
         self.robot = EmulatedRobot(world, seed, SimulationConfig(threads=2), config.robot)
         mount = self.robot.T_base_cam_given
         saved = before.system if before is not None else None

@@ -17,8 +17,8 @@ from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.folder import FrameRecord, RunFolder
 from vsx_ros.runs.journal import FrameLine, Line, RunEvent
+from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.truth import ground_truth_grid
-from vsx_ros.sim.world import World
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import SlamStatistics, TrackingResult, TrackingState
@@ -143,7 +143,7 @@ class RunRecord:
 class MapJudge:
     """Compares maps with an emulated world. The map's origin is the base's start pose in the world."""
 
-    def __init__(self, world: World, config: Config) -> None:
+    def __init__(self, world: EmulatedWorld, config: Config) -> None:
         ground = config.ground_map
         self._start = world.start_pose
         band = ground.obstacle_min_height_m, ground.obstacle_max_height_m

@@ -21,7 +21,8 @@ from vsx_ros.runs.process import DONE, FAILED, LOST
 from vsx_ros.runs.rooms import room_beside
 from vsx_ros.runs.session import end_trail
 from vsx_ros.runs.world import open_world
-from vsx_ros.sim.world import World
+from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.world_file import load_world, save_world
 from vsx_ros.slam.state import TrackingState
 
@@ -29,7 +30,7 @@ DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect"
 REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map")
 
 
-def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
+def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | None]:
     """The run folder, its configuration, and the emulated world or None. Missing options get the default, or the value
     of the run to resume. Checks everything before it writes. Raises InputError, ConfigError or MapFileError if the run,
     world or map does not exist, or an option contradicts it."""
@@ -54,7 +55,8 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
     parameters = load(args.config, args.set)
     if args.phi is not None:
         parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
-    world = open_world(args.world, args.seed) if args.world else None
+    world = open_world(args.world, args.seed, args.models) if args.world else None
+    tell_remarks(world)
     name = Path(args.world).stem if args.world else args.base.partition(":")[0]
     folder = RunFolder.create(args.out) if args.out else RunFolder.create_dated(name)
     folder.write_config(parameters, args.line, **{name: getattr(args, name) for name in REMEMBERED})
@@ -64,6 +66,12 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, World | None]:
     return folder, parameters, world
 
 
+def tell_remarks(world: EmulatedWorld | None) -> None:
+    """Name what is missing of a Gazebo world, on standard error."""
+    for remark in world.parts.remarks if isinstance(world, MeshWorld) else ():
+        print(f"vsx: {remark}", file=sys.stderr)
+
+
 def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
     """Set the missing options to these values."""
     for name, value in values.items():
@@ -71,8 +79,8 @@ def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
             setattr(args, name, value)
 
 
-def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, World | None]:
-    fixed = ("world", "seed", "base", "planner", "phi", "load_map", "room", "config", "set", "out")
+def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, EmulatedWorld | None]:
+    fixed = ("world", "seed", "base", "planner", "phi", "load_map", "room", "config", "set", "out", "models")
     contradicting = [name.replace("_", "-") for name in fixed if getattr(args, name) not in (None, [])]
     if contradicting:
         raise ConfigError(f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0]}")

@@ -1,25 +1,42 @@
 """Emulated worlds by name or file."""
 
+import os
+from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.io.map_file import is_map_file, load_map, load_plan
+from vsx_ros.sim import gazebo_world
+from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.generate import GENERATORS, generate_world, world_from_grid
-from vsx_ros.sim.world import World
+from vsx_ros.sim.truth import with_start
 from vsx_ros.sim.world_file import load_world
 
+MODEL_PATHS = "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH"  # of the environment
 
-def open_world(name: str, seed: int) -> World:
-    """A generator's world by name and seed, or a world.yaml, or a map (wall pictures by seed): a map_server map.yaml,
-    or only a floor plan, .png or .pgm with 5 cm per pixel. Raises ConfigError for an unknown name or a malformed world
-    file, MapFileError for an unusable map."""
+
+def model_folders(given: Sequence[Path]) -> list[Path]:
+    """Where Gazebo's models are looked for: the given folders, those of the environment, and Gazebo's own."""
+    named = [Path(folder) for name in MODEL_PATHS for folder in os.environ.get(name, "").split(os.pathsep) if folder]
+    return [*given, *named, Path.home() / ".gazebo" / "models"]
+
+
+def open_world(name: str, seed: int, models: Sequence[Path] = ()) -> EmulatedWorld:
+    """A generator's world by name and seed, or a world.yaml, or a Gazebo file (.world, .sdf; start by seed; models:
+    folders of its models), or a map (wall pictures by seed): a map_server map.yaml, or only a floor plan, .png or .pgm
+    with 5 cm per pixel. Raises ConfigError for an unknown name or a malformed world file, InputError for an unusable
+    Gazebo file, MapFileError for an unusable map."""
     if name in GENERATORS:
         return generate_world(name, seed)
     path = Path(name)
+    if path.suffix in gazebo_world.SUFFIXES and path.is_file():
+        return with_start(np.random.default_rng([seed, 0]), gazebo_world.load_gazebo(path, model_folders(models)))
     if path.suffix in (".png", ".pgm") and path.is_file():
         grid = load_map(path) if path.with_suffix(".yaml").exists() else load_plan(path)
         return world_from_grid(grid, path.stem, seed)
     if path.suffix not in (".yaml", ".yml") or not path.is_file():
         generator = f"a generator ({', '.join(GENERATORS)})"
-        raise ConfigError(f"world {name!r} is neither {generator} nor an existing world.yaml, map.yaml or .png")
+        raise ConfigError(f"world {name!r} is neither {generator} nor an existing world.yaml, .world, map.yaml or .png")
     return world_from_grid(load_map(path), path.stem, seed) if is_map_file(path) else load_world(path)

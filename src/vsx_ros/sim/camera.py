@@ -15,10 +15,10 @@ from vsx_ros.arrays import FloatArray, GrayImage, IntArray
 from vsx_ros.config import MountConfig
 from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.geometry.mount import mounted
-from vsx_ros.kernels.sim.raycast_cull import Scene
 from vsx_ros.kernels.sim.raycast_pixels import expose
 from vsx_ros.sim.body import NonNegative, Positive
-from vsx_ros.sim.renderer import Picture, Renderer, lit
+from vsx_ros.sim.optics import AnyScene, optics_of
+from vsx_ros.sim.renderer import Picture, lit
 
 PosesAt = Callable[[IntArray], FloatArray]
 """(N,) stamps [ns] to (N, 4) x, y [m], theta [rad] and travelled path [m] of the base, as ``Body.poses_at``."""
@@ -39,7 +39,7 @@ VIBRATION_WAVES_PER_M = np.array([7.0, 13.0, 23.0, 41.0])  # without a common pe
 
 class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A Kinect's colour camera: rolling shutter of 26 ms, indoor exposure, noise of its small pixels. lens: may be
-    replaced by any other."""
+    replaced by any other. samples: rays a pixel in Gazebo worlds."""
 
     lens: PinholeCamera = KINECT
     readout_ns: Annotated[int, Meta(ge=0)] = 26_000_000
@@ -55,6 +55,7 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     centre_error_px: NonNegative = 1.0
     pitch_error_rad: NonNegative = 0.0087
     height_error_m: NonNegative = 0.005
+    samples: Annotated[int, Meta(ge=1, le=16)] = 4
 
 
 def perturbed_calibration(camera: PinholeCamera, settings: CameraSettings, rng: np.random.Generator) -> PinholeCamera:
@@ -69,7 +70,7 @@ class EmulatedCamera:
     """Images from a moving base. camera_true and T_base_cam_true are the truth; the stack gets the _given ones."""
 
     def __init__(
-        self, scene: Scene, mount: MountConfig, settings: CameraSettings, rng: np.random.Generator, threads: int = 1
+        self, scene: AnyScene, mount: MountConfig, settings: CameraSettings, rng: np.random.Generator, threads: int = 1
     ) -> None:
         shutter = Shutter(1e-9 * settings.readout_ns, 1e-9 * settings.exposure_ns)
         self.camera_true = camera = dataclasses.replace(settings.lens, shutter=shutter)
@@ -80,7 +81,7 @@ class EmulatedCamera:
         self.T_base_cam_true = mounted(replace(mount, height_m=height_m, pitch_down_rad=pitch_down_rad))
         self._vibration_phases = rng.uniform(0.0, 2.0 * math.pi, len(VIBRATION_WAVES_PER_M))
         self._settings = settings
-        self._renderer = Renderer(scene, camera, threads)
+        self._renderer = optics_of(scene, camera, threads, settings.samples)
         self._sensor = Sensor(camera, settings, rng)
 
     @property

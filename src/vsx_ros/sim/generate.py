@@ -10,8 +10,8 @@ from vsx_ros.arrays import BoolArray, Points2
 from vsx_ros.errors import ConfigError, MapFileError
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 from vsx_ros.sim.interior import decorated, furnished, random_materials, wall_material
-from vsx_ros.sim.truth import signed_area, with_start
-from vsx_ros.sim.world import Light, Origin, Outline, Point, Start, Wall, World
+from vsx_ros.sim.truth import with_start
+from vsx_ros.sim.world import Light, Origin, Outline, Point, Start, Wall, World, signed_area
 
 Rng = np.random.Generator
 

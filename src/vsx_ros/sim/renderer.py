@@ -64,6 +64,33 @@ def exact_rays(camera: PinholeCamera, pixels: FloatArray) -> Points3:
     return np.column_stack([plane, np.ones(len(plane))])
 
 
+def ray_tables(camera: PinholeCamera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """x and y of the rays with z = 1: pixel (y, x) at [y + 1, x + 1], padded to whole tiles and two more."""
+    height, width = math.ceil(camera.height / TILE) * TILE + 3, math.ceil(camera.width / TILE) * TILE + 3
+    v, u = np.mgrid[0:height, 0:width]
+    # Padding beyond the sensor repeats its border's slope: the polynomial may not be invertible there.
+    inner_u = np.clip(u - 1, 0, camera.width - 1)
+    inner_v = np.clip(v - 1, 0, camera.height - 1)
+    pixels = np.column_stack([inner_u.ravel(), inner_v.ravel()]).astype(float)
+    rays = exact_rays(camera, pixels).reshape(height, width, 3)
+    x = rays[..., 0] + (u - 1 - inner_u) / camera.fx
+    y = rays[..., 1] + (v - 1 - inner_v) / camera.fy
+    return np.ascontiguousarray(x, np.float32), np.ascontiguousarray(y, np.float32)
+
+
+def blur_sub_frames(camera: PinholeCamera, R: FloatArray, t: FloatArray) -> int:
+    """Number of sub-frames for the motion between two poses (2, 3, 3), (2, 3) during the exposure: one per 1.2 px
+    of blur, averaged over the image's corners and centre for things 1 m away."""
+    u, v = camera.width - 1.0, camera.height - 1.0
+    pixels = np.array([[0, 0], [u, 0], [0, v], [u, v], [u / 2, v / 2]])
+    rays = np.column_stack([(pixels[:, 0] - camera.cx) / camera.fx,
+                            (pixels[:, 1] - camera.cy) / camera.fy, np.ones(5)])  # fmt: skip
+    moved = (rays @ R[0].T + t[0] - t[1]) @ R[1]
+    shift = moved[:, :2] / moved[:, 2:] - rays[:, :2]
+    blur_px = float(np.hypot(shift[:, 0] * camera.fx, shift[:, 1] * camera.fy).mean())
+    return max(math.ceil(blur_px / BLUR_STEP_PX), 1)
+
+
 class Renderer:
     """Images of a scene through a camera. ``threads`` share the rows; any number gives the same bits."""
 
@@ -73,25 +100,13 @@ class Renderer:
         self._threads = max(1, threads)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self.tile_rows = math.ceil(camera.height / TILE)
-        self._rx, self._ry = self._ray_tables()
+        self._rx, self._ry = ray_tables(camera)
         self._bounds = self._tile_bounds()
 
     @property
     def border_rows(self) -> FloatArray:
         """(B,) image rows of the tile borders at which ``render`` takes poses; the last may lie below the image."""
         return np.arange(self.tile_rows + 1, dtype=float) * TILE
-
-    def _ray_tables(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        height, width = self.tile_rows * TILE + 3, math.ceil(self.camera.width / TILE) * TILE + 3
-        v, u = np.mgrid[0:height, 0:width]
-        # Padding beyond the sensor repeats its border's slope: the polynomial may not be invertible there.
-        inner_u = np.clip(u - 1, 0, self.camera.width - 1)
-        inner_v = np.clip(v - 1, 0, self.camera.height - 1)
-        pixels = np.column_stack([inner_u.ravel(), inner_v.ravel()]).astype(float)
-        rays = exact_rays(self.camera, pixels).reshape(height, width, 3)
-        x = rays[..., 0] + (u - 1 - inner_u) / self.camera.fx
-        y = rays[..., 1] + (v - 1 - inner_v) / self.camera.fy
-        return np.ascontiguousarray(x, np.float32), np.ascontiguousarray(y, np.float32)
 
     def _tile_bounds(self) -> FloatArray:
         """(rows, columns, 4) least and greatest rx, least and greatest ry of each tile and its ring."""
@@ -101,16 +116,8 @@ class Renderer:
         return np.stack(bounds, axis=-1).astype(np.float64)
 
     def sub_frames(self, R: FloatArray, t: FloatArray) -> int:
-        """Number of sub-frames for the motion between two poses (2, 3, 3), (2, 3) during the exposure: one per 1.2 px
-        of blur, averaged over the image's corners and centre for things 1 m away."""
-        u, v = self.camera.width - 1.0, self.camera.height - 1.0
-        pixels = np.array([[0, 0], [u, 0], [0, v], [u, v], [u / 2, v / 2]])
-        rays = np.column_stack([(pixels[:, 0] - self.camera.cx) / self.camera.fx,
-                                (pixels[:, 1] - self.camera.cy) / self.camera.fy, np.ones(5)])  # fmt: skip
-        moved = (rays @ R[0].T + t[0] - t[1]) @ R[1]
-        shift = moved[:, :2] / moved[:, 2:] - rays[:, :2]
-        blur_px = float(np.hypot(shift[:, 0] * self.camera.fx, shift[:, 1] * self.camera.fy).mean())
-        return int(np.clip(math.ceil(blur_px / BLUR_STEP_PX), 1, MAX_SUB_FRAMES))
+        """As ``blur_sub_frames``, at most 16."""
+        return min(blur_sub_frames(self.camera, R, t), MAX_SUB_FRAMES)
 
     def render(self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False) -> Picture:
         """The image from poses T_world_cam at S sub-frames of the exposure and B borders of tile rows: R (S, B, 3, 3),

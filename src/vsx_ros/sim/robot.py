@@ -12,8 +12,8 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry, VelocityCommand
 from vsx_ros.sim.body import Body, BodySettings
 from vsx_ros.sim.camera import CameraSettings, EmulatedCamera
-from vsx_ros.sim.scene import compile_scene
-from vsx_ros.sim.world import World, obstacle_segments
+from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.optics import scene_of
 
 ODOMETRY_PERIOD_NS = 20_000_000  # 50 Hz, as a Kobuki
 
@@ -75,16 +75,16 @@ class EmulatedRobot:
 
     def __init__(
         self,
-        world: World,
+        world: EmulatedWorld,
         seed: int,
         config: SimulationConfig = SimulationConfig(),  # noqa: B008 (immutable)
         robot: RobotConfig = RobotConfig(),  # noqa: B008 (immutable)
     ) -> None:
         """Raises ConfigError when the frame period is shorter than exposure and readout."""
         body_rng, camera_rng = (np.random.default_rng([seed, child]) for child in (1, 2))
-        segments = obstacle_segments(world, 0.0, robot.height_m)
+        segments = world.obstacle_segments(0.0, robot.height_m)
         self.body = Body(segments, world.start_pose, robot.radius_m, config.body, body_rng)
-        self.camera = EmulatedCamera(compile_scene(world), robot.mount, config.camera, camera_rng, config.threads)
+        self.camera = EmulatedCamera(scene_of(world), robot.mount, config.camera, camera_rng, config.threads)
         period_ns = round(1e9 / config.frame_rate_hz)
         if self.camera.span_ns > period_ns:
             raise ConfigError(

@@ -1,10 +1,12 @@
 """The emulated building: the contents of a world file, and its solids. Metres, world frame, floor at z = 0."""
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from vsx_ros.arrays import FloatArray, Points2
 from vsx_ros.geometry.se2 import SE2
@@ -157,6 +159,42 @@ class World(_Part, frozen=True, kw_only=True):
         """T_world_base at the beginning."""
         return SE2(self.start.x, self.start.y, self.start.theta_rad)
 
+    @property
+    def name(self) -> str:
+        """What made it."""
+        return self.generator.name
+
+    @property
+    def sights(self) -> list[Point]:
+        """Places of pictures and of printed boxes, good to look at."""
+        printed = [(box.x, box.y) for box in self.boxes if box.material.startswith("print")]
+        return [(poster.x, poster.y) for poster in self.posters] + printed
+
+    def starting_at(self, start: Start) -> "World":
+        """The same world with another start."""
+        return replace(self, start=start)
+
+    def plan(self, z_min: float, z_max: float) -> Iterator[tuple[Points2, bool]]:
+        """Polygons (N, 2), and whether they are solid between the heights [m]; later ones cover earlier ones."""
+        for loop in sorted((np.asarray(o.points, float) for o in self.outlines), key=signed_area, reverse=True):
+            yield loop, signed_area(loop) <= 0
+        for prism in prisms(self):
+            if prism.z_min < z_max and prism.z_max > z_min:
+                yield prism.footprint, True
+
+    def obstacle_segments(self, z_min: float, z_max: float) -> FloatArray:
+        """(N, 4) borders of all solids between the heights: x0, y0, x1, y1 [m], solid to their left; for the emulated
+        body."""
+        loops = [np.asarray(outline.points, float)[::-1] for outline in self.outlines if outline.height > z_min]
+        loops += [p.footprint for p in prisms(self) if p.z_min < z_max and p.z_max > z_min]
+        return np.concatenate([np.hstack([loop, np.roll(loop, -1, axis=0)]) for loop in loops])
+
+
+def signed_area(loop: Points2) -> float:
+    """The area of a polygon (N, 2) [m2], positive if it runs counter-clockwise."""
+    x, y = loop[:, 0], loop[:, 1]
+    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
 
 class Prism(NamedTuple):
     """A solid with a convex footprint (N, 2), counter-clockwise, from z_min to z_max [m]."""
@@ -210,11 +248,3 @@ def prisms(world: World) -> list[Prism]:
         ring = np.column_stack([np.cos(angles), np.sin(angles)]) * cylinder.radius
         solids.append(Prism(ring + np.array([cylinder.x, cylinder.y]), 0.0, cylinder.height, cylinder.material))
     return solids
-
-
-def obstacle_segments(world: World, z_min: float, z_max: float) -> FloatArray:
-    """(N, 4) borders of all solids between the heights: segments x0, y0, x1, y1 [m], solid to their left. For the
-    emulated body's bumper and clearance."""
-    loops = [np.asarray(outline.points, float)[::-1] for outline in world.outlines if outline.height > z_min]
-    loops += [p.footprint for p in prisms(world) if p.z_min < z_max and p.z_max > z_min]
-    return np.concatenate([np.hstack([loop, np.roll(loop, -1, axis=0)]) for loop in loops])

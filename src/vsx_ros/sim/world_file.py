@@ -1,23 +1,44 @@
-"""world.yaml: reading, checking and writing."""
+"""world.yaml: reading, checking and writing. It describes a building, or names a Gazebo file and a start in it."""
 
 import math
 from contextlib import suppress
 from pathlib import Path
+from typing import Any, Literal
 
 import msgspec
 import yaml
 
 from vsx_ros.errors import ConfigError, reason_of
 from vsx_ros.limits import file_text, yaml_tree
-from vsx_ros.sim.world import Box, Outline, Poster, Table, Wall, World
+from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.gazebo_world import load_gazebo
+from vsx_ros.sim.mesh_world import MeshWorld
+from vsx_ros.sim.truth import MAX_AREA_M2
+from vsx_ros.sim.world import Box, Outline, Poster, Start, Table, Wall, World
 
 MAX_PARTS, MAX_LIGHTS = 20_000, 2000  # a building of 40 x 25 m has some hundreds and a hundred
-MAX_AREA_M2 = 40_000.0  # limits the ground truth's memory: 16 million cells of 5 cm
 
 
-def save_world(world: World, path: Path) -> None:
+class GazeboReference(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """gazebo: path of the SDF file; models: folders where its models are looked for; start: without one, the middle of
+    its largest room. Relative paths begin at the folder of the world.yaml."""
+
+    version: Literal[1] = 1
+    gazebo: str
+    models: list[str] = []
+    start: Start | None = None
+
+
+def _tree(world: EmulatedWorld) -> Any:
+    if isinstance(world, MeshWorld):
+        models = [str(folder) for folder in world.folders]
+        return msgspec.to_builtins(GazeboReference(gazebo=str(world.file), models=models, start=world.start))
+    return msgspec.to_builtins(world)
+
+
+def save_world(world: EmulatedWorld, path: Path) -> None:
     """Write world.yaml. Raises ConfigError when the file cannot be written."""
-    text = yaml.safe_dump(msgspec.to_builtins(world), sort_keys=False, default_flow_style=None, width=120)
+    text = yaml.safe_dump(_tree(world), sort_keys=False, default_flow_style=None, width=120)
     try:
         path.write_text("# vsx_ros emulated world; metres, radians\n" + text, encoding="utf-8")
     except OSError as error:
@@ -26,13 +47,18 @@ def save_world(world: World, path: Path) -> None:
         raise ConfigError(f"world file {path} cannot be written ({error.strerror}); choose another folder") from error
 
 
-def load_world(path: Path) -> World:
-    """Read world.yaml. Raises ConfigError naming the entry that is wrong."""
+def load_world(path: Path) -> EmulatedWorld:
+    """Read world.yaml, and the Gazebo file if it names one. Raises ConfigError naming the entry that is wrong, and what
+    ``load_gazebo`` raises."""
     try:
         tree = yaml_tree(file_text(path))
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise ConfigError(f"world file {path} cannot be read ({reason_of(error)}); 'vsx world' writes one") from error
     try:
+        if isinstance(tree, dict) and "gazebo" in tree:
+            known = msgspec.convert(tree, GazeboReference)
+            folders = [path.parent / folder for folder in known.models]
+            return load_gazebo(path.parent / known.gazebo, folders, known.start)
         world = msgspec.convert(tree, World)
     except msgspec.ValidationError as error:
         raise ConfigError(

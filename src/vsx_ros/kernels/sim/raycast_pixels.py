@@ -39,7 +39,7 @@ def enter(scratch: Scratch, i: int, view: View, y: int, x: int, ratio: np.float3
 
 
 @kernel
-def _tint_index(y: int, x: int, bayer: bool) -> int:
+def tint_index(y: int, x: int, bayer: bool) -> int:
     """Which reflectance a pixel sees: 3 grey, or by the GRBG mosaic (even rows green, red; odd rows blue, green)."""
     if not bayer:
         return 3
@@ -54,7 +54,7 @@ def spread(scratch: Scratch, n: int, tint: Float32Array, bayer: bool, share: np.
     f, g = scratch.f, scratch.g
     for i in range(n):
         y, x = g[Y + i], g[X + i]
-        picture[y, x] += share * f[WEIGHT + i] * tint[_tint_index(y, x, bayer)] * f[SUM + i]
+        picture[y, x] += share * f[WEIGHT + i] * tint[tint_index(y, x, bayer)] * f[SUM + i]
 
 
 @kernel

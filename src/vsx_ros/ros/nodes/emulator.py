@@ -4,7 +4,7 @@ Subscribers: none. The devices are a serial port and a camera socket; no node of
 Publishers: emulator/ground_truth/odometry (frame world: that of the world file, 30 Hz),
     emulator/ground_truth/camera_pose (per image, with its stamp), emulator/ground_truth/collisions and
     .../least_clearance_m (smallest distance of the hull so far; both latched), emulator/render_rate_hz (1 Hz).
-Parameters: ~world (lab): lab, office, corridor, building, a world.yaml or a map. ~seed (0). ~robot_type (kobuki).
+Parameters: ~world (lab): a generator, a Gazebo file, a world.yaml or a map. ~seed (0). ~robot_type (kobuki).
     ~port (ttyVSX in the folder for temporary files): the serial port it makes. ~camera_socket (vsx_kinect, there):
     the socket it makes; the camera's calibration is written beside it, with .yaml appended. ~rate_hz (15.0): maximum
     images per second. ~config (tree of 'vsx config'). The board runs at 200 Hz; a child process renders."""

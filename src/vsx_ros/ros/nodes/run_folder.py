@@ -27,7 +27,7 @@ from vsx_ros.runs.process import STOPPED
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES
 from vsx_ros.runs.world import open_world
-from vsx_ros.sim.world import World
+from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.world_file import save_world
 
 _PERIOD_S = 0.5
@@ -54,7 +54,7 @@ class RunFolderNode:
         rospy.loginfo("the run is kept in %s", self._folder.path)
         threads.every(_PERIOD_S, "journal", self._keep)
 
-    def _begin(self, folder: RunFolder) -> World | None:
+    def _begin(self, folder: RunFolder) -> EmulatedWorld | None:
         """Write the configuration and the emulated world of a new run; a resumed one has them."""
         load_map, name = str(rospy.get_param("vslam/load_map", "")), rospy.get_param("emulator/world", None)
         planner, seed = str(rospy.get_param("move_base/planner", "fov")), int(rospy.get_param("emulator/seed", 0))

@@ -1,0 +1,73 @@
+"""``vsx world``: emulated worlds made by a generator, imported from Gazebo, described and drawn."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from vsx_ros.config import RobotConfig
+from vsx_ros.errors import ConfigError
+from vsx_ros.io.map_file import save_map
+from vsx_ros.runs.start import tell_remarks
+from vsx_ros.runs.world import open_world
+from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.gazebo_world import checked_start
+from vsx_ros.sim.mesh_world import MeshWorld
+from vsx_ros.sim.picture import BAND_M, first_view, world_picture, write_picture
+from vsx_ros.sim.truth import ground_truth_grid, reachable_area_m2
+from vsx_ros.sim.world import Start
+from vsx_ros.sim.world_file import save_world
+
+
+def world(args: argparse.Namespace) -> int:
+    """Make or read the world, and do with it what the options say."""
+    wanted = args.out, args.picture, args.map
+    if args.verb is None and wanted == (None, None, None):
+        raise ConfigError("vsx world: say what to write with --out, --picture or --map, or begin with 'info'")
+    world = open_world(args.name, args.seed, args.models)
+    tell_remarks(world)
+    if args.start is not None:
+        x, y, theta = args.start
+        world = world.starting_at(Start(x=x, y=y, theta_rad=theta))
+        world = checked_start(world) if isinstance(world, MeshWorld) else world
+    if args.verb == "info":
+        print("\n".join(described(world)))
+    if args.verb == "render":
+        file = args.out or Path(f"{Path(args.name).stem}.png")
+        write_picture(first_view(world, args.seed), file)
+        print(f"view: {file}")
+    elif args.out is not None or args.verb == "import":
+        file = args.out or Path(f"{Path(args.name).stem}.yaml")
+        save_world(world, file)
+        print(f"world: {file}")
+    if args.map is not None:
+        save_map(ground_truth_grid(world, 0.05, *BAND_M), args.map)
+        print(f"true map: {args.map}")
+    if args.picture is not None:
+        write_picture(world_picture(world, args.seed), args.picture)
+        print(f"picture: {args.picture}")
+    return 0
+
+
+def described(world: EmulatedWorld) -> list[str]:
+    """What a user wants to know of a world, line by line."""
+    x0, y0, x1, y1 = world.bounds
+    start = world.start
+    area = reachable_area_m2(world, RobotConfig().radius_m)
+    lines = [
+        f"world:      {world.name}",
+        f"extent:     {x1 - x0:.1f} x {y1 - y0:.1f} m",
+        f"reachable:  {area:.0f} m2 by a robot's centre",
+        f"start:      {start.x:.2f}, {start.y:.2f} m, {np.degrees(start.theta_rad):.0f} deg",
+    ]
+    if isinstance(world, MeshWorld):
+        seen, solids = world.parts.seen, world.parts.solids
+        pictures = len({surface.picture for surface in seen.surfaces} - {None})
+        lines += [
+            f"file:       {world.file}",
+            f"floor:      {world.floor_z_m:.3f} m in the file",
+            f"drawn:      {len(seen.corners)} triangles, {pictures} textures, {len(world.lamps)} lamps",
+            f"solid:      {len(solids)} triangles",
+            f"missing:    {len(world.parts.remarks)} parts",
+        ]
+    return lines

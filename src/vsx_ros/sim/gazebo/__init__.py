@@ -1,0 +1,1 @@
+"""Gazebo worlds: SDF files with the meshes and textures they name, read into arrays."""

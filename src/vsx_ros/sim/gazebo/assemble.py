@@ -1,0 +1,153 @@
+"""The shapes of a Gazebo world as triangles in the world: those that are seen, and those that are solid."""
+
+from collections import Counter
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import Float32Array, FloatArray, Int32Array, IntArray
+from vsx_ros.errors import InputError
+from vsx_ros.sim.gazebo.elements import MeshUse
+from vsx_ros.sim.gazebo.geometry import placed
+from vsx_ros.sim.gazebo.meshes import MOST_TRIANGLES, MeshPart, read_mesh
+from vsx_ros.sim.gazebo.paths import ModelFolders
+from vsx_ros.sim.gazebo.sdf import Layout, Shape
+from vsx_ros.sim.gazebo.surfaces import GREY, Surface
+
+FAR_AWAY_M = 1000.0  # from the origin: what lies farther is left out
+GROUP = 512  # triangles that are culled together, at most
+
+
+class Seen(NamedTuple):
+    """T triangles to draw: corners (T, 3, 3) [m], uv (T, 3, 2), kinds (T,) their surfaces; starts (K + 1,) of groups of
+    neighbours."""
+
+    corners: Float32Array
+    uv: Float32Array
+    kinds: Int32Array
+    starts: IntArray
+    surfaces: list[Surface]
+
+
+class Parts(NamedTuple):
+    """solids: (N, 3, 3) triangles that stop the robot; owners (N,): their shapes in names. remarks: what is missing."""
+
+    seen: Seen
+    solids: FloatArray
+    owners: IntArray
+    names: list[str]
+    remarks: list[str]
+
+
+def assemble(layout: Layout, folders: ModelFolders) -> Parts:
+    """All shapes in place. Solids of links that show nothing are drawn in plain grey: no obstacle is invisible. Raises
+    InputError for a mesh or picture that is damaged, or for more triangles than can be drawn."""
+    return _Assembly(folders).of(layout)
+
+
+class _Assembly:
+    def __init__(self, folders: ModelFolders) -> None:
+        self._folders = folders
+        self._meshes: dict[Path, list[MeshPart]] = {}
+        self._drawn: list[tuple[FloatArray, FloatArray, int]] = []
+        self._surfaces: dict[Surface, int] = {}
+        self._remarks: list[str] = []
+        self._count = 0
+
+    def of(self, layout: Layout) -> Parts:
+        shown: set[str] = set()
+        hidden: list[tuple[Shape, list[MeshPart]]] = []
+        names: list[str] = []
+        solids: list[FloatArray] = []
+        owners: list[IntArray] = []
+        for shape in layout.shapes:
+            parts = self._parts(shape)
+            if not shape.solid:
+                for part in parts:
+                    self._draw(part)
+                if parts:
+                    shown.add(shape.link)
+                continue
+            hidden.append((shape, parts))
+            for part in parts:
+                solids.append(part.corners)
+                owners.append(np.full(len(part.corners), len(names), np.int64))
+            names.append(shape.link)
+        for shape, parts in hidden:
+            if shape.link not in shown and parts:
+                self._remarks.append(f"{shape.link} has no visual that can be drawn: its collision is drawn plain")
+                for part in parts:
+                    self._draw(part._replace(surface=Surface(GREY)))
+        told = [f"{what} ({n} times)" if n > 1 else what for what, n in Counter(self._remarks).items()]
+        return Parts(
+            seen=self._seen(),
+            solids=np.concatenate(solids) if solids else np.zeros((0, 3, 3)),
+            owners=np.concatenate(owners) if owners else np.zeros(0, np.int64),
+            names=names,
+            remarks=[*layout.remarks, *told],
+        )
+
+    def _draw(self, part: MeshPart) -> None:
+        self._drawn.append((part.corners, part.uv, self._surfaces.setdefault(part.surface, len(self._surfaces))))
+        self._count += len(part.corners)
+        if self._count > MOST_TRIANGLES:
+            raise InputError(
+                f"the world has more than {MOST_TRIANGLES} triangles at {part.name or 'its last shape'}; simplify it"
+            )
+
+    def _parts(self, shape: Shape) -> list[MeshPart]:
+        """The triangles of a shape in the world, without those that lie far away."""
+        if shape.missing:
+            self._remarks.append(f"{shape.name}: texture {shape.missing} does not exist; paint is drawn in its place")
+        if isinstance(shape.geometry, MeshUse):
+            found = self._mesh_parts(shape, shape.geometry)
+        else:
+            surface = shape.surface or Surface(GREY)
+            found = [MeshPart(corners=shape.geometry.corners, uv=shape.geometry.uv, surface=surface, name="")]
+        parts = []
+        for part in found:
+            corners = placed(part.corners, shape.T_world)
+            near = np.abs(corners).max(axis=(1, 2)) < FAR_AWAY_M
+            if not near.all():
+                at = corners[~near][0, 0]
+                words = f"{at[0]:.0f}, {at[1]:.0f}, {at[2]:.0f} m"
+                self._remarks.append(f"{shape.name} reaches as far as {words}: that part is left out")
+            if near.any():
+                parts.append(part._replace(corners=corners[near], uv=part.uv[near], name=shape.name))
+        return parts
+
+    def _mesh_parts(self, shape: Shape, use: MeshUse) -> list[MeshPart]:
+        if use.path is None:
+            self._remarks.append(f"{shape.name}: mesh {use.uri} does not exist; it is left out")
+            return []
+        if use.path not in self._meshes:
+            self._meshes[use.path] = read_mesh(use.path, self._folders.find_texture)
+            for missing in dict.fromkeys(part.missing for part in self._meshes[use.path] if part.missing):
+                self._remarks.append(f"{use.path.name}: texture {missing} does not exist; paint is drawn in its place")
+        parts = [part for part in self._meshes[use.path] if use.submesh in ("", part.name)]
+        if use.submesh and not parts:
+            self._remarks.append(f"{shape.name}: {use.path.name} has no submesh {use.submesh}; it is left out")
+        if use.centred and parts:
+            points = np.concatenate([part.corners.reshape(-1, 3) for part in parts])
+            middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+            parts = [part._replace(corners=part.corners - middle) for part in parts]
+        if shape.surface is not None:
+            parts = [part._replace(surface=shape.surface) for part in parts]
+        return [part._replace(corners=part.corners * use.scale) for part in parts]
+
+    def _seen(self) -> Seen:
+        starts, at = [0], 0
+        for corners, _, _ in self._drawn:
+            starts += [at + step for step in range(GROUP, len(corners), GROUP)]
+            at += len(corners)
+            starts.append(at)
+        none = (np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), 0)
+        all_corners, all_uv, kinds = zip(*(self._drawn or [none]))
+        return Seen(
+            corners=np.concatenate(all_corners).astype(np.float32),
+            uv=np.concatenate(all_uv).astype(np.float32),
+            kinds=np.repeat(np.array(kinds, np.int32), [len(c) for c in all_corners]),
+            starts=np.array(starts, np.int64),
+            surfaces=list(self._surfaces) or [Surface(GREY)],
+        )

@@ -1,0 +1,167 @@
+"""Mesh files as triangles: DAE by pycollada, OBJ, STL and glTF by trimesh."""
+
+import re
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray
+from vsx_ros.errors import InputError, explained
+from vsx_ros.limits import DAMAGE, MIB
+from vsx_ros.sim.gazebo.surfaces import Colour, Surface, picture_of, read_picture, substitute
+
+MOST_TRIANGLES = 2_000_000  # of a file and of a world: 152 bytes each while it is drawn
+MOST_BYTES = 512 * MIB
+KINDS = (".dae", ".obj", ".stl", ".gltf", ".glb")
+PICTURES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".tif", ".tiff", ".webp", ".dds")
+_COUNT = re.compile(rb"<(?:triangles|polylist|polygons|trifans|tristrips)\b[^>]*\bcount=\"(\d+)\"")
+
+FindTexture = Callable[[str, Path], Path | None]
+
+
+class MeshPart(NamedTuple):
+    """Triangles of one surface: corners (T, 3, 3) [m] in the mesh's own axes, uv (T, 3, 2). name: of the submesh.
+    missing: name of a picture that does not exist, or empty."""
+
+    corners: FloatArray
+    uv: FloatArray
+    surface: Surface
+    name: str
+    missing: str = ""
+
+
+def read_mesh(path: Path, find_texture: FindTexture) -> list[MeshPart]:
+    """The parts of a mesh file. Its unit is applied; its up axis is ignored, as Gazebo does. Raises InputError for a
+    file that is too large, damaged, or of an unknown kind."""
+    if path.suffix.lower() not in KINDS:
+        raise InputError(f"mesh {path} is none of {', '.join(KINDS)}; convert it")
+    announced = _announced(path)
+    if announced > MOST_TRIANGLES:
+        raise InputError(f"mesh {path} has {announced} triangles, at most {MOST_TRIANGLES} can be drawn; simplify it")
+    read = _collada_parts if path.suffix.lower() == ".dae" else _trimesh_parts
+    with explained(InputError, f"mesh {path} cannot be read", "export it again", (*DAMAGE, *_foreign_errors())):
+        parts = [part for part in read(path, find_texture) if len(part.corners)]
+    if any(not np.isfinite(part.corners).all() for part in parts):
+        raise InputError(f"mesh {path} has corners that are not finite; export it again")
+    return parts
+
+
+def _foreign_errors() -> tuple[type[Exception], ...]:
+    from collada.common import DaeError
+
+    return (DaeError,)
+
+
+def _announced(path: Path) -> int:
+    """The number of triangles or faces that a file says it has, or its size suggests."""
+    size, kind = path.stat().st_size, path.suffix.lower()
+    if size > MOST_BYTES:
+        return size // 50
+    with path.open("rb") as file:
+        if kind == ".stl":
+            head = file.read(84)
+            number = struct.unpack("<I", head[80:])[0] if len(head) == 84 else 0
+            return number if 84 + 50 * number == size else size // 250  # the text form takes 250 bytes each
+        if kind not in (".dae", ".obj"):
+            return 0
+        content = file.read()
+    return content.count(b"\nf ") if kind == ".obj" else sum(int(number) for number in _COUNT.findall(content))
+
+
+def _colour(values: Any) -> Colour:
+    r, g, b = (min(max(float(value), 0.0), 1.0) for value in list(values)[:3])
+    return r, g, b
+
+
+def _collada_parts(path: Path, find_texture: FindTexture) -> Iterator[MeshPart]:
+    import collada
+
+    document = collada.Collada(str(path), ignore=[collada.common.DaeError])
+    metres = float(document.assetInfo.unitmeter or 1.0)
+    surfaces: dict[Any, tuple[Surface, str]] = {}
+    for geometry in document.scene.objects("geometry") if document.scene is not None else ():
+        for primitive in geometry.primitives():
+            triangles = primitive.triangleset() if hasattr(primitive, "triangleset") else primitive
+            index = getattr(triangles, "vertex_index", None)
+            if index is None or triangles.vertex is None or np.shape(index)[1:] != (3,):
+                continue  # lines
+            corners = metres * np.asarray(triangles.vertex, float)[index]
+            uv = np.zeros((len(index), 3, 2))
+            if len(triangles.texcoordset):
+                uv = np.asarray(triangles.texcoordset[0], float)[triangles.texcoord_indexset[0]][..., :2]
+            if triangles.material not in surfaces:
+                surfaces[triangles.material] = _collada_surface(triangles.material, path, find_texture)
+            surface, missing = surfaces[triangles.material]
+            name = str(geometry.original.name or geometry.original.id)
+            yield MeshPart(corners=corners, uv=uv, surface=surface, name=name, missing=missing)
+
+
+def _collada_surface(material: Any, path: Path, find_texture: FindTexture) -> tuple[Surface, str]:
+    """Transparency is ignored: most exporters write it wrong, and Gazebo draws such files opaque."""
+    effect = getattr(material, "effect", None)
+    diffuse = getattr(effect, "diffuse", None)
+    if diffuse is None:
+        return Surface(), ""
+    if not hasattr(diffuse, "sampler"):
+        return Surface(_colour(diffuse)), ""
+    return surface_of(str(diffuse.sampler.surface.image.path), (1.0, 1.0, 1.0), path, find_texture)
+
+
+def surface_of(name: str, colour: Colour, beside: Path, find_texture: FindTexture) -> tuple[Surface, str]:
+    """The surface with a picture by its name, and the name if there is no such file."""
+    file = find_texture(name, beside)
+    return (substitute(name, colour), name) if file is None else (Surface(colour, read_picture(file)), "")
+
+
+def _trimesh_parts(path: Path, find_texture: FindTexture) -> Iterator[MeshPart]:
+    import trimesh
+
+    missing: list[str] = []
+    refused: list[InputError] = []
+
+    class Beside(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]  # trimesh is untyped
+        """Finds pictures as for any mesh, and keeps in mind what trimesh would only log."""
+
+        def get(self, name: str) -> bytes:
+            if not name.lower().endswith(PICTURES):
+                return bytes(super().get(name))
+            file = find_texture(name, path)
+            if file is None:
+                missing.append(name)
+                raise FileNotFoundError(name)
+            try:
+                read_picture(file)
+            except InputError as error:
+                refused.append(error)
+                raise
+            return file.read_bytes()
+
+    scene = trimesh.load_scene(str(path), resolver=Beside(str(path)), process=False)
+    if refused:
+        raise refused[0]
+    for node in scene.graph.nodes_geometry:
+        T, name = scene.graph[node]
+        mesh = scene.geometry[name]
+        faces = getattr(mesh, "faces", None)
+        if faces is None or not len(faces):
+            continue  # points or lines
+        corners = (np.asarray(mesh.vertices, float) @ T[:3, :3].T + T[:3, 3])[faces]
+        given = getattr(mesh.visual, "uv", None)
+        uv = np.asarray(given, float)[faces][..., :2] if given is not None else np.zeros((len(faces), 3, 2))
+        surface = _trimesh_surface(getattr(mesh.visual, "material", None), path)
+        lost = missing[0] if missing and given is not None and surface.picture is None else ""
+        surface = substitute(lost, surface.colour) if lost else surface
+        yield MeshPart(corners=corners, uv=uv, surface=surface, name=str(name), missing=lost)
+
+
+def _trimesh_surface(material: Any, path: Path) -> Surface:
+    image = getattr(material, "baseColorTexture", None)
+    image = getattr(material, "image", None) if image is None else image
+    if image is not None:
+        return Surface((1.0, 1.0, 1.0), picture_of(f"{path} {getattr(material, 'name', '')}", image))
+    given = getattr(material, "baseColorFactor", None)
+    given = getattr(material, "diffuse", None) if given is None else given
+    return Surface(_colour(np.asarray(given, float) / 255.0)) if given is not None and len(given) >= 3 else Surface()

@@ -1,0 +1,76 @@
+"""Where the parts of a Gazebo world lie: ``model://`` and ``file://`` addresses, textures beside their meshes."""
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from urllib.parse import unquote
+
+_SCHEME = re.compile(r"^([A-Za-z][A-Za-z0-9+.-]+):/*")
+_NETWORK = ("http", "https", "fuel", "ftp")
+
+
+def is_remote(uri: str) -> bool:
+    """Whether the address needs a network."""
+    scheme = _SCHEME.match(uri)
+    return scheme is not None and scheme[1].lower() in _NETWORK
+
+
+class ModelFolders:
+    """Folders whose subfolders are models, the first match wins. The case of letters may be wrong."""
+
+    def __init__(self, folders: Sequence[Path]) -> None:
+        self.folders = tuple(dict.fromkeys(folder.resolve() for folder in folders if folder.is_dir()))
+
+    def find(self, uri: str, beside: Path) -> Path | None:
+        """The existing file or folder of a URI, or None. beside: folder of the file that names it."""
+        uri = uri.strip()
+        if not uri or is_remote(uri):
+            return None
+        scheme = _SCHEME.match(uri)
+        rest = unquote(uri[scheme.end() :] if scheme else uri).replace("\\", "/")
+        absolute = Path("/" + rest) if scheme is None and rest.startswith("/") or uri.startswith("file:///") else None
+        if absolute is not None and absolute.exists():
+            return absolute
+        near = (beside,) if scheme is None else ()
+        far = (beside, *(folder.parent for folder in self.folders)) if scheme and scheme[1].lower() == "file" else ()
+        places = (below(folder, rest) for folder in (*near, *self.folders, *far))
+        return next((place for place in places if place is not None), None)
+
+    def find_texture(self, name: str, mesh: Path) -> Path | None:
+        """The existing image that a mesh names, or None: by its path, else by its file name in the usual folders."""
+        if "://" in name and (found := self.find(name, mesh.parent)) is not None and found.is_file():
+            return found
+        rest = unquote(_SCHEME.sub("", name)).replace("\\", "/")
+        base = rest.rpartition("/")[2]
+        model = mesh.parent.parent
+        places = [below(mesh.parent, rest), *(below(folder, base) for folder in _texture_folders(mesh.parent, model))]
+        return next((place for place in places if place is not None and place.is_file()), None)
+
+
+def _texture_folders(meshes: Path, model: Path) -> Iterator[Path]:
+    yield from (meshes, model / "materials" / "textures", meshes / "textures", model / "textures")
+    yield from (meshes / "materials" / "textures", model.parent / "materials" / "textures")
+
+
+def below(folder: Path, rest: str) -> Path | None:
+    """The existing path folder/rest, letter case aside, or None. Steps upwards may not leave the model's folder."""
+    here = folder
+    for part in rest.split("/"):
+        if part in ("", "."):
+            continue
+        if part == "..":
+            here = here.parent
+            if len(here.parts) < len(folder.parts) - 1:
+                return None
+            continue
+        step = here / part
+        if not step.exists():
+            try:
+                same = [entry for entry in here.iterdir() if entry.name.lower() == part.lower()]
+            except OSError:
+                return None
+            if not same:
+                return None
+            step = same[0]
+        here = step
+    return here

@@ -1,0 +1,73 @@
+"""From an SDF file to an emulated world, with every check that needs no picture."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from vsx_ros.errors import ConfigError
+from vsx_ros.sim.gazebo.assemble import Parts, assemble
+from vsx_ros.sim.gazebo.paths import ModelFolders
+from vsx_ros.sim.gazebo.sdf import read_layout
+from vsx_ros.sim.mesh_world import MeshWorld, floor_height, ground_bounds
+from vsx_ros.sim.truth import MAX_AREA_M2, gap_to_walls, middle_of_largest_room
+from vsx_ros.sim.world import Start
+
+SUFFIXES = ".world", ".sdf"
+ROBOT_RADIUS_M = 0.18  # for the check of a start
+
+
+def load_gazebo(path: Path, folders: Sequence[Path], start: Start | None = None) -> MeshWorld:
+    """The world of an SDF file. folders: where models are looked for; also beside the file. start: by default the
+    middle of its largest room. Raises InputError for files that cannot be read, ConfigError for a world without floor
+    or without anything to see, and for a start where the robot does not fit."""
+    path = path.resolve()
+    beside = (path.parent, path.parent / "models", path.parent.parent / "models", path.parent.parent)
+    search = ModelFolders([*folders, *beside])
+    layout = read_layout(path, search)
+    parts = assemble(layout, search)
+    told = f" (its parts: {'; '.join(parts.remarks[:3])})" if parts.remarks else ""
+    if not len(parts.solids):
+        raise ConfigError(f"world {path} holds nothing solid{told}; give it models with collisions")
+    floor_z_m = floor_height(parts)
+    if floor_z_m is None:
+        raise ConfigError(f"world {path} has no floor{told}; add one, e.g. <include> model://ground_plane")
+    bounds = ground_bounds(parts.solids, floor_z_m)
+    area = (bounds[2] - bounds[0]) * (bounds[3] - bounds[1])
+    if area <= 0.0:
+        raise ConfigError(f"world {path} has a floor and nothing on it{told}; a camera would see nothing: add models")
+    if area > MAX_AREA_M2:
+        raise ConfigError(f"world {path} covers {area:.0f} m2, at most {MAX_AREA_M2:g} m2 are emulated; leave some out")
+    world = MeshWorld(
+        name=path.stem,
+        file=path,
+        folders=search.folders,
+        start=start or Start(x=0.0, y=0.0, theta_rad=0.0),
+        floor_z_m=floor_z_m,
+        bounds=bounds,
+        parts=_lowered(parts, floor_z_m),
+        lamps=[lamp._replace(position=lamp.position - np.array([0.0, 0.0, floor_z_m])) for lamp in layout.lamps],
+        ambient=layout.ambient,
+        sky=layout.sky,
+    )
+    return world.starting_at(middle_of_largest_room(world)) if start is None else checked_start(world)
+
+
+def _lowered(parts: Parts, by_m: float) -> Parts:
+    down = np.array([0.0, 0.0, by_m])
+    seen = parts.seen._replace(corners=(parts.seen.corners - down.astype(np.float32)))
+    return parts._replace(seen=seen, solids=parts.solids - down)
+
+
+def checked_start(world: MeshWorld) -> MeshWorld:
+    """The world unchanged. Raises ConfigError if the robot does not fit at its start."""
+    x, y = world.start.x, world.start.y
+    x0, y0, x1, y1 = world.bounds
+    if not (x0 <= x <= x1 and y0 <= y <= y1):
+        raise ConfigError(f"world {world.name}: it starts at {x:g}, {y:g}, outside of its ground; choose another start")
+    gap = float(gap_to_walls(world.obstacle_segments(0.0, 0.45), np.array([[x, y]]))[0])
+    if gap < ROBOT_RADIUS_M:
+        raise ConfigError(
+            f"world {world.name}: a robot at {x:g}, {y:g} stands in {world.owner_near(x, y)}; choose another start"
+        )
+    return world

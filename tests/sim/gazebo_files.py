@@ -1,0 +1,28 @@
+"""Small Gazebo worlds for tests."""
+
+from pathlib import Path
+
+ROOM = Path(__file__).parents[1] / "data/gazebo_room/worlds/room.world"
+
+WALLS = """
+<model name="walls"><link name="l">
+  <collision name="n"><pose>0 2 0.5 0 0 0</pose><geometry><box><size>6 0.1 1</size></box></geometry></collision>
+  <collision name="s"><pose>0 -2 0.5 0 0 0</pose><geometry><box><size>6 0.1 1</size></box></geometry></collision>
+  <collision name="w"><pose>-3 0 0.5 0 0 0</pose><geometry><box><size>0.1 4 1</size></box></geometry></collision>
+  <collision name="e"><pose>3 0 0.5 0 0 0</pose><geometry><box><size>0.1 4 1</size></box></geometry></collision>
+</link></model>"""
+FLOOR = "<include><uri>model://ground_plane</uri></include>"
+
+
+def write_world(folder: Path, *parts: str, name: str = "w.world") -> Path:
+    """A world file of these parts."""
+    path = folder / name
+    path.write_text(f'<sdf version="1.6"><world name="w">{"".join(parts)}</world></sdf>')
+    return path
+
+
+def box_model(name: str, pose: str, size: str, more: str = "") -> str:
+    """A model of one box, seen and solid."""
+    shape = f"<geometry><box><size>{size}</size></box></geometry>"
+    link = f'<link name="l"><visual name="v">{shape}</visual><collision name="c">{shape}</collision></link>'
+    return f'<model name="{name}"><pose>{pose}</pose>{link}{more}</model>'

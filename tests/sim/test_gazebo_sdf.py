@@ -1,0 +1,121 @@
+"""SDF files as lists of shapes: poses, includes, lamps, and what is named as missing."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gazebo_files import FLOOR, ROOM, box_model, write_world
+
+from vsx_ros.errors import InputError
+from vsx_ros.sim.gazebo import geometry
+from vsx_ros.sim.gazebo.paths import ModelFolders, below
+from vsx_ros.sim.gazebo.sdf import Layout, read_layout
+
+
+def layout_of(path: Path, *folders: Path) -> Layout:
+    return read_layout(path, ModelFolders(folders))
+
+
+def test_poses_of_nested_models_multiply(tmp_path: Path) -> None:
+    inner = box_model("inner", "1 0 0 0 0 0", "1 1 1")
+    outer = box_model("outer", f"2 0 0 0 0 {math.pi / 2}", "1 1 1", inner)
+    shapes = layout_of(write_world(tmp_path, outer)).shapes
+    assert [shape.link for shape in shapes] == ["outer/l", "outer/l", "outer/inner/l", "outer/inner/l"]
+    np.testing.assert_allclose(shapes[2].T_world[:3, 3], [2.0, 1.0, 0.0], atol=1e-12)
+    assert [shape.solid for shape in shapes] == [False, True, False, True]
+
+
+def test_a_pose_turns_about_fixed_axes() -> None:
+    T = geometry.pose_matrix(0.0, 0.0, 0.0, math.pi / 2, 0.0, math.pi / 2)  # roll first, then yaw
+    np.testing.assert_allclose(T[:3, :3] @ [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(T[:3, :3] @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-12)
+    half = math.sqrt(0.5)
+    Q = geometry.quaternion_matrix(1.0, 2.0, 3.0, 0.0, 0.0, half, half)
+    np.testing.assert_allclose(Q, geometry.pose_matrix(1.0, 2.0, 3.0, 0.0, 0.0, math.pi / 2), atol=1e-12)
+
+
+def test_degrees_and_saved_states_count(tmp_path: Path) -> None:
+    turned = box_model("a", "0 0 0 0 0 90", "1 1 1").replace("<pose>", '<pose degrees="true">', 1)
+    moved = box_model("b", "0 0 0 0 0 0", "1 1 1")
+    state = '<state><model name="b"><pose>5 6 7 0 0 0</pose></model></state>'
+    shapes = layout_of(write_world(tmp_path, turned, moved, state)).shapes
+    np.testing.assert_allclose(shapes[0].T_world[:3, 0], [0.0, 1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(shapes[2].T_world[:3, 3], [5.0, 6.0, 7.0])
+
+
+def test_the_room_is_read_and_its_gaps_are_named() -> None:
+    layout = layout_of(ROOM, ROOM.parents[1] / "models")
+    links = {shape.link for shape in layout.shapes}
+    assert {"walls/nested/east", "pillar/hidden", "table/aws_robomaker_residential_BalconyTable_01/link"} <= links
+    assert len(layout.lamps) == 1
+    assert layout.lamps[0].position.tolist() == [0.0, 4.5, 2.3]
+    told = " ".join(layout.remarks)
+    assert "no_such_model" in told
+    assert "--models" in told
+    assert "walker" in told
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("<robot/>", "<robot>"),
+        ("not XML", "cannot be read"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]><sdf/>', "entities"),
+        ('<sdf><world name="w"><model name="m"><pose>1 2 x 0 0 0</pose></model></world></sdf>', "model m"),
+        ('<sdf><world name="w"><model name="m"><pose>1 2 nan 0 0 0</pose></model></world></sdf>', "6 numbers"),
+    ],
+)
+def test_what_is_no_sdf_is_refused(tmp_path: Path, content: str, words: str) -> None:
+    path = tmp_path / "w.world"
+    path.write_text(content)
+    with pytest.raises(InputError, match=words):
+        layout_of(path)
+
+
+def test_models_that_include_themselves_end(tmp_path: Path) -> None:
+    (tmp_path / "m").mkdir()
+    (tmp_path / "m/model.sdf").write_text(
+        '<sdf version="1.6"><model name="m"><include><uri>model://m</uri></include></model></sdf>'
+    )
+    with pytest.raises(InputError, match="nested"):
+        layout_of(write_world(tmp_path, "<include><uri>model://m</uri></include>"), tmp_path)
+
+
+def test_names_are_found_in_any_case_and_never_outside(tmp_path: Path) -> None:
+    (tmp_path / "models/Sofa/Meshes").mkdir(parents=True)
+    mesh = tmp_path / "models/Sofa/Meshes/sofa.DAE"
+    mesh.touch()
+    folders = ModelFolders([tmp_path / "models"])
+    assert folders.find("model://sofa/meshes/Sofa.dae", tmp_path) == mesh
+    assert folders.find("file://models/Sofa/Meshes/sofa.DAE", tmp_path) == mesh
+    assert folders.find("https://fuel.gazebosim.org/x", tmp_path) is None
+    assert below(tmp_path / "models/Sofa", "../../../etc/passwd") is None
+
+
+def test_the_newest_version_of_a_model_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "m").mkdir()
+    for name in ("old", "new"):
+        (tmp_path / f"m/{name}.sdf").write_text(f'<sdf version="1.6">{box_model(name, "0 0 0 0 0 0", "1 1 1")}</sdf>')
+    config = '<model><sdf version="1.5">new.sdf</sdf><sdf version="1.4">old.sdf</sdf></model>'
+    (tmp_path / "m/model.config").write_text(config)
+    world = write_world(tmp_path, FLOOR, "<include><uri>model://m</uri><pose>0 0 2 0 0 0</pose></include>")
+    shape = layout_of(world, tmp_path).shapes[-1]
+    assert shape.T_world[2, 3] == 2.0
+
+
+@pytest.mark.parametrize(
+    ("triangles", "area"),
+    [
+        (geometry.box(1.0, 2.0, 3.0), 22.0),
+        (geometry.cylinder(0.5, 2.0), 7.81),
+        (geometry.sphere(1.0), 12.38),
+        (geometry.plane(np.array([0.0, 0.0, 1.0]), 2.0, 3.0), 6.0),
+    ],
+)
+def test_shapes_have_their_surface_and_face_outwards(triangles: geometry.Triangles, area: float) -> None:
+    a, b, c = (triangles.corners[:, i] for i in range(3))
+    normals = 0.5 * np.cross(b - a, c - a)
+    assert np.linalg.norm(normals, axis=1).sum() == pytest.approx(area, abs=0.08)
+    assert ((normals * (a + b + c)).sum(axis=1) >= -1e-9).all()
+    assert len(triangles.uv) == len(triangles.corners)

@@ -1,0 +1,139 @@
+"""Gazebo files as emulated worlds: floor, truth, start, meshes, and one sentence for each that cannot be."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from gazebo_files import FLOOR, ROOM, WALLS, box_model, write_world
+
+from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.occupancy.grid import FREE, OCCUPIED
+from vsx_ros.runs.world import open_world
+from vsx_ros.sim.gazebo_world import load_gazebo
+from vsx_ros.sim.mesh_world import MeshWorld
+from vsx_ros.sim.truth import gap_to_walls, ground_truth_grid
+from vsx_ros.sim.world import Start
+from vsx_ros.sim.world_file import load_world, save_world
+
+
+@pytest.fixture(scope="module")
+def room() -> MeshWorld:
+    return load_gazebo(ROOM, [])
+
+
+def test_the_room_has_its_floor_walls_and_furniture(room: MeshWorld) -> None:
+    grid = ground_truth_grid(room, 0.05, 0.06, 0.45)
+    assert room.floor_z_m == pytest.approx(0.0, abs=0.01)
+    area = float((grid.data == FREE).sum()) * grid.resolution**2
+    assert 24.0 < area < 28.2  # 5.8 x 4.8 m without furniture
+    for x, y, dx, dy in ((0.0, 2.05, 0.0, 1.0), (2.0, 5.85, 0.0, -1.0), (2.95, 4.5, -1.0, 0.0)):
+        # A wall, the hidden pillar, a nested wall: their faces are 5 cm away, known to a cell or two.
+        assert grid.value_at(x, y) != FREE
+        assert grid.value_at(x + 0.2 * dx, y + 0.2 * dy) == FREE
+        assert OCCUPIED in [grid.value_at(x + s * dx, y + s * dy) for s in (0.0, 0.03, 0.06, 0.09)]
+    assert grid.value_at(room.start.x, room.start.y) == FREE
+
+
+def test_what_only_collides_is_drawn_and_what_is_missing_is_named(room: MeshWorld) -> None:
+    corners = room.parts.seen.corners.reshape(-1, 3)
+    near_pillar = np.hypot(corners[:, 0] - 2.0, corners[:, 1] - 6.0) < 0.21
+    assert near_pillar.sum() >= 3 * 24
+    told = " ".join(room.parts.remarks)
+    for name in ("pillar/hidden", "Carpet", "no_such_model", "walker"):
+        assert name in told
+
+
+def test_the_floor_is_found_where_it_is(tmp_path: Path) -> None:
+    raised = box_model("slab", "0 0 0.1 0 0 0", "8 6 0.2")
+    world = load_gazebo(write_world(tmp_path, raised, WALLS), [])
+    assert world.floor_z_m == pytest.approx(0.2, abs=0.011)
+    lamp = '<light name="a" type="point"><pose>0 0 2 0 0 0</pose></light>'
+    lit = load_gazebo(write_world(tmp_path, raised, WALLS, lamp), [])
+    assert lit.lamps[0].position[2] == pytest.approx(1.8, abs=0.011)
+
+
+def test_a_table_stops_no_low_robot_but_its_legs_do(tmp_path: Path) -> None:
+    top, leg = box_model("top", "0 0 0.72 0 0 0", "1 1 0.04"), box_model("leg", "0 0 0.35 0 0 0", "0.1 0.1 0.7")
+    world = load_gazebo(write_world(tmp_path, FLOOR, WALLS, top, leg), [])
+    grid = ground_truth_grid(world, 0.05, 0.0, 0.45)
+    assert grid.value_at(0.3, 0.3) == FREE
+    assert grid.value_at(0.0, 0.0) != FREE
+    segments = world.obstacle_segments(0.0, 0.45)
+    gaps = gap_to_walls(segments, np.array([[0.3, 0.0], [1.0, 1.0]]))
+    np.testing.assert_allclose(gaps, [0.25, 0.95], atol=2e-3)
+
+
+def test_world_yaml_refers_to_the_file_and_keeps_the_start(tmp_path: Path, room: MeshWorld) -> None:
+    start = Start(x=1.0, y=5.0, theta_rad=0.5)
+    save_world(room.starting_at(start), tmp_path / "world.yaml")
+    again = load_world(tmp_path / "world.yaml")
+    assert isinstance(again, MeshWorld)
+    assert again.start == start
+    np.testing.assert_array_equal(again.parts.seen.corners, room.parts.seen.corners)
+
+
+def test_the_start_is_drawn_with_the_seed(room: MeshWorld) -> None:
+    starts = [open_world(str(ROOM), seed).start for seed in (1, 1, 2)]
+    assert starts[0] == starts[1] != starts[2]
+    segments = room.obstacle_segments(0.0, 0.45)
+    assert gap_to_walls(segments, np.array([[s.x, s.y] for s in starts])).min() > 0.45
+
+
+def triangle_file(path: Path, kind: str) -> None:
+    """A right-angled triangle of 1 m at z = 1."""
+    corners = ((0.0, 0.0, 1.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0))
+    if kind == "stl":
+        path.write_bytes(bytes(80) + struct.pack("<I3f9fH", 1, 0, 0, 1, *(v for c in corners for v in c), 0))
+    elif kind == "glb":
+        trimesh.Trimesh(corners, [[0, 1, 2]]).export(path)
+    else:
+        path.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "f 1 2 3\n")
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj", "glb"])
+def test_meshes_of_other_kinds_are_placed_and_scaled(tmp_path: Path, kind: str) -> None:
+    triangle_file(tmp_path / f"t.{kind}", kind)
+    mesh = f"<geometry><mesh><uri>t.{kind}</uri><scale>2 2 2</scale></mesh></geometry>"
+    model = f'<model name="m"><pose>1 0 0 0 0 0</pose><link name="l"><visual name="v">{mesh}</visual></link></model>'
+    world = load_gazebo(write_world(tmp_path, model, FLOOR, WALLS), [])
+    np.testing.assert_allclose(world.parts.seen.corners[0].max(axis=0), [3.0, 2.0, 2.0])
+    np.testing.assert_allclose(world.parts.seen.corners[0].min(axis=0), [1.0, 0.0, 2.0])
+
+
+def test_a_world_that_cannot_be_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no floor"):
+        load_gazebo(write_world(tmp_path, WALLS), [])
+    with pytest.raises(ConfigError, match="nothing on it"):
+        load_gazebo(write_world(tmp_path, FLOOR), [])
+    with pytest.raises(ConfigError, match=r"nothing solid.*no_such.*--models"):
+        load_gazebo(write_world(tmp_path, "<include><uri>model://no_such</uri></include>"), [])
+    pillar = box_model("pillar", "1 1 0.5 0 0 0", "0.4 0.4 1")
+    with pytest.raises(ConfigError, match=r"stands in pillar/l"):
+        load_gazebo(write_world(tmp_path, FLOOR, WALLS, pillar), [], Start(x=1.2, y=1.1, theta_rad=0.0))
+
+
+def test_what_is_too_large_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    mesh = '<model name="m"><link name="l"><visual name="v"><geometry><mesh><uri>{}</uri></mesh></geometry></visual>'
+    mesh += "</link></model>"
+    (tmp_path / "big.stl").write_bytes(bytes(80) + struct.pack("<I", 10_000_000))
+    with (tmp_path / "big.stl").open("r+b") as file:
+        file.truncate(84 + 50 * 10_000_000)  # a sparse file
+    with pytest.raises(InputError, match=r"big.stl has 10000000 triangles.*simplify"):
+        load_gazebo(write_world(tmp_path, FLOOR, WALLS, mesh.format("big.stl")), [])
+    (tmp_path / "big.png").write_bytes(png_header(16384, 16384))
+    (tmp_path / "t.mtl").write_text("newmtl a\nmap_Kd big.png\n")
+    (tmp_path / "t.obj").write_text("mtllib t.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n")
+    with pytest.raises(InputError, match=r"big.png has .* pixels, at most 8192 x 8192.*smaller"):
+        load_gazebo(write_world(tmp_path, FLOOR, WALLS, mesh.format("t.obj")), [])
+
+
+def png_header(width: int, height: int) -> bytes:
+    """The beginning of a PNG of this size, without pixels."""
+    import zlib
+
+    head = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    data = b"IDAT" + zlib.compress(b"")
+    chunks = (struct.pack(">I", len(c) - 4) + c + struct.pack(">I", zlib.crc32(c)) for c in (head, data, b"IEND"))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
