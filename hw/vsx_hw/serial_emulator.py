@@ -15,6 +15,7 @@ import tty
 from collections import deque
 from typing import NamedTuple, Protocol
 
+from vsx_hw.dock_emulator import BaseAtDock
 from vsx_hw.readings import Hazard
 
 STEP_NS = 5_000_000  # 1.5 mm at full speed
@@ -26,7 +27,7 @@ class PlantState(NamedTuple):
     """What the sensors of a base can measure.
 
     left_m, right_m: distance that each wheel has rolled. gyro_rad, gyro_rate_rad_s: heading and rate by the gyro,
-    counter-clockwise, not wrapped. buttons: the pressed ones, as the base's own bits."""
+    counter-clockwise, not wrapped. buttons: the pressed ones, as the base's own bits. dock: None: there is none."""
 
     left_m: float
     right_m: float
@@ -34,6 +35,7 @@ class PlantState(NamedTuple):
     gyro_rate_rad_s: float
     hazards: Hazard
     buttons: int = 0
+    dock: BaseAtDock | None = None
 
 
 class Plant(Protocol):

@@ -32,7 +32,7 @@ def test_a_nearly_empty_battery_is_one_that_nobody_charges(decivolt: int, charge
     [(269, 0, "critical", True), (271, 0, "low", False), (541, 0, "healthy", False), (269, 2, "charging", False)],
 )
 def test_a_create_is_nearly_empty_below_a_tenth(charge_mah: int, charger: int, state: str, empty: bool) -> None:
-    reading = battery_of({21: charger, 22: 14000, 25: charge_mah, 26: 2700, 34: 2})
+    reading = battery_of({21: charger, 22: 14000, 23: -800, 25: charge_mah, 26: 2700, 34: 2})
     assert reading.state == state
     assert reading.docked
     assert base_messages.is_nearly_empty(base_messages.battery(reading, 1)) == empty

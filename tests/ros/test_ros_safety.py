@@ -308,17 +308,17 @@ def test_an_empty_battery_is_an_error_and_sends_the_robot_home_once(stack: Stack
     stack.wait(lambda: "mobile_base: battery" in diagnostics.said, 10.0, "the battery's health")
     stack.wait(lambda: level() == DiagnosticStatus.OK, 5.0, "a healthy battery")
     try:
-        board.battery_volt = 13.8
+        board.battery.voltage_v = 13.8
         stack.wait(lambda: level() == DiagnosticStatus.WARN, 5.0, "the warning")
         assert requests() == []
-        board.battery_volt = 13.1
+        board.battery.voltage_v = 13.1
         stack.wait(lambda: level() == DiagnosticStatus.ERROR, 5.0, "the error")
         stack.wait(requests, 5.0, "the way home")
-        board.battery_volt = 13.4
+        board.battery.voltage_v = 13.4
         time.sleep(2.0)
-        board.battery_volt = 13.1
+        board.battery.voltage_v = 13.1
         time.sleep(3.0)
         assert len(requests()) == 1
     finally:
-        board.battery_volt = 16.2
+        board.battery.voltage_v = 16.2
         listener.unregister()
