@@ -23,7 +23,7 @@ from vsx_ros.exploration.decision import MissionState
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.planner import Planner
-from vsx_ros.ros import base_messages, headers, node, threads, topics
+from vsx_ros.ros import energy_messages, headers, node, threads, topics
 from vsx_ros.ros.callbacks import offer_trigger, subscribe
 from vsx_ros.ros.driving import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
@@ -62,7 +62,7 @@ class ExploreNode:
         threads.every(config.exploration.decide_s, "mission", self._decide)
 
     def _on_battery(self, msg: BatteryState) -> None:
-        empty = base_messages.is_nearly_empty(msg)
+        empty = energy_messages.is_nearly_empty(msg)
         if empty and not self._battery_empty:
             rospy.logwarn("battery at %.1f V is nearly empty: going home", msg.voltage)
             with self._lock:
