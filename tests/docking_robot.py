@@ -24,6 +24,7 @@ from vsx_ros.ros.emulation import BodyPlant, housing
 from vsx_ros.slam.state import TrackingState
 
 STEP_NS, PERIOD_NS, PATIENCE_NS, FRAME_NS = 5_000_000, 20_000_000, 50_000_000, 66_666_667
+AT_DOCK_M = 0.3  # a contact nearer than this is one with the dock
 ROOM_M, BEHIND_M = (5.0, 6.0), 0.08  # depth and width; the dock stands so far before a wall
 SLAM_M, SLAM_RAD = 0.005, math.radians(0.3)  # noise of one pose; ``Room.bias`` stays
 
@@ -80,7 +81,7 @@ class DockingRobot:
         self.planner.take_grid(walls.grid(), 1)
         self.navigator = Navigator(config, self.planner, ComputingTime(config.computing))
         self.docking, self.localization = Docking(config.docking, seed), Localization()
-        self.reading, self.states = None, []
+        self.reading, self.states, self.touches = None, [], 0
         self._sent_ns = self._frame_ns = 0
         self._answered, self._hazards = False, frozenset()
         self._navi, self._navigates = STOP, False
@@ -117,7 +118,10 @@ class DockingRobot:
         return self.plant.body.T_world_base
 
     def _advance(self) -> None:
+        before = self.plant.body.collisions
         self.plant.advance(STEP_NS)
+        at_dock = math.hypot(self.at.x, self.at.y) < AT_DOCK_M
+        self.touches += 0 if at_dock else self.plant.body.collisions - before
         self.now_ns += STEP_NS
         data = self.board.emit(self.now_ns)
         for reading in self.dialect.receive(data, self.now_ns) if data else []:

@@ -14,6 +14,7 @@ _MOVED_M, _MOVED_RAD = 0.015, math.radians(3.0)
 """Readings of one place are no new evidence: their errors are the same."""
 _MOST_READINGS = 50  # of one place: a second
 _TRUST = 0.5  # exponent of the likelihood: the shapes of the beams are known roughly
+_TOUCH_M = 0.03  # standard deviation: the body may touch a side of the dock
 _ROUGH_M, _ROUGH_RAD = 0.004, math.radians(0.5)
 
 
@@ -56,6 +57,11 @@ class DockFilter:
             self._place = T_odom_base
         if len(self._sights) < _MOST_READINGS:
             self._sights.append(sight)
+
+    def touched(self, T_odom_base: SE2, distance_m: float) -> None:
+        """The base touches the dock, and its centre is about so far from it."""
+        away_m = np.hypot(self._docks[:, 0] - T_odom_base.x, self._docks[:, 1] - T_odom_base.y)
+        self._log_weights = self._log_weights - 0.5 * ((away_m - distance_m) / _TOUCH_M) ** 2
 
     def estimate(self) -> DockEstimate:
         """The mean of the particles."""

@@ -26,8 +26,8 @@ from vsx_ros.robot import STOP, VelocityCommand
 _SEEN_PLACES = 4  # at so many the dock was seen: no ghost
 _ON_AXIS_RATIO, _NEAREST_M, _FARTHEST_M = 0.10, 0.42, 1.0  # off the axis per metre; where creeping may begin
 _AT_PLACE_M, _FACING_RAD = 0.05, 0.06
-_AT_DOCK_M = 0.10  # before its seat: a contact here is one with the dock
-_BEYOND_M = 0.05  # driven past the seat without contact
+_AT_DOCK_M = 0.25  # before its seat: a contact here, in the light of the dock, is one with the dock
+_BEYOND_M = 0.20  # driven past the seat without contact: the dock was believed so much too near, or missed
 _BLOCKED_S, _DARK_S, _NO_CONTACT_S, _NO_CURRENT_S, _STEADY_S = 1.5, 1.5, 2.5, 10.0, 1.0
 _STATE_S = 60.0  # longest time in one state
 _AROUND_RAD, _ALIGNMENTS = math.radians(35.0), 4
@@ -170,7 +170,10 @@ class Docking:
             self._moved, self._moved_ns = base, now_ns
         stuck = "the wheels do not move the base" if now_ns - self._moved_ns > _BLOCKED_S * 1e9 else ""
         if told := seen.hazard or stuck:
-            return self._verify(now_ns, told) if left_m <= _AT_DOCK_M else self._retry(now_ns, told)
+            if left_m > _AT_DOCK_M:
+                return self._retry(now_ns, told)
+            self._filter.touched(base, self._light.seat_m)
+            return self._verify(now_ns, told)
         if left_m < -_BEYOND_M:
             return self._verify(now_ns, "no contact where the dock should be")
         if left_m > _AT_DOCK_M and now_ns - self._lit_ns > _DARK_S * 1e9:
