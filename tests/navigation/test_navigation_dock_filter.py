@@ -74,7 +74,7 @@ def test_a_contact_tells_the_distance():
     found.restart(SE2(-0.1, 0.0, 0.0), 0.1, 0.1)
     found.touched(SE2(0.21, 0.0, math.pi), 0.21)
     near = found.estimate().T_odom_dock
-    assert 0.17 < math.hypot(near.x - 0.21, near.y) < 0.23
+    assert math.hypot(near.x - 0.21, near.y) == pytest.approx(0.21)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -14,7 +14,6 @@ _MOVED_M, _MOVED_RAD = 0.015, math.radians(3.0)
 """Readings of one place are no new evidence: their errors are the same."""
 _MOST_READINGS = 50  # of one place: a second
 _TRUST = 0.5  # exponent of the likelihood: the shapes of the beams are known roughly
-_TOUCH_M = 0.03  # standard deviation: the body may touch a side of the dock
 _ROUGH_M, _ROUGH_RAD = 0.004, math.radians(0.5)
 
 
@@ -59,9 +58,11 @@ class DockFilter:
             self._sights.append(sight)
 
     def touched(self, T_odom_base: SE2, distance_m: float) -> None:
-        """The base touches the dock, and its centre is about so far from it."""
-        away_m = np.hypot(self._docks[:, 0] - T_odom_base.x, self._docks[:, 1] - T_odom_base.y)
-        self._log_weights = self._log_weights - 0.5 * ((away_m - distance_m) / _TOUCH_M) ** 2
+        """The base touches the dock, and its centre is so far from it: the estimate moves along the line of sight."""
+        dock = self.estimate().T_odom_dock
+        away_m = max(T_odom_base.distance_to(dock), 1e-6)
+        moved = (distance_m / away_m - 1.0) * np.array([dock.x - T_odom_base.x, dock.y - T_odom_base.y, 0.0])
+        self._docks = self._docks + moved
 
     def estimate(self) -> DockEstimate:
         """The mean of the particles."""
