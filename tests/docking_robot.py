@@ -20,7 +20,7 @@ from vsx_ros.navigation.navigator import ComputingTime, GoalPlanner, Navigator
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros.base_messages import odometry
-from vsx_ros.ros.emulation import BodyPlant, housing
+from vsx_ros.ros.emulated_base import BodyPlant, housing
 from vsx_ros.slam.state import TrackingState
 
 STEP_NS, PERIOD_NS, PATIENCE_NS, FRAME_NS = 5_000_000, 20_000_000, 50_000_000, 66_666_667

@@ -27,6 +27,9 @@ _SEEN_PLACES = 4  # at so many the dock was seen: no ghost
 _ON_AXIS_RATIO, _NEAREST_M, _FARTHEST_M = 0.10, 0.42, 1.0  # off the axis per metre; where creeping may begin
 _AT_PLACE_M, _FACING_RAD = 0.05, 0.06
 _AT_DOCK_M = 0.25  # before its seat: a contact here, in the light of the dock, is one with the dock
+_BESIDE_M = (0.0, 0.02, -0.02, 0.04, -0.04, 0.0)
+"""How far beside the estimated axis a try goes. In the middle beam nothing tells where the middle is: if a contact is
+missed there, the next tries are made to both sides of it."""
 _BEYOND_M = 0.20  # driven past the seat without contact: the dock was believed so much too near, or missed
 _BLOCKED_S, _DARK_S, _NO_CONTACT_S, _NO_CURRENT_S, _STEADY_S = 1.5, 1.5, 2.5, 10.0, 1.0
 _STATE_S = 60.0  # longest time in one state
@@ -164,7 +167,8 @@ class Docking:
 
     def _creep(self, now_ns: int, seen: DockingSeen) -> DockingAct:
         base = seen.odometry.T_odom_base
-        at = self.T_odom_dock().inverse() @ base
+        beside_m = _BESIDE_M[min(self.tries, len(_BESIDE_M) - 1)]
+        at = (self.T_odom_dock() @ SE2(0.0, beside_m, 0.0)).inverse() @ base
         left_m = at.x - self._light.seat_m
         if base.distance_to(self._moved) > 0.01 or abs(base.angle_to(self._moved)) > 0.02:
             self._moved, self._moved_ns = base, now_ns

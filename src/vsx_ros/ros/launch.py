@@ -77,6 +77,7 @@ def exploration(
         LaunchNode("move_base", {"planner": planner, "seed": seed}, respawn=True),
         LaunchNode("follower", {}, respawn=True),
         LaunchNode("explore", {"run_dir": run_dir}),
+        LaunchNode("dock", {"seed": seed}, respawn=True),
     ]
 
 

@@ -6,22 +6,20 @@ import time
 from pathlib import Path
 
 import rospy
-from diagnostic_msgs.srv import AddDiagnostics, AddDiagnosticsRequest, AddDiagnosticsResponse
 from std_msgs.msg import String
 
 from vsx_ros.config import Config
-from vsx_ros.errors import VsxError
+from vsx_ros.errors import InputError
 from vsx_ros.io.room_file import load_rooms, room_file, room_tree, save_rooms
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.rooms import RoomMap, RoomTracker
 from vsx_ros.ros import topics
-from vsx_ros.ros.callbacks import json_object
+from vsx_ros.ros.callbacks import json_object, offer_text
 from vsx_ros.runs.rooms import renamed
 
 
 class RoomServer:
-    """Publishers: rooms (latched). Services: rooms/name (AddDiagnostics, because it is a standard type that takes a
-    text: JSON {"room": name or number, "name": new name})."""
+    """Publishers: rooms (latched). Services: rooms/name (AddDiagnostics: JSON {"room": name or number, "name": new name})."""
 
     def __init__(self, config: Config, before: Path | None = None) -> None:
         """before: the file of the map that is continued; its rooms keep their numbers and names. Raises MapFileError
@@ -33,7 +31,7 @@ class RoomServer:
         self._grid: OccupancyGrid | None = None
         self._due_s, self._told = 0.0, ""
         self._rooms_pub = rospy.Publisher(topics.ROOMS, String, queue_size=1, latch=True)
-        rospy.Service(topics.NAME_ROOM, AddDiagnostics, self._on_name)
+        offer_text(topics.NAME_ROOM, self._name)
 
     def update(self, grid: OccupancyGrid) -> None:
         """Split a new ground map, if the last one was a while ago."""
@@ -54,18 +52,15 @@ class RoomServer:
             self._told = text
             self._rooms_pub.publish(text)
 
-    def _on_name(self, request: AddDiagnosticsRequest) -> AddDiagnosticsResponse:
-        try:
-            tree = json_object(String(request.load_namespace), "room", "name")
-            with self._lock:
-                rooms = self._tracker.current
-                if rooms is None:
-                    return AddDiagnosticsResponse(success=False, message="there is no ground map yet, so no room")
-                for room in renamed(rooms, str(tree["room"]), str(tree["name"])).rooms:
-                    if room.name == tree["name"]:
-                        self._tracker.rename(room.number, room.name)
-                assert self._tracker.current is not None
-                self._publish(self._tracker.current)
-        except VsxError as error:
-            return AddDiagnosticsResponse(success=False, message=str(error))
-        return AddDiagnosticsResponse(success=True, message=f"room {tree['room']} is called {tree['name']!r}")
+    def _name(self, text: str) -> str:
+        tree = json_object(String(text), "room", "name")
+        with self._lock:
+            rooms = self._tracker.current
+            if rooms is None:
+                raise InputError("there is no ground map yet, so no room")
+            for room in renamed(rooms, str(tree["room"]), str(tree["name"])).rooms:
+                if room.name == tree["name"]:
+                    self._tracker.rename(room.number, room.name)
+            assert self._tracker.current is not None
+            self._publish(self._tracker.current)
+        return f"room {tree['room']} is called {tree['name']!r}"

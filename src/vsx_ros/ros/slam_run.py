@@ -17,10 +17,10 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import logs, node
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.places import read_places
 from vsx_ros.runs.rooms import look_into
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
-from vsx_ros.runs.zones import read_zones
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import ThreadedSlam
 from vsx_ros.slam.snapshot import SlamMap
@@ -57,7 +57,7 @@ class SlamRun:
 
     def _begin_in(self, map_file: Path) -> None:
         """Take over the zones of a loaded map; explore one room of it, if ~room names it."""
-        read_zones(self.session.ground, map_file)
+        read_places(self.session.ground, map_file)
         if room := str(rospy.get_param("~room", "")):
             look_into(self.session.ground, map_file, room)
 

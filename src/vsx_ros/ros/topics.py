@@ -9,6 +9,7 @@ _NODES = (
     "move_base",
     "follower",
     "explore",
+    "dock",
     "teleop",
     "emulator",
     "dashboard",
@@ -71,7 +72,7 @@ BUMPER_CLOUD = _topic("mobile_base/sensors/bumper_pointcloud", "sensor_msgs/Poin
 MUX_ACTIVE = _topic("cmd_vel_mux/active", "std_msgs/String", "mobile_base")
 COMMAND_SAFETY = "cmd_vel_mux/input/safety_controller"
 COMMAND_TELEOP = _topic("cmd_vel_mux/input/teleop", "geometry_msgs/Twist", "teleop")
-COMMAND_NAVI = _topic("cmd_vel_mux/input/navi", "geometry_msgs/Twist", "follower")
+COMMAND_NAVI = _topic("cmd_vel_mux/input/navi", "geometry_msgs/Twist", "follower", "dock")
 COMMANDS = {"safety_controller": COMMAND_SAFETY, "teleop": COMMAND_TELEOP, "navi": COMMAND_NAVI}
 ESTOP = _service("mobile_base/estop", "std_srvs/SetBool", "mobile_base")
 RESET_ODOMETRY = _service("mobile_base/reset_odometry", "std_srvs/Trigger", "mobile_base")
@@ -94,6 +95,7 @@ ZONE_MARKERS = _topic("zones/markers", "visualization_msgs/MarkerArray", "vslam"
 CHANGE_ZONES = _service("zones/change", "diagnostic_msgs/AddDiagnostics", "vslam")  # JSON in; success, words out
 ROOMS = _topic("rooms", "std_msgs/String", "vslam")  # JSON, latched: rooms of the map
 NAME_ROOM = _service("rooms/name", "diagnostic_msgs/AddDiagnostics", "vslam")
+DOCK_POSE = _topic("dock/pose", "geometry_msgs/PoseStamped", "vslam")  # of the base when it charges; latched
 SAVE_MAP = _service("vslam/save_map", "std_srvs/Trigger", "vslam")
 SAVE_MAP_TO = "vslam/save_map_to"
 STATS = "vslam/stats"
@@ -118,8 +120,8 @@ FOLLOWER_LEASE = _topic("follower/lease", "std_msgs/String", "vslam", "move_base
 
 # move_base: the planner
 MOVE_BASE_ACTION = "move_base"
-MOVE_BASE_GOAL = _topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore")
-_topic("move_base/cancel", "actionlib_msgs/GoalID", "explore")
+MOVE_BASE_GOAL = _topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore", "dock")
+_topic("move_base/cancel", "actionlib_msgs/GoalID", "explore", "dock")
 MOVE_BASE_STATUS = _topic("move_base/status", "actionlib_msgs/GoalStatusArray", "move_base")
 _topic("move_base/result", "move_base_msgs/MoveBaseActionResult", "move_base")
 _topic("move_base/feedback", "move_base_msgs/MoveBaseActionFeedback", "move_base")
@@ -131,7 +133,7 @@ GLOBAL_PLAN = _topic("move_base/global_plan", "nav_msgs/Path", "move_base")
 TRAJECTORY = _topic("move_base/trajectory", "trajectory_msgs/MultiDOFJointTrajectory", "move_base")
 PLAN_MS = _topic("move_base/stats/plan_ms", "std_msgs/Float32", "move_base")
 MAKE_PLAN = _service("move_base/make_plan", "nav_msgs/GetPlan", "move_base")
-NAVIGATION_LEASE = _topic("move_base/lease", "std_msgs/String", "explore")
+NAVIGATION_LEASE = _topic("move_base/lease", "std_msgs/String", "explore", "dock")
 
 # explore
 FRONTIERS = _topic("explore/frontiers", "visualization_msgs/MarkerArray", "explore")
@@ -142,6 +144,12 @@ EXPLORE_PAUSE = _service("explore/pause", "std_srvs/Trigger", "explore")
 EXPLORE_RESUME = _service("explore/resume", "std_srvs/Trigger", "explore")
 EXPLORE_STOP = _service("explore/stop", "std_srvs/Trigger", "explore")
 EXPLORE_HOME = _service("explore/home", "std_srvs/Trigger", "explore")
+
+# dock
+DOCK_STATUS = _topic("dock/status", "std_msgs/String", "dock")  # JSON: state, reason, tries, docked, battery_left_s
+DOCK_START = _service("dock/start", "diagnostic_msgs/AddDiagnostics", "dock")  # JSON in; success, words out
+DOCK_LEAVE = _service("dock/leave", "std_srvs/Trigger", "dock")
+DOCK_CANCEL = _service("dock/cancel", "std_srvs/Trigger", "dock")
 
 # emulator: only for evaluation
 TRUTH_ODOMETRY = _topic("emulator/ground_truth/odometry", "nav_msgs/Odometry", "emulator")

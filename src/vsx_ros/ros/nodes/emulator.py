@@ -7,7 +7,8 @@ Publishers: emulator/ground_truth/odometry (frame world: that of the world file,
 Parameters: ~world (lab): a generator, a Gazebo file, a world.yaml or a map. ~seed (0). ~robot_type (kobuki).
     ~port (ttyVSX in the folder for temporary files): the serial port it makes. ~camera_socket (vsx_kinect, there):
     the socket it makes; the camera's calibration is written beside it, with .yaml appended. ~rate_hz (15.0): maximum
-    images per second. ~config (tree of 'vsx config'). The board runs at 200 Hz; a child process renders."""
+    images per second. ~dock (X,Y,DEG: a dock stands there in the world and looks to DEG; none). ~config (tree of 'vsx
+    config'). The board runs at 200 Hz; a child process renders."""
 
 import tempfile
 import time
@@ -25,7 +26,8 @@ from vsx_ros.io.recording import with_speeds
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, logs, node, threads, topics
 from vsx_ros.ros.base_drivers import wired
-from vsx_ros.ros.emulation import BodyPlant, RenderChild, RenderSettings
+from vsx_ros.ros.emulated_base import BodyPlant, dock_pose
+from vsx_ros.ros.emulation import RenderChild, RenderSettings
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.runs.journal import unflat
 from vsx_ros.runs.world import open_world
@@ -57,7 +59,8 @@ class EmulatorNode:
         )
         self._child = RenderChild(settings)
         threads.worker("frames", lambda: self._child.listen(self._on_frame))
-        self._plant = BodyPlant(world, seed, config.robot, self._child.move, wired(robot_type).wheel_base_m)
+        dock = dock_pose(str(rospy.get_param("~dock", "")))
+        self._plant = BodyPlant(world, seed, config.robot, self._child.move, wired(robot_type).wheel_base_m, dock)
         self._base = base_emulator(robot_type, self._plant, port, seed)
         self._base.start(start_monotonic_ns)
         threads.every(_TRUTH_PERIOD_S, "truth", lambda: self._truth.body(self._plant))
