@@ -27,7 +27,7 @@ def test_it_comes_back_and_goes(tmp_path):
         ("version: 1\n", "a table 'docked'"),
         ("version: 1\ndocked: {x_m: 1, y_m: nan}\n", "needs the numbers"),
         ("version: 1\ndocked: {x_m: .nan, y_m: 1, heading_rad: 0}\n", "needs the numbers"),
-        ("version: 1\ndocked: {x_m: 1.0e9, y_m: 1, heading_rad: 0}\n", "no building"),
+        ("version: 1\ndocked: {x_m: 1000000000.0, y_m: 1, heading_rad: 0}\n", "no building"),
         ("version: [\n", "cannot be read"),
     ],
 )

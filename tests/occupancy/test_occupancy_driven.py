@@ -137,6 +137,5 @@ def test_the_dock_moves_with_its_keyframe_survives_a_session_and_is_touched_with
     old = {name: array for name, array in ground.state().items() if name != "dock"}
     again.restore(old)
     assert again.dock(after) is None
-    ahead = moved @ SE2(0.21, 0.0, 0.0)
-    assert ground.grid(after).value_at(ahead.x, ahead.y) != OCCUPIED
-    assert again.grid(after).value_at(ahead.x, ahead.y) == OCCUPIED
+    assert np.count_nonzero(ground.grid(after).data == OCCUPIED) == 0
+    assert np.count_nonzero(again.grid(after).data == OCCUPIED) > 0

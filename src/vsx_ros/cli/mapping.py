@@ -58,7 +58,10 @@ def _refuse_wires(args: argparse.Namespace) -> None:
     """Raises ConfigError for options that only a real robot has, or only one with emulated devices."""
     if args.rate is not None and args.world is None and args.resume is None and not args.fast:
         raise ConfigError(f"--rate {args.rate:g} is for an emulated camera; give --world, or leave it out")
-    emulated, without = ("--fast", ("base", "port", "camera", "rate")) if args.fast else ("--world", ("port", "camera"))
+    if args.dock is not None and args.world is None and args.resume is None and not args.fast:
+        raise ConfigError(f"--dock {args.dock} is for an emulated world; give --world, or leave it out")
+    wires = "base", "port", "camera", "rate", "dock"
+    emulated, without = ("--fast", wires) if args.fast else ("--world", ("port", "camera"))
     for name in without if args.fast or args.world is not None else ():
         if getattr(args, name) is not None:
             no_meaning = f"has no meaning for the robot that {emulated} emulates; leave out one of the two"

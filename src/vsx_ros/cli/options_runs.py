@@ -4,7 +4,18 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from vsx_ros.cli.option_values import BASES, PLANNERS, Size, add_models, add_parameters, camera, positive, rate, share
+from vsx_ros.cli.option_values import (
+    BASES,
+    PLANNERS,
+    Size,
+    add_models,
+    add_parameters,
+    camera,
+    pose_text,
+    positive,
+    rate,
+    share,
+)
 
 MAP_FORMATS = {
     "tum": ".txt", "ply": ".ply", "colmap": "_colmap", "pgm": "_ground.yaml", "dense": "_dense.ply",
@@ -65,6 +76,7 @@ def _robot(parser: argparse.ArgumentParser) -> None:
         "camera/rgb/image_raw or on that topic, raw or compressed",
     )
     add("--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)")
+    add("--dock", type=pose_text, metavar="X,Y,DEG", help="a dock in the live emulated world, which looks to DEG")
 
 
 def replay(parser: argparse.ArgumentParser) -> None:

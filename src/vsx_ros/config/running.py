@@ -19,8 +19,8 @@ class DockingConfig(Branch, frozen=True):
     sweep_rad: Annotated[float, Meta(gt=0, le=3)] = 0.9
     remembered_sigma_m: Positive = 0.15
     remembered_sigma_rad: Positive = 0.25
-    doubt_m: NonNegative = 0.02
-    doubt_rad: NonNegative = 0.05
+    doubt_m: NonNegative = 0.005
+    doubt_rad: NonNegative = 0.02
     tries: Count = 6
     back_off_m: Positive = 0.35
     undock_m: Positive = 0.45

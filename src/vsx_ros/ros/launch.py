@@ -57,14 +57,17 @@ def bringup(base: str = "auto", port: str = "/dev/kobuki", camera: str = "kinect
 
 
 def emulation(
-    world: str, seed: int = 0, devices: str = "/tmp", base: str = "kobuki", rate_hz: float = 15.0
+    world: str, seed: int = 0, devices: str = "/tmp", base: str = "kobuki", rate_hz: float = 15.0, dock: str = ""
 ) -> list[LaunchNode]:
     """An emulated robot under the real drivers. devices: folder for port and socket. base: its kind; auto emulates a
-    Kobuki and leaves its driver on auto. rate_hz: images per second."""
+    Kobuki and leaves its driver on auto. rate_hz: images per second. dock: X,Y,DEG of a dock in the world."""
     port, camera_socket = f"{devices}/vsx_base", f"{devices}/vsx_camera"
     kind = "kobuki" if base == "auto" else base
     emulator = {"world": world, "seed": seed, "robot_type": kind, "port": port, "camera_socket": camera_socket}
-    return [LaunchNode("emulator", {**emulator, "rate_hz": rate_hz}), *bringup(base, port, f"emulator:{camera_socket}")]
+    return [
+        LaunchNode("emulator", {**emulator, "rate_hz": rate_hz, "dock": dock}),
+        *bringup(base, port, f"emulator:{camera_socket}"),
+    ]
 
 
 def exploration(

@@ -19,7 +19,8 @@ from vsx_ros.runs.rooms import renamed
 
 
 class RoomServer:
-    """Publishers: rooms (latched). Services: rooms/name (AddDiagnostics: JSON {"room": name or number, "name": new name})."""
+    """Publishers: rooms (latched). Services: rooms/name (AddDiagnostics: JSON {"room": name or number, "name": new
+    name})."""
 
     def __init__(self, config: Config, before: Path | None = None) -> None:
         """before: the file of the map that is continued; its rooms keep their numbers and names. Raises MapFileError
