@@ -127,6 +127,7 @@ def test_the_dock_moves_with_its_keyframe_survives_a_session_and_is_touched_with
     ground.docked(SE2(2.0, 0.5, 1.5))
     ground.bumped(SE2(2.02, 0.55, 1.5))
     here = ground.dock(before)
+    ground.grid(before)
     assert (here.x, here.y, here.theta) == pytest.approx((2.0, 0.5, 1.5))
     after = snapshot_at(FIRST, correction @ SECOND)
     moved, wanted = ground.dock(after), correction @ here

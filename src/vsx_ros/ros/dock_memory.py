@@ -28,7 +28,8 @@ class DockMemory:
 
     def publish(self, snapshot: MapSnapshot) -> None:
         """Remember a new contact as soon as the base knows where it is; publish the dock if it is new or moved."""
-        T_map_base = self._session.where.T_map_base
+        odometry = self._session.where.odometry
+        T_map_base = None if odometry is None else self._session.base_at(odometry)
         if self._is_new and self._docked and T_map_base is not None:
             self._is_new = False
             self._session.ground.docked(T_map_base)

@@ -11,14 +11,15 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool, String, UInt8, UInt8MultiArray
 from std_srvs.srv import Trigger
 
+from vsx_ros.config import DockingConfig
 from vsx_ros.errors import InputError
 from vsx_ros.exploration.decision import MissionState, NavigationState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.limits import json_tree
 from vsx_ros.navigation.dock_light import DockSight
 from vsx_ros.navigation.docking import Docking
-from vsx_ros.navigation.docking_state import DockingSeen
-from vsx_ros.navigation.energy import ChargeKeeper
+from vsx_ros.navigation.docking_state import DockingSeen, DockingState
+from vsx_ros.navigation.energy import ChargeKeeper, Errand
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import calls, convert, headers, topics
 from vsx_ros.ros.callbacks import hear_operator_hold, json_object, subscribe
@@ -126,6 +127,11 @@ class ExplorationPause:
     def _on_status(self, msg: String) -> None:
         self._state = str(json_object(msg, "state")["state"])
 
+    @property
+    def starts(self) -> bool:
+        """Whether an exploration is about to drive ahead for its first time."""
+        return self._state == MissionState.STARTING.value
+
     def begin(self) -> None:
         """Pause. A mission that the operator has paused stays his."""
         if self._state not in ("", MissionState.PAUSED.value, MissionState.DONE.value):
@@ -166,6 +172,27 @@ class WayToDock:
             return None
         places = [(p.pose.position.x, p.pose.position.y) for p in poses]
         return sum(math.dist(a, b) for a, b in zip(places, places[1:])) if places else None
+
+
+class Errands:
+    """What is to be done without a user's asking."""
+
+    def __init__(self, config: DockingConfig, heard: HeardDock, keeper: ChargeKeeper, pause: ExplorationPause) -> None:
+        self._config, self._heard, self._keeper, self._pause = config, heard, keeper, pause
+        self._way = WayToDock()
+
+    def due(self, now_ns: int, state: DockingState) -> Errand | None:
+        """What the battery wants; an exploration that begins on the dock leaves it first. state: of the docking."""
+        heard, errand, reason = self._heard, None, ""
+        if heard.docked and self._pause.starts and state is DockingState.IDLE:
+            self._pause.begin()
+            errand, reason = Errand.UNDOCK, "the exploration begins on the dock"
+        elif self._config.return_to_charge and heard.seat is not None and heard.hold is None:
+            errand = self._keeper.errand(now_ns, state, self._way.length_m(heard.T_map_base, heard.seat))
+            reason = self._keeper.reason
+        if errand is not None:
+            rospy.logwarn("%s: %s", errand.value, reason)
+        return errand
 
 
 class DockStatus:

@@ -9,8 +9,8 @@ Services: dock/start (AddDiagnostics, a standard type that takes a text: JSON {}
 Actions: client of move_base, for the way to the dock.
 Parameters: ~config (tree of 'vsx config', branch docking), ~seed (int, 0).
 
-The exploration is paused before docking, and goes on after undocking if it was paused by that. Bumpers, cliffs and the
-emergency stop act as always; whoever else takes the wheels ends the docking."""
+The exploration is paused before docking, and goes on after undocking if it was paused by that; one that begins on the
+dock leaves it first. Bumpers, cliffs and emergency stop act as always; whoever takes the wheels ends the docking."""
 
 import threading
 
@@ -21,12 +21,12 @@ from vsx_ros.config import Config
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.navigation.dock_light import dock_light
 from vsx_ros.navigation.docking import Docking
-from vsx_ros.navigation.docking_state import DockingState
+from vsx_ros.navigation.docking_state import DockingSeen, DockingState
 from vsx_ros.navigation.energy import ChargeKeeper, Errand
 from vsx_ros.robot import STOP
 from vsx_ros.ros import convert, headers, node, threads, topics
 from vsx_ros.ros.callbacks import offer_text, offer_trigger
-from vsx_ros.ros.docking import DockStatus, ExplorationPause, HeardDock, WayToDock, wanted_dock
+from vsx_ros.ros.docking import DockStatus, Errands, ExplorationPause, HeardDock, wanted_dock
 from vsx_ros.ros.driving import PERIOD_S, Lease
 from vsx_ros.ros.mission_output import GoalSender
 
@@ -37,11 +37,12 @@ class DockNode:
     """One loop drives; another watches the battery. Services only begin and end things, under the lock."""
 
     def __init__(self, config: Config) -> None:
-        self._config, self._lock = config.docking, threading.Lock()
+        self._lock = threading.Lock()
         self._docking = Docking(config.docking, int(rospy.get_param("~seed", 0)))
         self._keeper = ChargeKeeper(config.docking)
-        self._heard, self._goals, self._way = HeardDock(self._keeper), GoalSender(), WayToDock()
-        self._pause, self._status = ExplorationPause(), DockStatus()
+        self._heard, self._goals, self._pause = HeardDock(self._keeper), GoalSender(), ExplorationPause()
+        self._errands = Errands(config.docking, self._heard, self._keeper, self._pause)
+        self._status, self._busy = DockStatus(), False
         self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
         self._command_pub = rospy.Publisher(topics.COMMAND_NAVI, Twist, queue_size=1, tcp_nodelay=True)
         offer_text(topics.DOCK_START, self._start)
@@ -80,30 +81,32 @@ class DockNode:
         if self._heard.hold is not None:
             self._cancel(self._heard.hold.words())
         with self._lock:
-            rested, seen = self._docking.state.rests, self._heard.seen(now_ns, self._goals.state()[0])
-            if not rested:
-                self._lease.promise(_DECIDE_WITHIN_S)
-                act = self._docking.step(now_ns, seen) if seen is not None else None
-                if act is not None and act.goal is not None:
-                    self._goals.send(now_ns, topics.MAP_FRAME, act.goal)
-                elif self._docking.state.rests:
-                    self._goals.cancel()
-                command = STOP if act is None or self._heard.odometry_is_old else act.command
-                if command is not None and not threads.is_ending():
-                    self._command_pub.publish(convert.twist(command))
+            seen = self._heard.seen(now_ns, self._goals.state()[0])
+            if not self._docking.state.rests:
+                self._busy = True
+                self._drive(now_ns, seen)
+            ended, self._busy = self._busy and self._docking.state.rests, not self._docking.state.rests
+            if ended:
+                self._goals.cancel()
+                self._command_pub.publish(convert.twist(STOP))
             self._status.publish(self._docking, self._heard.docked, self._keeper.meter.left_s)
-        if not rested and self._docking.state in (DockingState.UNDOCKED, DockingState.FAILED):
+        if ended and self._docking.state in (DockingState.UNDOCKED, DockingState.FAILED):
             self._pause.end()
 
+    def _drive(self, now_ns: int, seen: DockingSeen | None) -> None:
+        self._lease.promise(_DECIDE_WITHIN_S)
+        act = self._docking.step(now_ns, seen) if seen is not None else None
+        if act is not None and act.goal is not None:
+            self._goals.send(now_ns, topics.MAP_FRAME, act.goal)
+        command = STOP if act is None or self._heard.odometry_is_old else act.command
+        if command is not None and not threads.is_ending():
+            self._command_pub.publish(convert.twist(command))
+
     def _watch(self) -> None:
-        """Begin what the battery wants."""
-        if not self._config.return_to_charge or self._heard.seat is None or self._heard.hold is not None:
-            return
-        way_m = self._way.length_m(self._heard.T_map_base, self._heard.seat)
-        errand = self._keeper.errand(headers.now_ns(), self._docking.state, way_m)
+        """Begin what is due."""
+        errand = self._errands.due(headers.now_ns(), self._docking.state)
         if errand is None:
             return
-        rospy.logwarn("%s: %s", errand.value, self._keeper.reason)
         try:
             (self._start if errand is Errand.DOCK else self._leave)()
         except VsxError as error:
