@@ -68,6 +68,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
         "tests/docking_robot",
         "benchmarks/docking",
     ),
+    "charging": (*_IN_LOCK_STEP, "hw/vsx_hw", "benchmarks/charging"),
     "zones": (*_IN_LOCK_STEP, "benchmarks/zones"),
     "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
 }

@@ -26,6 +26,7 @@ from vsx_ros.ros.callbacks import hear_operator_hold, json_object, subscribe
 from vsx_ros.ros.situation import LocalizationSubscriber
 
 _STATUS_S, _WAY_S = 1.0, 30.0  # between repetitions of the status; between questions for the way
+_SOON_S = 1800.0  # the way is asked for when the battery lasts no longer
 _ANSWER_S = 5.0  # of the exploration and of the planner
 _ODOMETRY_S = 0.5  # as for the follower
 _FAR_M = 1e4  # larger than any building
@@ -87,7 +88,8 @@ class HeardDock:
 
     def _on_battery(self, msg: BatteryState) -> None:
         self._charging = msg.power_supply_status in _CHARGES
-        self._keeper.add(headers.now_ns(), msg.percentage, self._charging)
+        full = msg.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_FULL  # by the charger; voltages differ
+        self._keeper.add(headers.now_ns(), 1.0 if full else msg.percentage, self._charging)
 
     def _on_pose(self, msg: PoseStamped) -> None:
         self.seat = convert.se2(msg.pose)
@@ -188,8 +190,10 @@ class Errands:
             self._pause.begin()
             errand, reason = Errand.UNDOCK, "the exploration begins on the dock"
         elif self._config.return_to_charge and heard.seat is not None and heard.hold is None:
-            errand = self._keeper.errand(now_ns, state, self._way.length_m(heard.T_map_base, heard.seat))
-            reason = self._keeper.reason
+            left_s = self._keeper.meter.left_s
+            soon = left_s is not None and left_s < _SOON_S
+            way_m = self._way.length_m(heard.T_map_base, heard.seat) if soon else None
+            errand, reason = self._keeper.errand(now_ns, state, way_m), self._keeper.reason
         if errand is not None:
             rospy.logwarn("%s: %s", errand.value, reason)
         return errand

@@ -21,7 +21,7 @@ from vsx_ros.config import Config
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.navigation.dock_light import dock_light
 from vsx_ros.navigation.docking import Docking
-from vsx_ros.navigation.docking_state import DockingSeen, DockingState
+from vsx_ros.navigation.docking_state import DockingState
 from vsx_ros.navigation.energy import ChargeKeeper, Errand
 from vsx_ros.robot import STOP
 from vsx_ros.ros import convert, headers, node, threads, topics
@@ -30,7 +30,7 @@ from vsx_ros.ros.docking import DockStatus, Errands, ExplorationPause, HeardDock
 from vsx_ros.ros.driving import PERIOD_S, Lease
 from vsx_ros.ros.mission_output import GoalSender
 
-_CONTROL_S, _BATTERY_S, _DECIDE_WITHIN_S = 1.0 / 30.0, 1.0, 1.0  # a step takes milliseconds
+_CONTROL_S, _BATTERY_S, _DECIDE_WITHIN_S = 1.0 / 30.0, 1.0, 1.0
 
 
 class DockNode:
@@ -53,7 +53,6 @@ class DockNode:
         threads.every(_BATTERY_S, "battery", self._watch)
 
     def _start(self, text: str = "{}") -> str:
-        """Raises InputError when there is no dock to drive to, ConfigError for a base without one."""
         seat, kind = wanted_dock(text) or self._heard.seat, self._heard.kind
         if seat is None:
             raise InputError("no dock is known in this map: give its place with 'vsx dock --at', or drive onto it once")
@@ -64,7 +63,6 @@ class DockNode:
         return "driving to the dock"
 
     def _leave(self) -> str:
-        """Raises InputError when the base is not on its dock."""
         if not self._heard.docked:
             raise InputError("the base is not on its dock")
         with self._lock:
@@ -81,10 +79,9 @@ class DockNode:
         if self._heard.hold is not None:
             self._cancel(self._heard.hold.words())
         with self._lock:
-            seen = self._heard.seen(now_ns, self._goals.state()[0])
             if not self._docking.state.rests:
                 self._busy = True
-                self._drive(now_ns, seen)
+                self._drive(now_ns)
             ended, self._busy = self._busy and self._docking.state.rests, not self._docking.state.rests
             if ended:
                 self._goals.cancel()
@@ -93,8 +90,9 @@ class DockNode:
         if ended and self._docking.state in (DockingState.UNDOCKED, DockingState.FAILED):
             self._pause.end()
 
-    def _drive(self, now_ns: int, seen: DockingSeen | None) -> None:
+    def _drive(self, now_ns: int) -> None:
         self._lease.promise(_DECIDE_WITHIN_S)
+        seen = self._heard.seen(now_ns, self._goals.state()[0])
         act = self._docking.step(now_ns, seen) if seen is not None else None
         if act is not None and act.goal is not None:
             self._goals.send(now_ns, topics.MAP_FRAME, act.goal)
@@ -103,9 +101,7 @@ class DockNode:
             self._command_pub.publish(convert.twist(command))
 
     def _watch(self) -> None:
-        """Begin what is due."""
-        errand = self._errands.due(headers.now_ns(), self._docking.state)
-        if errand is None:
+        if (errand := self._errands.due(headers.now_ns(), self._docking.state)) is None:
             return
         try:
             (self._start if errand is Errand.DOCK else self._leave)()
