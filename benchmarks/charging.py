@@ -2,10 +2,10 @@
 
     PYTHONPATH=src:hw python benchmarks/charging.py run [--world lab] [--seeds 100-104] [--pace 40]
 
-In lock-step, with everything in the loop, the camera included: a lab with a Kobuki's dock at a wall near the start, which
-the robot knows within ``REMEMBERED_M``. The battery drains and charges ``--pace`` times faster than a real one, so
-that it must be charged several times. ``ChargeKeeper`` sends the robot to the dock, ``Docking`` drives it there by the light
-that ``vsx_hw.dock_emulator`` computes for the true pose, 15 readings a second; at 95 % it leaves and explores on.
+In lock-step, with everything in the loop, the camera included: a lab with a Kobuki's dock at a wall near the start. The
+robot knows where, within ``REMEMBERED_M``. The battery drains and charges ``--pace`` times faster than a real one, so
+that it must be charged several times. ``ChargeKeeper`` sends the robot to the dock, ``Docking`` drives it there by the
+light that ``vsx_hw.dock_emulator`` computes for the true pose, 15 readings a second; at 95 % it leaves and explores on.
 A row is one run: ``charges``, ``failures`` to dock, ``least_ratio`` of the battery, ``coverage`` (known and right),
 ``ate_m``, ``touches`` (not of the dock), ``minutes``, ``driven_m``, ``stop_reason``, ``docking`` (its last reason)."""
 

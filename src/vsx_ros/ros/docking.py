@@ -186,6 +186,8 @@ class Errands:
     def due(self, now_ns: int, state: DockingState) -> Errand | None:
         """What the battery wants; an exploration that begins on the dock leaves it first. state: of the docking."""
         heard, errand, reason = self._heard, None, ""
+        if state is DockingState.DOCKED and not heard.docked:
+            state = DockingState.IDLE  # somebody has taken it off
         if heard.docked and self._pause.starts and state is DockingState.IDLE:
             self._pause.begin()
             errand, reason = Errand.UNDOCK, "the exploration begins on the dock"
