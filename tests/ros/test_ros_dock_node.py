@@ -172,8 +172,10 @@ def test_an_emptying_battery_sends_it_to_the_dock_and_a_full_one_off_it(wires, m
     assert wires.asked.count(topics.EXPLORE_PAUSE) == 1
     assert topics.MAKE_PLAN in wires.asked
     robot.board.battery.pace = 1000.0
-    robot.until("undocked", 60.0)
-    assert robot.reading.battery.fraction > 0.85
+    robot.until("undocking", 60.0)
+    assert robot.board.battery.fraction > 0.9
+    robot.board.battery.pace = 1.0
+    robot.until("undocked", 20.0)
     assert wires.asked.count(topics.EXPLORE_RESUME) == 1
     assert robot.states_seen[0] == "idle"
     assert robot.states_seen[1:5] == ["approaching", "searching", "aligning", "creeping"]

@@ -27,9 +27,11 @@ _SEEN_PLACES = 4  # at so many the dock was seen: no ghost
 _ON_AXIS_RATIO, _NEAREST_M, _FARTHEST_M = 0.10, 0.42, 1.0  # off the axis per metre; where creeping may begin
 _AT_PLACE_M, _FACING_RAD = 0.05, 0.06
 _AT_DOCK_M = 0.25  # before its seat: a contact here, in the light of the dock, is one with the dock
-_BESIDE_M = (0.0, 0.02, -0.02, 0.04, -0.04, 0.0)
+_BESIDE_M = (0.0, 0.02, -0.02)
 """How far beside the estimated axis a try goes. In the middle beam nothing tells where the middle is: if a contact is
-missed there, the next tries are made to both sides of it."""
+missed there, the next tries are made to both sides of it. Then the dock is looked for anew: it is known where it was
+touched, but its axis may be wrong."""
+_TOUCHED_M, _TOUCHED_RAD = 0.08, 0.6  # how well the dock is then known
 _BEYOND_M = 0.20  # driven past the seat without contact: the dock was believed so much too near, or missed
 _BLOCKED_S, _DARK_S, _NO_CONTACT_S, _NO_CURRENT_S, _STEADY_S = 1.5, 1.5, 2.5, 10.0, 1.0
 _STATE_S = 60.0  # longest time in one state
@@ -47,6 +49,7 @@ class Docking:
         self._filter = DockFilter(self._light, self._rng)
         self.state, self.reason, self.tries = DockingState.IDLE, "", 0
         self._T_map_dock, self._places = SE2(), list[SE2]()
+        self._prior = SE2(), 0.0, 0.0
         self._since_ns, self._entered, self._epoch = 0, True, 0
         self._begun = self._moved = SE2()  # T_odom_base where the state began, and where the base moved last
         self._look = LookAround(0.0, 0.0)
@@ -113,9 +116,7 @@ class Docking:
             self._epoch = seen.odometry.odom_epoch
         if self.state is DockingState.SEARCHING:
             self._look = LookAround(pose.theta, self._config.sweep_rad)
-            if seen.T_map_base is not None:
-                T_odom_dock = pose @ seen.T_map_base.inverse() @ self._T_map_dock
-                self._filter.restart(T_odom_dock, self._config.remembered_sigma_m, self._config.remembered_sigma_rad)
+            self._filter.restart(*self._prior)
 
     def _approach(self, now_ns: int, seen: DockingSeen, begins: bool) -> DockingAct:
         if seen.T_map_base is None:
@@ -125,6 +126,8 @@ class Docking:
                 return self._fail(now_ns, "the dock is not to be seen from any place before it that can be driven to")
             return DockingAct(None, self._places.pop(0))
         if seen.navigation is NavigationState.SUCCEEDED:
+            T_odom_dock = seen.odometry.T_odom_base @ seen.T_map_base.inverse() @ self._T_map_dock
+            self._prior = T_odom_dock, self._config.remembered_sigma_m, self._config.remembered_sigma_rad
             return self._enter(now_ns, DockingState.SEARCHING, "looking for the light of the dock")
         if seen.navigation is NavigationState.ABORTED:
             return self._enter(now_ns, DockingState.APPROACHING, "no way there; trying another place before the dock")
@@ -167,7 +170,7 @@ class Docking:
 
     def _creep(self, now_ns: int, seen: DockingSeen) -> DockingAct:
         base = seen.odometry.T_odom_base
-        beside_m = _BESIDE_M[min(self.tries, len(_BESIDE_M) - 1)]
+        beside_m = _BESIDE_M[self.tries % len(_BESIDE_M)]
         at = (self.T_odom_dock() @ SE2(0.0, beside_m, 0.0)).inverse() @ base
         left_m = at.x - self._light.seat_m
         if base.distance_to(self._moved) > 0.01 or abs(base.angle_to(self._moved)) > 0.02:
@@ -201,6 +204,9 @@ class Docking:
         self.tries += 1
         if self.tries >= self._config.tries:
             return self._fail(now_ns, f"{reason}; given up after {self.tries} tries")
+        if self.tries % len(_BESIDE_M) == 0 and self._filter.seen >= _SEEN_PLACES:
+            self._prior = self.T_odom_dock(), _TOUCHED_M, _TOUCHED_RAD
+            self._filter.seen = 0
         self._filter.loosen(self._config.doubt_m, self._config.doubt_rad)
         return self._enter(now_ns, DockingState.BACKING_OFF, f"{reason}; backing off to try again")
 

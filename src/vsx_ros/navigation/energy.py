@@ -102,7 +102,6 @@ class ChargeKeeper:
         if usable_s > self.needed_s(way_m):
             return None
         self._sent, self._not_before_ns = True, now_ns + _TRY_AGAIN_NS
-        self.reason = (
-            f"the battery has {self._fraction:.0%}, {left_s / 60.0:.0f} min, and the way to the dock needs some"
-        )
+        left_min, way_min = left_s / 60.0, self.needed_s(way_m) / 60.0
+        self.reason = f"the battery lasts {left_min:.0f} min ({self._fraction:.0%}); {way_min:.0f} min are for the way"
         return Errand.DOCK
