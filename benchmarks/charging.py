@@ -2,10 +2,10 @@
 
     PYTHONPATH=src:hw python benchmarks/charging.py run [--world lab] [--seeds 100-104] [--pace 40]
 
-In lock-step, with everything in the loop, the camera included: a lab with a Kobuki's dock at a wall near the start. The
-robot knows where, within ``REMEMBERED_M``. The battery drains and charges ``--pace`` times faster than a real one, so
-that it must be charged several times. ``ChargeKeeper`` sends the robot to the dock, ``Docking`` drives it there by the
-light that ``vsx_hw.dock_emulator`` computes for the true pose, 15 readings a second; at 95 % it leaves and explores on.
+In lock-step, with everything in the loop, the camera included: a lab in which the robot begins just off a Kobuki's dock
+at a wall, looking away from it. The battery drains and charges ``--pace`` times faster than a real one, so that it must
+be charged several times. ``ChargeKeeper`` sends the robot to the dock, ``Docking`` drives it there by the light that
+``vsx_hw.dock_emulator`` computes for the true pose, 15 readings a second; at 95 % it leaves and explores on.
 A row is one run: ``charges``, ``failures`` to dock, ``least_ratio`` of the battery, ``coverage`` (known and right),
 ``ate_m``, ``touches`` (not of the dock), ``minutes``, ``driven_m``, ``stop_reason``, ``docking`` (its last reason)."""
 
@@ -35,11 +35,13 @@ from vsx_ros.navigation.navigator import ComputingTime, Navigator
 from vsx_ros.robot import Frame, Odometry, VelocityCommand
 from vsx_ros.runs.lockstep import STOPPED_BY_OPERATOR, FastRun
 from vsx_ros.runs.world import open_world
-from vsx_ros.sim.body import Body
+from vsx_ros.sim.body import Body, BodySettings
+from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.world import Start
 
-FRONT_M = 0.03  # the wall is the front of the dock's housing
-FREE_M, BEFORE_M, NEAR_M, FAR_M = 0.35, (0.45, 0.7, 0.95), 0.8, 3.5  # room before a dock; its distance from the start
-REMEMBERED_M, REMEMBERED_RAD, LIMIT_S = 0.1, 0.1, 1800.0
+FRONT_M, UNDOCKED_M = 0.03, 0.66  # the wall is the front of the dock's housing; where the base stands after undocking
+FREE_M, BEFORE_M, FAR_M = 0.35, np.arange(0.45, 1.7, 0.2), 3.5  # room before a dock; distance from the world's start
+LIMIT_S = 1800.0
 
 
 class Charging(NamedTuple):
@@ -48,17 +50,21 @@ class Charging(NamedTuple):
     pace: float
 
 
-def dock_place(body: Body, start: SE2, rng: np.random.Generator) -> SE2:
-    """A dock at a wall that the start may see, with room before it."""
+def dock_place(world: EmulatedWorld, rng: np.random.Generator) -> SE2:
+    """A dock at a wall not far from the start, with room before it."""
+    start, segments = world.start_pose, world.obstacle_segments(0.0, Config().robot.height_m)
+    body = Body(segments, start, 0.0, BodySettings(), rng)
+    x0, y0, x1, y1 = world.bounds
     places = []
-    for (ax, ay), (ex, ey) in zip(body._a, body._edge):
-        length = math.hypot(ex, ey)
+    for ax, ay, bx, by in segments.tolist():
+        length = math.hypot(bx - ax, by - ay)
         for share in np.arange(0.3, length - 0.3, 0.1) / max(length, 1e-9):
             for side in (1.0, -1.0):
-                heading = math.atan2(ey, ex) + side * 0.5 * math.pi
-                wall = SE2(float(ax + share * ex), float(ay + share * ey), heading)
-                free = all(body.clearance(*(wall @ SE2(d, 0.0, 0.0)).as_array()[:2]) > FREE_M - 0.18 for d in BEFORE_M)
-                if free and NEAR_M < wall.distance_to(start) < FAR_M:
+                heading = math.atan2(by - ay, bx - ax) + side * 0.5 * math.pi
+                wall = SE2(float(ax + share * (bx - ax)), float(ay + share * (by - ay)), heading)
+                ahead = [wall @ SE2(float(d), 0.0, 0.0) for d in BEFORE_M]
+                inside = x0 < ahead[-1].x < x1 and y0 < ahead[-1].y < y1
+                if inside and wall.distance_to(start) < FAR_M and all(body.clearance(p.x, p.y) > FREE_M for p in ahead):
                     places.append(wall @ SE2(-FRONT_M, 0.0, 0.0))
     return places[int(rng.integers(len(places)))]
 
@@ -67,12 +73,11 @@ class ChargingRun(FastRun):
     """The mission is paused while the robot docks and charges."""
 
     def __init__(self, task: Charging, config: Config) -> None:
-        super().__init__(open_world(task.world, task.seed), task.seed, "fov", config)
-        rng, self._rng = np.random.default_rng([task.seed, 91]), random.Random(task.seed)
-        start = self.robot.body.T_world_base
-        self.dock = dock_place(self.robot.body, start, rng)
-        off = SE2(*rng.normal(0.0, (REMEMBERED_M, REMEMBERED_M, REMEMBERED_RAD)))
-        self._seat = DOCK_LIGHTS["kobuki"].seat(start.inverse() @ self.dock @ off)  # the map begins at the start
+        world, rng = open_world(task.world, task.seed), np.random.default_rng([task.seed, 91])
+        self.dock, self._rng = dock_place(world, rng), random.Random(task.seed)
+        x, y, heading = (self.dock @ SE2(UNDOCKED_M, 0.0, 0.0)).as_array().tolist()
+        super().__init__(world.starting_at(Start(x=x, y=y, theta_rad=heading)), task.seed, "fov", config)
+        self._seat = DOCK_LIGHTS["kobuki"].seat(self.robot.body.T_world_base.inverse() @ self.dock)  # in the map
         self.battery, self.keeper_of_charge = EmulatedBattery(KOBUKI_CELLS, 1.0), ChargeKeeper(config.docking)
         self.battery.pace = task.pace
         self.docking = Docking(config.docking, task.seed)
@@ -102,7 +107,7 @@ class ChargingRun(FastRun):
         hazard = "bumper pressed" if any(self.robot.body.bumper) else ""
         seen = DockingSeen(
             odometry=self.system.odometry, sight=sight, docked=docked, charging=docked, hazard=hazard,
-            T_map_base=where.T_map_base, navigation=self._navigator.state,
+            T_map_base=where.T_map_base, navigation=self._navigator.state, navigation_reason=self._navigator.reason,
         )  # fmt: skip
         act = self.docking.step(now_ns, seen)
         if act.goal is not None:

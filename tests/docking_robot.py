@@ -97,8 +97,8 @@ class DockingRobot:
         self.docking.dock(self.now_ns, self.kind, self.room.remembered)
         return self.run(limit_s)
 
-    def undock(self, limit_s: float = 20.0) -> DockingState:
-        self.docking.undock(self.now_ns)
+    def undock(self, limit_s: float = 20.0, turn_rad: float = 0.0) -> DockingState:
+        self.docking.undock(self.now_ns, turn_rad)
         return self.run(limit_s)
 
     def run(self, limit_s: float) -> DockingState:
@@ -160,6 +160,7 @@ class DockingRobot:
         seen = DockingSeen(
             odometry=moved, sight=sight, docked=battery.docked, charging=battery.charging or battery.state == "charged",
             hazard=hazard, T_map_base=where.T_map_base, navigation=self.navigator.state,
+            navigation_reason=self.navigator.reason,
         )  # fmt: skip
         act = self.docking.step(self.now_ns, seen)
         if act.goal is not None:

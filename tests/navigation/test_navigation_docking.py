@@ -52,6 +52,14 @@ def test_a_dock_20_cm_and_20_deg_off_its_remembered_place_is_found(kind):
     assert abs(seen_from_base.y) < 0.03
 
 
+def test_before_an_exploration_it_turns_away_from_the_dock():
+    robot = DockingRobot("create", Room(SE2(0.35, 0.0, math.pi)), 6)
+    assert robot.dock() is DockingState.DOCKED, robot.docking.reason
+    assert robot.undock(30.0, turn_rad=math.pi) is DockingState.UNDOCKED
+    assert abs(wrap_angle(robot.at.theta)) < 0.3
+    assert 0.55 < robot.at.x < 0.8
+
+
 def test_a_charger_that_does_not_engage_is_tried_again_and_given_up_with_the_reason():
     robot = DockingRobot("kobuki", BACK_TURNED, 3, Config(docking=DockingConfig(tries=2)))
     robot.board.engages = False
@@ -108,6 +116,24 @@ def test_it_asks_navigation_for_a_place_before_the_dock_and_leaves_the_wheels_to
     other = docking.step(4, seen()).goal
     assert math.hypot(other.x, other.y) == pytest.approx(0.8)
     assert other.y == pytest.approx(0.8 * math.sin(math.radians(35.0)))
+
+
+def test_without_a_way_to_any_place_it_tells_the_planners_reason():
+    docking, now_ns = begun(), 0
+    while docking.state is DockingState.APPROACHING and now_ns < 100:
+        now_ns += 1
+        docking.step(now_ns, seen(navigation=NavigationState.ABORTED, navigation_reason="the goal is not free"))
+    assert docking.reason == "no way to the dock: the goal is not free"
+
+
+def test_a_base_that_cannot_leave_its_dock_gives_up():
+    docking, now_ns = Docking(DockingConfig(), 0), 0
+    docking.undock(0)
+    while docking.state is DockingState.UNDOCKING and now_ns < 100_000_000_000:
+        now_ns += 1_000_000_000
+        docking.step(now_ns, seen(docked=True))
+    assert docking.state is DockingState.FAILED
+    assert "took too long" in docking.reason
 
 
 @pytest.mark.parametrize(

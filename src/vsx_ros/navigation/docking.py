@@ -50,6 +50,7 @@ class Docking:
         self.state, self.reason, self.tries = DockingState.IDLE, "", 0
         self._T_map_dock, self._places = SE2(), list[SE2]()
         self._prior = SE2(), 0.0, 0.0
+        self._turn_rad, self._reached = 0.0, False
         self._since_ns, self._entered, self._epoch = 0, True, 0
         self._begun = self._moved = SE2()  # T_odom_base where the state began, and where the base moved last
         self._look = LookAround(0.0, 0.0)
@@ -60,13 +61,14 @@ class Docking:
         """Dock a base of this kind; the dock was last here. Raises ConfigError for a base without a known dock."""
         self._light = light = dock_light(kind)
         self._filter = DockFilter(light, self._rng)
-        self._T_map_dock, self.tries = T_map_dock, 0
+        self._T_map_dock, self.tries, self._reached = T_map_dock, 0, False
         around = (0.0, _AROUND_RAD, -_AROUND_RAD)
         self._places = [T_map_dock @ SE2(0.0, 0.0, a) @ SE2(light.stand_m, 0.0, math.pi) for a in around]
         self._enter(now_ns, DockingState.APPROACHING, "driving to the dock")
 
-    def undock(self, now_ns: int) -> None:
-        """Leave the dock backwards."""
+    def undock(self, now_ns: int, turn_rad: float = 0.0) -> None:
+        """Leave the dock backwards, then turn on the spot by this angle."""
+        self._turn_rad = turn_rad
         self._enter(now_ns, DockingState.UNDOCKING, "leaving the dock backwards")
 
     def cancel(self, now_ns: int, reason: str) -> None:
@@ -95,7 +97,8 @@ class Docking:
         if self.state is DockingState.APPROACHING:
             return self._approach(now_ns, seen, begins)
         if now_ns - self._since_ns > _STATE_S * 1e9:
-            return self._retry(now_ns, f"{self.state.value} took too long")
+            ends = self._fail if self.state is DockingState.UNDOCKING else self._retry
+            return ends(now_ns, f"{self.state.value} took too long")
         return {
             DockingState.SEARCHING: self._search, DockingState.ALIGNING: self._align,
             DockingState.CREEPING: self._creep, DockingState.VERIFYING: self._check,
@@ -123,10 +126,12 @@ class Docking:
             return self._fail(now_ns, "the base does not know where it is in the map")
         if begins:
             if not self._places:
-                return self._fail(now_ns, "the dock is not to be seen from any place before it that can be driven to")
+                unseen = "the dock is not to be seen from any place before it that can be driven to"
+                return self._fail(now_ns, unseen if self._reached else f"no way to the dock: {seen.navigation_reason}")
             return DockingAct(None, self._places.pop(0))
         if seen.navigation is NavigationState.SUCCEEDED:
             T_odom_dock = seen.odometry.T_odom_base @ seen.T_map_base.inverse() @ self._T_map_dock
+            self._reached = True
             self._prior = T_odom_dock, self._config.remembered_sigma_m, self._config.remembered_sigma_rad
             return self._enter(now_ns, DockingState.SEARCHING, "looking for the light of the dock")
         if seen.navigation is NavigationState.ABORTED:
@@ -218,10 +223,13 @@ class Docking:
         return self._enter(now_ns, DockingState.ALIGNING, "driving onto the axis of the dock")
 
     def _leave(self, now_ns: int, seen: DockingSeen) -> DockingAct:
-        if seen.odometry.T_odom_base.distance_to(self._begun) < self._config.undock_m:
+        base = seen.odometry.T_odom_base
+        if base.distance_to(self._begun) < self._config.undock_m:
             return DockingAct(VelocityCommand(-self._config.v_m_s, 0.0))
         if seen.docked:
             return self._fail(now_ns, "the contacts still touch; look at the dock")
+        if abs(left_rad := wrap_angle(self._begun.theta + self._turn_rad - base.theta)) > _FACING_RAD:
+            return DockingAct(turn(left_rad, self._config.omega_rad_s))
         return self._enter(now_ns, DockingState.UNDOCKED, "off the dock")
 
     def _fail(self, now_ns: int, reason: str) -> DockingAct:

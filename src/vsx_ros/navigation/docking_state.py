@@ -41,6 +41,7 @@ class DockingSeen(NamedTuple):
     hazard: str
     T_map_base: SE2 | None
     navigation: NavigationState
+    navigation_reason: str = ""
 
 
 class DockingAct(NamedTuple):

@@ -107,23 +107,26 @@ class HeardDock:
         """The base in the map, if known."""
         return self._where.at(headers.now_ns()).T_map_base
 
-    def seen(self, now_ns: int, navigation: NavigationState) -> DockingSeen | None:
-        """What is known now; each reading of the receivers once. None before the first odometry."""
+    def seen(self, now_ns: int, navigation: tuple[NavigationState, str]) -> DockingSeen | None:
+        """What is known now; each reading of the receivers once. None before the first odometry. navigation: state and
+        reason of the goal."""
         where, sight = self._where.at(now_ns), self._sight
         self._sight = None
         if where.odometry is None:
             return None
         return DockingSeen(
             odometry=where.odometry, sight=sight, docked=self.docked, charging=self._charging, hazard=self._hazard,
-            T_map_base=where.T_map_base, navigation=navigation,
+            T_map_base=where.T_map_base, navigation=navigation[0], navigation_reason=navigation[1],
         )  # fmt: skip
 
 
 class ExplorationPause:
-    """Subscribers: explore/status. Pauses the exploration, if there is one, and lets it go on afterwards."""
+    """Subscribers: explore/status. Pauses the exploration, if there is one, and lets it go on afterwards. began_here:
+    it had not driven yet when it was paused."""
 
     def __init__(self) -> None:
         self._state, self._paused = "", False
+        self.began_here = False
         subscribe(topics.EXPLORE_STATUS, String, self._on_status, queue_size=1)
 
     def _on_status(self, msg: String) -> None:
@@ -136,6 +139,7 @@ class ExplorationPause:
 
     def begin(self) -> None:
         """Pause. A mission that the operator has paused stays his."""
+        self.began_here = self.starts
         if self._state not in ("", MissionState.PAUSED.value, MissionState.DONE.value):
             self._paused = self._asked(topics.EXPLORE_PAUSE)
 

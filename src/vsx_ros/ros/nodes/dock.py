@@ -12,6 +12,7 @@ Parameters: ~config (tree of 'vsx config', branch docking), ~seed (int, 0).
 The exploration is paused before docking, and goes on after undocking if it was paused by that; one that begins on the
 dock leaves it first. Bumpers, cliffs and emergency stop act as always; whoever takes the wheels ends the docking."""
 
+import math
 import threading
 
 import rospy
@@ -65,8 +66,9 @@ class DockNode:
     def _leave(self) -> str:
         if not self._heard.docked:
             raise InputError("the base is not on its dock")
+        around = math.pi if self._pause.began_here else 0.0  # a new exploration drives ahead
         with self._lock:
-            self._docking.undock(headers.now_ns())
+            self._docking.undock(headers.now_ns(), around)
         return "leaving the dock backwards"
 
     def _cancel(self, reason: str) -> str:
@@ -92,7 +94,7 @@ class DockNode:
 
     def _drive(self, now_ns: int) -> None:
         self._lease.promise(_DECIDE_WITHIN_S)
-        seen = self._heard.seen(now_ns, self._goals.state()[0])
+        seen = self._heard.seen(now_ns, self._goals.state())
         act = self._docking.step(now_ns, seen) if seen is not None else None
         if act is not None and act.goal is not None:
             self._goals.send(now_ns, topics.MAP_FRAME, act.goal)
