@@ -66,9 +66,8 @@ class DockNode:
     def _leave(self) -> str:
         if not self._heard.docked:
             raise InputError("the base is not on its dock")
-        around = math.pi if self._pause.began_here else 0.0  # a new exploration drives ahead
-        with self._lock:
-            self._docking.undock(headers.now_ns(), around)
+        with self._lock:  # a new exploration drives ahead
+            self._docking.undock(headers.now_ns(), math.pi if self._pause.began_here else 0.0)
         return "leaving the dock backwards"
 
     def _cancel(self, reason: str) -> str:
@@ -103,12 +102,12 @@ class DockNode:
             self._command_pub.publish(convert.twist(command))
 
     def _watch(self) -> None:
-        if (errand := self._errands.due(headers.now_ns(), self._docking.state)) is None:
-            return
+        errand = self._errands.due(headers.now_ns(), self._docking.state)
         try:
-            (self._start if errand is Errand.DOCK else self._leave)()
+            if errand is not None:
+                (self._start if errand is Errand.DOCK else self._leave)()
         except VsxError as error:
-            rospy.logwarn("%s: %s", errand.value, error)
+            rospy.logwarn("%s", error)
 
     def close(self) -> None:
         """Stand before the node ends."""
