@@ -37,6 +37,7 @@ setup(
         "shtab>=1.7",
         "pycollada>=0.8",
         "trimesh>=4",
+        "charset-normalizer>=3",
         "Pillow>=10",
     ],
     extras_require={"sweep": ["distributed>=2024.1"]},

@@ -10,7 +10,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.distance import clearance_field
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import KeepOut, ZonedGrid, speed_limits, with_zones
-from vsx_ros.occupancy.zones import AnchoredZones, Zone, ZoneKind
+from vsx_ros.occupancy.zones import AnchoredZones, Zone, ZoneKind, zone_of
 
 BODY_M, MARGIN_M, CELL_M = 0.18, 0.05, 0.05
 DIAGONAL_M = math.sqrt(0.5) * CELL_M
@@ -156,3 +156,11 @@ def test_adding_the_same_name_replaces_and_an_unknown_name_is_told() -> None:
     with pytest.raises(InputError, match="damaged"):
         zones.restore({"zones": np.frombuffer(b"[1", np.uint8), "zone_corners": np.zeros((0, 7))})
     zones.restore({})
+
+
+@pytest.mark.parametrize(
+    ("points", "v_m_s"), [([[10**400, 0], [0, 1]], None), ([[0, 0], [0, 1]], 10**400)], ids=["corner", "speed"]
+)
+def test_numbers_that_no_float_holds_are_refused(points: list[list[int]], v_m_s: int | None) -> None:
+    with pytest.raises(InputError, match="'z'"):
+        zone_of({"name": "z", "kind": "wall", "points": points, "v_m_s": v_m_s})

@@ -89,7 +89,8 @@ def triangle_file(path: Path, kind: str) -> None:
     elif kind == "glb":
         trimesh.Trimesh(corners, [[0, 1, 2]]).export(path)
     else:
-        path.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "f 1 2 3\n")
+        lines = "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
+        path.write_text(f"# Tür\n{lines}f 1 2 3\n", encoding="latin-1")  # older exporters know no UTF-8
 
 
 @pytest.mark.parametrize("kind", ["stl", "obj", "glb"])

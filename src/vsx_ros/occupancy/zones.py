@@ -72,7 +72,7 @@ def zone_of(tree: Any) -> Zone:
 def _points(name: str, given: Any) -> tuple[tuple[float, float], ...]:
     try:
         points = tuple((float(x), float(y)) for x, y in given[: MAX_CORNERS + 1])
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"zone {name!r}: its points are pairs of x and y [m], not {given!r:.60}") from error
     if len(points) > MAX_CORNERS:
         raise InputError(f"zone {name!r} has more than {MAX_CORNERS} corners; draw it simpler")
@@ -87,7 +87,10 @@ def _number(name: str, given: Any) -> float | None:
         return None
     if isinstance(given, bool) or not isinstance(given, (int, float)):
         raise InputError(f"zone {name!r}: its speed v_m_s is a number [m/s], not {given!r:.60}")
-    return float(given)
+    try:
+        return float(given)
+    except OverflowError:
+        raise InputError(f"zone {name!r}: its speed v_m_s is no number of metres per second") from None
 
 
 def _checked(zone: Zone) -> Zone:
