@@ -153,7 +153,7 @@ def test_a_run_whose_results_cannot_be_written_can_be_gone_on_with(driven, tmp_p
     said: list[str] = []
     monkeypatch.setattr(RunFolder, "write_poses", refuse)
     monkeypatch.setattr(logs.rospy, "logerr", lambda form, error: said.append(form % error))
-    run.end(slam, GROUND, None, None)
+    run.end(slam, GROUND, None, None, lambda *_: None)
     assert len(said) == 1
     assert "trajectory.txt cannot be used" in said[0]
     assert {"summary.json", "frames.csv", "events.jsonl"} <= {path.name for path in tmp_path.iterdir()}

@@ -123,7 +123,7 @@ def test_wheels_that_turn_while_the_camera_stands_are_stopped_and_the_robot_back
 
     try:
         stack.wait_until_driving()
-        stack.wait(lambda: events and events[-1].startswith("view at"), 120.0, "a new drive on the map")
+        stack.wait(lambda: events and "[view at" in events[-1], 120.0, "a new drive on the map")
         stack.wait_until_driving()
         monkeypatch.setattr(stack.plant.body, "_move", against_a_box)
         stack.wait(
@@ -155,7 +155,7 @@ def test_odometry_that_restarts_is_no_obstacle_and_no_way_back(stack: Stack) -> 
         assert rospy.ServiceProxy(f"/{topics.RESET_ODOMETRY}", Trigger)().success
         stack.wait(lambda: any("odometry restarted" in reason for reason in events), 10.0, "the mission to notice")
         begin = next(k for k, reason in enumerate(events) if "odometry restarted" in reason)
-        stack.wait(lambda: any(reason.startswith("view at") for reason in events[begin:]), 30.0, "the next drive")
+        stack.wait(lambda: any("[view at" in reason for reason in events[begin:]), 30.0, "the next drive")
         stack.wait_until_driving()
         time.sleep(3.0)
         assert not any("stuck" in reason for reason in events[begin:])
