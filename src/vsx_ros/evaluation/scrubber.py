@@ -53,9 +53,9 @@ def _window(data: ReportData, poses: Sequence[_Pose]) -> svg.Window:
 def _map(data: ReportData, sheet: Sheet) -> str:
     """The map, on which the page draws. Without maps of the moments it shows that of the end."""
     radius_px = max(data.robot_radius_m * sheet.scale, _SMALLEST_PX)
-    ground = '<image preserveAspectRatio="none" style="image-rendering:pixelated"/>'
-    if not data.maps and data.grid is not None:
-        ground = sheet.ground(data.grid)
+    ground = sheet.ground(data.grid) if data.grid is not None else ""
+    if data.maps:
+        ground = '<image preserveAspectRatio="none" style="image-rendering:pixelated"/>'
     robot = f'<g class="robot"><circle r="{radius_px:.1f}"/><path d="M0 0h{2.2 * radius_px:.1f}"/></g>'
     unit = "m" if data.world_is_level else "map units"
     way = '<polyline class="estimate"/>'
@@ -94,9 +94,7 @@ def _told(frame: tuple[Any, ...], pose: _Pose | None, sheet: Sheet) -> list[Any]
 
 def _some_frames(data: ReportData) -> list[tuple[Any, ...]]:
     """The first frame of each step."""
-    if not data.frames:
-        return []
-    step_ns = max(1e9 * _STEP_S, (data.frames[-1][0] - data.frames[0][0]) / _MOST_PLACES)
+    step_ns = max(1e9 * _STEP_S, sum(end - begin for begin, end in _spans(data)) / _MOST_PLACES)
     return list({int(frame[0] // step_ns): frame for frame in reversed(data.frames)}.values())[::-1]
 
 

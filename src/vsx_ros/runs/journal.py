@@ -163,6 +163,11 @@ class Journal:
             why = f"journal {self._file.name} cannot be written ({error.strerror}); free the disk"
             raise InputError(why) from error
 
+    def disk_bytes(self) -> int:
+        """What is free on its disk."""
+        disk = os.fstatvfs(self._file.fileno())
+        return disk.f_bavail * disk.f_frsize
+
 
 def read_journal(path: Path, most: int = LOG_BYTES, remedy: str = "start a new run") -> list[Line]:
     """All lines, without an incomplete last one. Raises InputError when the file is damaged elsewhere, or has more

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from vsx_ros.arrays import GrayImage
+from vsx_ros.errors import InputError
 from vsx_ros.io.map_file import map_png
 from vsx_ros.limits import MIB
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -23,6 +24,7 @@ FILE_BYTES = 64 * MIB  # at most read
 REMEDY = "delete it, the report then goes without it"
 PICTURES_BYTES, MAPS_BYTES = 7_000_000, 2_400_000  # of all images of a kind; in the report they take a third more
 _LONGER_SIDE_PX, _QUALITY_PERCENT = 320, 55  # 7 to 9 kB a picture: ten minutes at one a second fit
+_SPARED_BYTES = 64 * MIB  # of the disk: map and results come first
 _WAITING = 10  # moments that wait for a slow disk; older ones are dropped
 _LONGEST_S, _LATEST_NS = 1e6, 2**62  # between two moments; of any stamp
 _LineT = TypeVar("_LineT", PictureLine, MapLine)
@@ -57,23 +59,23 @@ class MomentWriter:
         self._path, self._usual_ns = path, round(1e9 * min(period_s, _LONGEST_S))
         self._seen: deque[tuple[int, GrayImage, OccupancyGrid | None]] = deque(maxlen=_WAITING)
         self._writing = threading.Lock()
-        self._slot: int | None = None
-        self._map_slot: int | None = None
+        self._noted_ns: int | None = None
+        self._mapped_ns: int | None = None
         self._last_map = b""
         self._keep(known)
 
     def see(self, frame: Frame, grid: OccupancyGrid | None) -> bool:
         """Note the frame and the ground map if a picture is due; returns whether it is. Takes no time."""
-        slot = frame.stamp_ns // self._period_ns
-        if slot == self._slot:
+        if _same_slot(self._noted_ns, frame.stamp_ns, self._period_ns):
             return False
-        self._slot = slot
+        self._noted_ns = frame.stamp_ns
         self._seen.append((frame.stamp_ns, frame.image, grid))
         return True
 
     def write(self) -> None:
-        """Write what was noted; may wait for the disk. Raises InputError when the disk is full."""
+        """Write what was noted; may wait for the disk. Raises InputError when the disk is nearly full."""
         with self._writing:
+            self._check_disk()
             while self._seen:
                 stamp_ns, image, grid = self._seen.popleft()
                 lines: list[PictureLine | MapLine] = [PictureLine(stamp_ns, preview(image))]
@@ -85,12 +87,18 @@ class MomentWriter:
             if self._picture_bytes > PICTURES_BYTES or self._map_bytes > MAPS_BYTES:
                 self._keep(Moments.read(self._path))
 
+    def _check_disk(self) -> None:
+        """Drop what was noted when the room is needed for more important files."""
+        if self._seen and (free_bytes := self._journal.disk_bytes()) < _SPARED_BYTES:
+            self._seen.clear()
+            left = f"{free_bytes // MIB} MiB are left on the disk, {_SPARED_BYTES // MIB} are kept for map and results"
+            raise InputError(f"{self._path} cannot be written: {left}; free the disk")
+
     def _map(self, stamp_ns: int, grid: OccupancyGrid) -> MapLine | None:
         """None if the map has not changed, or another is not due."""
-        slot, png = stamp_ns // self._map_period_ns, map_png(grid)
-        if slot == self._map_slot or png == self._last_map:
+        if _same_slot(self._mapped_ns, stamp_ns, self._map_period_ns) or (png := map_png(grid)) == self._last_map:
             return None
-        self._map_slot, self._last_map = slot, png
+        self._mapped_ns, self._last_map = stamp_ns, png
         return map_line(stamp_ns, grid, png)
 
     def _keep(self, known: Moments) -> None:
@@ -98,6 +106,10 @@ class MomentWriter:
         kept, self._period_ns, self._map_period_ns = known.within_limits(self._usual_ns)
         self._picture_bytes, self._map_bytes = (sum(len(line.image) for line in lines) for lines in kept)
         self._journal = Journal(self._path, sorted([*kept.pictures, *kept.maps], key=lambda line: line.stamp_ns))
+
+
+def _same_slot(before_ns: int | None, now_ns: int, period_ns: int) -> bool:
+    return before_ns is not None and before_ns // period_ns == now_ns // period_ns
 
 
 def preview(image: GrayImage) -> bytes:
