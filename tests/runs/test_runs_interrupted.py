@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from vsx_ros.cli.main import execute
 from vsx_ros.config import Config
@@ -106,7 +107,17 @@ def test_a_run_that_had_hardly_begun_has_a_page(tmp_path: Path) -> None:
     assert "There is no map" in (folder.path / "report.html").read_text()
 
 
+def test_journals_that_cannot_be_are_told(killed: RunFolder) -> None:
+    """Two frames of the same moment, after a jump of 9 m."""
+    jumped = structs.replace(frame(5), T_world_cam=frame(95).T_world_cam)
+    Journal(killed.journal, [frame(4), jumped, structs.replace(frame(6), stamp_ns=jumped.stamp_ns)])
+    with pytest.raises(InputError, match="the journals in .* contradict themselves .*; run again"):
+        report_data(killed)
+
+
 def test_a_damaged_journal_is_told(killed: RunFolder) -> None:
     killed.journal.write_text("nonsense\n")
     with pytest.raises(InputError, match=r"journal\.jsonl is damaged"):
         report_data(killed)
+    killed.write_summary({"frames": 20, "stop_reason": "it is done"})
+    assert report_data(killed).summary["stop_reason"] == "it is done", "the results need no journal"

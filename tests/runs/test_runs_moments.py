@@ -16,7 +16,7 @@ from vsx_ros.runs import moments
 from vsx_ros.runs.folder import FILES, RunFolder
 from vsx_ros.runs.journal import Journal, MapLine, PictureLine
 from vsx_ros.runs.moments import Moments, MomentWriter, preview
-from vsx_ros.runs.report import report_data
+from vsx_ros.runs.report import report_data, write_report
 from vsx_ros.runs.session import RunWriter
 
 SECOND = 1_000_000_000
@@ -35,21 +35,21 @@ def grid(known: int) -> OccupancyGrid:
     return OccupancyGrid(data.reshape(20, 20), 0.5, -3.0, 4.0)
 
 
-def drive(writer: MomentWriter, begin: float, end: float, rate: float = 10.0) -> None:
-    """Each second one cell more is known, in the second half nothing new."""
-    for second in np.arange(begin, end, 1.0 / rate).tolist():
-        if writer.see(frame(second), grid(int(min(second, 0.5 * (begin + end))))):
+def drive(writer: MomentWriter, end: float, rate: float = 10.0, most_known: int = 400) -> None:
+    """Each second one cell more is known, up to this many."""
+    for second in np.arange(0.0, end, 1.0 / rate).tolist():
+        if writer.see(frame(second), grid(min(int(second), most_known))):
             writer.write()
 
 
 def test_one_picture_a_second_and_a_map_when_it_changed(tmp_path: Path) -> None:
     writer = MomentWriter(tmp_path / "m.jsonl", 1.0, NONE)
-    drive(writer, 0.0, 20.0)
+    drive(writer, 20.0, most_known=10)
     kept = Moments.read(tmp_path / "m.jsonl")
     assert [line.stamp_ns / SECOND for line in kept.pictures] == pytest.approx(list(range(20)), abs=1e-6)
     assert [line.known_area_m2 for line in kept.maps] == [0.25 * k for k in range(11)]
     last = kept.maps[-1]
-    again = map_of_png(last.image, last.resolution, last.origin)
+    again = map_of_png(last.image, "it", last.resolution, last.origin)
     assert np.array_equal(again.data, grid(10).data)
     assert (again.resolution, again.origin_x, again.origin_y) == (0.5, -3.0, 4.0)
 
@@ -69,7 +69,7 @@ def test_a_long_run_keeps_fewer_moments_of_all_of_it(tmp_path: Path, monkeypatch
     monkeypatch.setattr(moments, "PICTURES_BYTES", 40 * len(preview(frame(1.0).image)))
     monkeypatch.setattr(moments, "MAPS_BYTES", 30 * len(map_png(grid(30))))
     writer = MomentWriter(tmp_path / "m.jsonl", 1.0, NONE)
-    drive(writer, 0.0, 300.0, rate=2.0)
+    drive(writer, 300.0, rate=2.0)
     kept = Moments.read(tmp_path / "m.jsonl")
     assert sum(len(line.image) for line in kept.pictures) <= moments.PICTURES_BYTES
     assert sum(len(line.image) for line in kept.maps) <= moments.MAPS_BYTES
@@ -77,6 +77,7 @@ def test_a_long_run_keeps_fewer_moments_of_all_of_it(tmp_path: Path, monkeypatch
     assert len(seconds) in range(20, 41)
     assert np.diff(seconds) == pytest.approx(8.0)
     assert 15 <= len(kept.maps) <= 30
+    assert set(np.diff([line.stamp_ns // SECOND for line in kept.maps])) == {16}
     assert [line.stamp_ns for line in kept.maps] == sorted(line.stamp_ns for line in kept.maps)
 
 
@@ -176,6 +177,21 @@ def test_a_report_goes_without_damaged_pictures_and_says_why(tmp_path: Path, lin
     assert "delete it" in data.moments_trouble
 
 
+def test_the_report_of_any_run_stays_below_15_megabytes(tmp_path: Path) -> None:
+    """Also of a file that is far larger than this program writes."""
+    folder = RunFolder.create(tmp_path / "run")
+    folder.write_config(Config(), ["vsx"])
+    folder.write_summary({"frames": 0})
+    jpeg, png = preview(frame(1.0, (240, 320)).image), map_png(grid(200)) + bytes(5000)
+    lines = [PictureLine(k * SECOND, jpeg) for k in range(600)]
+    maps = [
+        MapLine(stamp_ns=k * SECOND, image=png, origin=(0, 0), resolution=0.05, known_area_m2=1) for k in range(900)
+    ]
+    Journal(folder.moments, [*lines, *maps])
+    assert folder.moments.stat().st_size > 24e6
+    assert 6e6 < write_report(folder).stat().st_size < 15e6
+
+
 def test_stamps_without_end_are_thinned_in_finite_time() -> None:
     lines = [PictureLine(stamp_ns, bytes(10)) for stamp_ns in (-(2**62), -1, 0, 2**62 - 1)]
     kept, _ = moments._thinned(lines, 1, 1)
@@ -183,5 +199,5 @@ def test_stamps_without_end_are_thinned_in_finite_time() -> None:
 
 
 def test_a_map_picture_that_is_none_is_refused() -> None:
-    with pytest.raises(MapFileError, match="a map picture"):
-        map_of_png(b"no picture", 0.05, (0.0, 0.0))
+    with pytest.raises(MapFileError, match=r"the last map is no map .*; delete the file"):
+        map_of_png(b"no picture", "the last map", 0.05, (0.0, 0.0))

@@ -43,11 +43,12 @@ def map_png(grid: OccupancyGrid) -> bytes:
     return bytes(cv2.imencode(".png", _gray(grid, np.full(grid.shape, _GRAY_OF_FREE)))[1])
 
 
-def map_of_png(content: bytes, resolution: float, origin: tuple[float, float]) -> OccupancyGrid:
-    """The grid of ``map_png``. origin: its lower left corner [m]. Raises MapFileError when it is not such a picture."""
-    with explained(MapFileError, f"a map picture of {len(content)} bytes cannot be used", "leave it out"):
+def map_of_png(content: bytes, name: str, resolution: float, origin: tuple[float, float]) -> OccupancyGrid:
+    """The grid of ``map_png``. name: for messages. origin: its lower left corner [m]. Raises MapFileError when it is
+    not such a picture."""
+    with explained(MapFileError, f"{name} is no map", "delete the file"):
         image = picture(content, cv2.IMREAD_UNCHANGED, MAX_CELLS)
-    cells = _cells(image, "a map picture", _USUAL_THRESHOLDS, negate=False, raw=False)
+    cells = _cells(image, name, _USUAL_THRESHOLDS, negate=False, raw=False)
     return OccupancyGrid(cells[::-1], resolution, *origin)
 
 

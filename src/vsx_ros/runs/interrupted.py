@@ -3,10 +3,12 @@
 from typing import Any, NamedTuple
 
 from vsx_ros.config import Config
-from vsx_ros.evaluation.summary import with_accuracy
+from vsx_ros.errors import InputError, explained
+from vsx_ros.evaluation.summary import checked_summary, with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se3 import StampedPose
+from vsx_ros.limits import DAMAGE
 from vsx_ros.runs.folder import FrameRecord, RunFolder
 from vsx_ros.runs.journal import ClockLine, FrameLine, Line, RunEvent, TruthLine, read_journal, unflat
 from vsx_ros.runs.record import RunRecord
@@ -29,15 +31,25 @@ class KnownRun(NamedTuple):
 
 def unfinished(folder: RunFolder, config: Config, facts: dict[str, Any]) -> KnownRun | None:
     """What the journals know; None if the folder has a summary of all their frames. Raises InputError for damage."""
-    slam = read_journal(folder.journal)
-    count = sum(isinstance(line, FrameLine) for line in slam)
-    if (folder.path / "summary.json").exists() and count <= (folder.read_summary().get("frames") or count):
-        return None
-    lines = [*slam, *read_journal(folder.witness)]
+    if (folder.path / "summary.json").exists():
+        try:
+            count = sum(isinstance(line, FrameLine) for line in read_journal(folder.journal))
+        except InputError:
+            return None  # the results need no journal
+        told = checked_summary(folder.read_summary(), str(folder.path)).get("frames")
+        if told is None or count <= told:
+            return None
+    lines = [*read_journal(folder.journal), *read_journal(folder.witness)]
+    with explained(InputError, f"the journals in {folder.journal.parent} contradict themselves", "run again", DAMAGE):
+        return _known(lines, config, facts)
+
+
+def _known(lines: list[Line], config: Config, facts: dict[str, Any]) -> KnownRun:
+    """The results of the lines, as at the end of a run."""
     record = RunRecord(mounted(config.robot.mount))
     record.restore(lines)
     truth = [StampedPose(x.stamp_ns, unflat(x.T_world_cam)) for x in lines if isinstance(x, TruthLine)]
-    has_odometry = any(isinstance(line, FrameLine) and line.T_odom_base is not None for line in slam)
+    has_odometry = any(isinstance(line, FrameLine) and line.T_odom_base is not None for line in lines)
     kind: AlignmentKind | None = "yaw" if has_odometry else None
     summary = with_accuracy(record.counted(), record.estimate(), (), truth, kind).with_values(
         **{name: facts.get(name) for name in _FACTS}, phi=config.planner.phi_rad_m, duration_s=_lasted_s(lines),

@@ -22,11 +22,12 @@ from vsx_ros.runs.journal import Journal, MapLine, PictureLine, read_journal
 
 FILE_BYTES = 64 * MIB  # at most read
 REMEDY = "delete it, the report then goes without it"
-PICTURES_BYTES, MAPS_BYTES = 7_000_000, 2_400_000  # of all images of a kind; in the report they take a third more
+PICTURES_BYTES, MAPS_BYTES = 7_000_000, 3_000_000  # of all images of a kind; in the report they take a third more
 _LONGER_SIDE_PX, _QUALITY_PERCENT = 320, 55  # 7 to 9 kB a picture: ten minutes at one a second fit
 _SPARED_BYTES = 64 * MIB  # of the disk: map and results come first
 _WAITING = 10  # moments that wait for a slow disk; older ones are dropped
-_LONGEST_S, _LATEST_NS = 1e6, 2**62  # between two moments; of any stamp
+_SHORTEST_S, _LONGEST_S = 1e-3, 1e6  # between two moments
+_LATEST_NS = 2**62  # of any stamp
 _LineT = TypeVar("_LineT", PictureLine, MapLine)
 
 
@@ -44,11 +45,11 @@ class Moments(NamedTuple):
         pictures = [line for line in ordered if isinstance(line, PictureLine)]
         return Moments(pictures, [line for line in ordered if isinstance(line, MapLine)])
 
-    def within_limits(self, period_ns: int) -> tuple["Moments", int, int]:
-        """The moments that fit, and the periods of pictures and maps at which they do, both at least ``period_ns``."""
-        pictures, picture_period_ns = _thinned(self.pictures, PICTURES_BYTES, period_ns)
-        maps, map_period_ns = _thinned(self.maps, MAPS_BYTES, period_ns)
-        return Moments(pictures, maps), picture_period_ns, map_period_ns
+    def within_limits(self, periods_ns: tuple[int, int]) -> tuple["Moments", tuple[int, int]]:
+        """The moments that fit, and the periods of pictures and maps at which they do: those given, or longer ones."""
+        pictures, picture_period_ns = _thinned(self.pictures, PICTURES_BYTES, periods_ns[0])
+        maps, map_period_ns = _thinned(self.maps, MAPS_BYTES, periods_ns[1])
+        return Moments(pictures, maps), (picture_period_ns, map_period_ns)
 
 
 class MomentWriter:
@@ -56,7 +57,8 @@ class MomentWriter:
 
     def __init__(self, path: Path, period_s: float, known: Moments) -> None:
         """known: of earlier sessions. Raises InputError when the file cannot be written."""
-        self._path, self._usual_ns = path, round(1e9 * min(period_s, _LONGEST_S))
+        self._path = path
+        self._periods_ns = (round(1e9 * min(max(period_s, _SHORTEST_S), _LONGEST_S)),) * 2
         self._seen: deque[tuple[int, GrayImage, OccupancyGrid | None]] = deque(maxlen=_WAITING)
         self._writing = threading.Lock()
         self._noted_ns: int | None = None
@@ -66,7 +68,7 @@ class MomentWriter:
 
     def see(self, frame: Frame, grid: OccupancyGrid | None) -> bool:
         """Note the frame and the ground map if a picture is due; returns whether it is. Takes no time."""
-        if _same_slot(self._noted_ns, frame.stamp_ns, self._period_ns):
+        if _same_slot(self._noted_ns, frame.stamp_ns, self._periods_ns[0]):
             return False
         self._noted_ns = frame.stamp_ns
         self._seen.append((frame.stamp_ns, frame.image, grid))
@@ -96,14 +98,14 @@ class MomentWriter:
 
     def _map(self, stamp_ns: int, grid: OccupancyGrid) -> MapLine | None:
         """None if the map has not changed, or another is not due."""
-        if _same_slot(self._mapped_ns, stamp_ns, self._map_period_ns) or (png := map_png(grid)) == self._last_map:
+        if _same_slot(self._mapped_ns, stamp_ns, self._periods_ns[1]) or (png := map_png(grid)) == self._last_map:
             return None
         self._mapped_ns, self._last_map = stamp_ns, png
         return map_line(stamp_ns, grid, png)
 
     def _keep(self, known: Moments) -> None:
         """Begin the file again with those of the moments that fit."""
-        kept, self._period_ns, self._map_period_ns = known.within_limits(self._usual_ns)
+        kept, self._periods_ns = known.within_limits(self._periods_ns)
         self._picture_bytes, self._map_bytes = (sum(len(line.image) for line in lines) for lines in kept)
         self._journal = Journal(self._path, sorted([*kept.pictures, *kept.maps], key=lambda line: line.stamp_ns))
 

@@ -47,7 +47,7 @@ def report_data(folder: RunFolder) -> ReportData:
         run = _finished(folder)
     elif moments.maps:
         last = moments.maps[-1]
-        grid = map_of_png(last.image, last.resolution, last.origin)
+        grid = map_of_png(last.image, f"the last map in {folder.moments}", last.resolution, last.origin)
     return ReportData(
         summary=run.summary,
         facts=facts,
@@ -82,7 +82,7 @@ def _finished(folder: RunFolder) -> KnownRun:
 def _moments(folder: RunFolder) -> tuple[Moments, str]:
     """Pictures and maps of the run's moments. If their file is damaged: none, and why."""
     try:
-        kept = Moments.read(folder.moments).within_limits(SECOND_NS)[0]
+        kept = Moments.read(folder.moments).within_limits((SECOND_NS, SECOND_NS))[0]
         with explained(InputError, f"a picture in {folder.moments} is damaged", REMEDY):
             for image in [line.image for line in kept.pictures] + [line.image for line in kept.maps]:
                 check_image_size(image, MAX_CELLS)
