@@ -49,7 +49,7 @@ def map_of_png(content: bytes, name: str, resolution: float, origin: tuple[float
     with explained(MapFileError, f"{name} is no map", "delete the file"):
         image = picture(content, cv2.IMREAD_UNCHANGED, MAX_CELLS)
     cells = _cells(image, name, _USUAL_THRESHOLDS, negate=False, raw=False)
-    return OccupancyGrid(cells[::-1], resolution, *origin)
+    return OccupancyGrid(cells[::-1], resolution, origin[0], origin[1])
 
 
 def load_map(path: Path) -> OccupancyGrid:
