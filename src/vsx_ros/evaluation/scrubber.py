@@ -17,7 +17,7 @@ from vsx_ros.evaluation.svg import Sheet, window_around, window_of
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.state import TrackingState
 
-_STEP_S = 0.2  # between places of the robot
+_STEP_S = 0.1  # between places of the robot
 _MOST_PLACES = 4000  # of a long run
 _PAUSE_NS = 30_000_000_000  # so long without an image the run was interrupted, and the slider leaves that out
 _SMALLEST_PX = 7.0  # radius of the robot
@@ -52,7 +52,7 @@ def _window(data: ReportData, poses: Sequence[_Pose]) -> svg.Window:
 
 def _map(data: ReportData, sheet: Sheet) -> str:
     """The map, on which the page draws. Without maps of the moments it shows that of the end."""
-    radius_px = max(data.robot_radius_m * sheet.scale, _SMALLEST_PX)
+    radius_px = max(data.robot_radius_m * sheet.scale if data.world_is_level else 0.0, _SMALLEST_PX)
     ground = sheet.ground(data.grid) if data.grid is not None else ""
     if data.maps:
         ground = '<image preserveAspectRatio="none" style="image-rendering:pixelated"/>'
