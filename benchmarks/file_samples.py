@@ -20,6 +20,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.map_export import write_ply
+from vsx_ros.io.map_file import map_png
 from vsx_ros.io.room_file import save_rooms
 from vsx_ros.io.zone_file import save_zones
 from vsx_ros.kernels.vision.patches import PATCH
@@ -29,7 +30,8 @@ from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import FrameRecord, RunFolder
-from vsx_ros.runs.journal import ClockLine, FrameLine, Journal, RunEvent, TruthLine, flat
+from vsx_ros.runs.journal import ClockLine, FrameLine, Journal, PictureLine, RunEvent, TruthLine, flat
+from vsx_ros.runs.moments import map_line, preview
 from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import SlamMap
@@ -88,6 +90,9 @@ def run_folder(path: Path) -> RunFolder:
     folder.checkpoint.write(CheckpointData(slam_map(), 10**9, state, saved.tree()))
     folder.checkpoint.write_mission(saved.tree(), 10**9)
     journal(folder.journal, poses)
+    picture = np.random.default_rng(0).integers(0, 256, (24, 32), np.uint8)
+    maps = [map_line(k * 10**9, grid(), map_png(grid())) for k in range(2)]
+    Journal(folder.moments, [*(PictureLine(k * 10**9, preview(picture)) for k in range(2)), *maps])
     return folder
 
 

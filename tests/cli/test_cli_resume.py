@@ -23,7 +23,9 @@ from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.checkpoint import Checkpoint
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.interrupted import REASON
 from vsx_ros.runs.journal import FrameLine, Journal, read_journal
+from vsx_ros.runs.moments import Moments
 from vsx_ros.runs.session import PreviousSessions
 from vsx_ros.runs.start import begin
 from vsx_ros.slam.state import TrackingResult, TrackingState
@@ -60,6 +62,9 @@ def resumed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Previo
     before = PreviousSessions.of(RunFolder.open(out))
     assert before is not None
     befores.append(before)
+    assert execute(["report", str(out)]) == 0
+    assert REASON in (out / "report.html").read_text()
+    assert 13 <= len(Moments.read(out / "moments.jsonl").pictures) <= 16
     assert execute(["explore", "--fast", "--resume", str(out)]) == 0
     return out, befores
 
@@ -72,6 +77,18 @@ def test_no_more_than_the_last_seconds_are_lost(resumed):
     keyframes = before.saved.slam_map.view.keyframes
     assert len(keyframes) >= 5
     assert keyframes[-1].data.stamp_ns <= frames[-1].stamp_ns
+
+
+def test_its_report_shows_every_second_of_all_sessions(resumed):
+    out, _ = resumed
+    kept = Moments.read(out / "moments.jsonl")
+    seconds = [line.stamp_ns // SECOND for line in kept.pictures]
+    assert seconds == sorted(seconds)
+    assert set(range(40)) - set(seconds) <= {0, 13, 14}, "the second in which it was killed"
+    assert len(kept.maps) in range(20, 45)
+    page = (out / "report.html").read_text()
+    assert REASON not in page
+    assert "Second by second" in page
 
 
 def test_it_goes_on_in_the_same_map_and_ends_as_a_run_does(resumed):

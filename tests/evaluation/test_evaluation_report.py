@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from vsx_ros.evaluation import svg
-from vsx_ros.evaluation.report import ReportData, render
+from vsx_ros.evaluation.report import render
+from vsx_ros.evaluation.report_data import ReportData
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.evaluation.svg import map_view, window_around
 from vsx_ros.geometry.se3 import SE3, StampedPose, so3_exp

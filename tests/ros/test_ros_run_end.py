@@ -1,6 +1,7 @@
 """The end of a run in the live view: the page outlives the run, with what was reached and what to do with it."""
 
 import argparse
+import http.client
 import json
 import threading
 import time
@@ -20,7 +21,10 @@ from vsx_ros.config import Config
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.ros.dashboard import server
 from vsx_ros.ros.dashboard.ending import Ended, show_end
+from vsx_ros.ros.dashboard.feed import Board
+from vsx_ros.ros.dashboard.server import ViewServer
 from vsx_ros.ros.run import go_on_args
 from vsx_ros.runs.folder import RunFolder
 
@@ -83,6 +87,24 @@ def test_the_report_can_be_opened_and_a_run_without_a_map_cannot_go_on(end: End)
     assert not answer["ok"]
     assert "holds no map" in answer["message"]
     assert not json.loads(ask(end.port, "/command/save_map", "POST"))["ok"]
+
+
+def test_a_long_report_comes_whole_through_a_slow_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In several times the seconds that an update of the view may take."""
+    monkeypatch.setattr(server, "_SEND_S", 2.0)
+    page = bytes(range(256)) * 100_000
+    served = ViewServer(Board(), {}, lambda count: None, TOKEN, "127.0.0.1", 0)
+    served.report = lambda: page
+    threading.Thread(target=served.serve_forever, daemon=True).start()
+    connection = http.client.HTTPConnection("127.0.0.1", served.server_port, timeout=30)
+    connection.request("GET", "/report")
+    answer, parts = connection.getresponse(), []
+    while part := answer.read(2**20):
+        parts.append(part)
+        time.sleep(0.15)
+    connection.close()
+    served.close()
+    assert b"".join(parts) == page
 
 
 def test_nobody_looks_so_it_ends_by_itself(folder: RunFolder) -> None:

@@ -17,12 +17,14 @@ from ros_ports import HOST, free_port
 from vsx_ros.config import Config
 from vsx_ros.errors import MapFileError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.robot import Odometry, VelocityCommand
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import Frame, Odometry, VelocityCommand
 from vsx_ros.ros import logs, slam_run
 from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.runs import session
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent
+from vsx_ros.runs.moments import Moments
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
@@ -138,6 +140,20 @@ def test_a_run_that_went_on_in_a_loaded_map_is_gone_on_with_although_that_map_is
         assert node.poll() is None, nodes.logs()
     finally:
         nodes.end()
+
+
+def test_pictures_wait_for_the_writing_thread(driven, tmp_path: Path, monkeypatch) -> None:
+    robot, slam, frames = driven
+    monkeypatch.setattr(slam_run.rospy, "get_param", lambda name, usual: {"~run_dir": str(tmp_path)}.get(name, usual))
+    run, grid = SlamRun(Config()), OccupancyGrid(np.zeros((4, 5)), 0.05, 0.0, 0.0)
+    for result, _ in frames:
+        run.see(Frame(result.stamp_ns, np.zeros((48, 64), np.uint8)), grid)
+    assert Moments.read(tmp_path / "moments.jsonl").pictures == []
+    run.write(GROUND)
+    kept = Moments.read(tmp_path / "moments.jsonl")
+    whole_seconds = {result.stamp_ns // 10**9 for result, _ in frames}
+    assert [line.stamp_ns // 10**9 for line in kept.pictures] == sorted(whole_seconds)
+    assert len(kept.maps) == 1, "it has not changed"
 
 
 def test_a_run_whose_results_cannot_be_written_can_be_gone_on_with(driven, tmp_path: Path, monkeypatch) -> None:

@@ -78,7 +78,7 @@ def replay(args: argparse.Namespace) -> int:
     T_base_cam = mounted(config.robot.mount)
     session, slam = _slam(recording, config, args)
     folder = replay_folder(args, config)
-    keeper = RunWriter(T_base_cam)
+    keeper = RunWriter(T_base_cam, folder, config=config.runs, resumable=False)
     record, stopped = keeper.record, _track_all(session, slam, recording, keeper)
     continued = str(args.load_map.resolve()) if args.load_map else None
     ending = record.results[-1].state if record.results else TrackingState.NOT_INITIALISED
@@ -130,6 +130,8 @@ def _track_all(session: SlamSession, slam: SequentialSlam, recording: Recording,
             result = session.track(frame, odometry)
             track_s = time.perf_counter() - began
             keeper.frame(result, odometry, track_s, slam.statistics().u2_frames, slam.drain_events())
+            if keeper.see(frame, None):
+                keeper.write_seen()
             if progress.is_due:
                 found = f"{result.found}/{result.searched} points"
                 progress.show(f"frame {number}/{recording.frame_count}  {result.state.word}  {found}")

@@ -1,8 +1,7 @@
 """report.html: what happened in a run and why it ended, on one self-contained page."""
 
 import html
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,37 +11,15 @@ from vsx_ros.errors import InputError
 from vsx_ros.evaluation import svg
 from vsx_ros.evaluation.events import collapsed, rows
 from vsx_ros.evaluation.page import document, png_figure, table
+from vsx_ros.evaluation.report_data import ReportData
+from vsx_ros.evaluation.scrubber import scrubber
 from vsx_ros.evaluation.svg import map_view, window_around, window_of
 from vsx_ros.evaluation.trajectory import align, associate
-from vsx_ros.geometry.se3 import StampedPose
-from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.slam.state import TrackingState
 
 _MAX_EVENTS = 400  # rows; the file has all of them
 _FLOOR_M = 0.06  # lower points are floor and hide the map; as ground_map.obstacle_min_height_m
 _FASTEST_MS = 0.1  # least of the axis; a quicker frame was refused
-
-
-@dataclass(frozen=True)
-class ReportData:
-    """The data of a run folder. world_is_level: z is up, so the map is drawn along z; else the first camera's x and z.
-    good_ratio, lost_ratio: shares of found points above and below which tracking is good and lost. events: (stamp_ns,
-    source, state, reason). frames: (stamp_ns, value of the state, searched, found, keyframe_added, track_ms, U2 so
-    far). picture_png: what the camera saw last; empty if unknown."""
-
-    summary: Mapping[str, Any]
-    facts: Mapping[str, Any]
-    config_yaml: str
-    events: Sequence[tuple[int, str, str, str]]
-    frames: Sequence[tuple[int, str, int, int, bool, float | None, float | None]]
-    estimate: Sequence[StampedPose]
-    truth: Sequence[StampedPose]
-    grid: OccupancyGrid | None
-    points_world: Points3 = field(default_factory=lambda: np.zeros((0, 3)))
-    world_is_level: bool = True
-    good_ratio: float = 0.3
-    lost_ratio: float = 0.13
-    picture_png: bytes = b""
 
 
 def render(data: ReportData) -> str:
@@ -54,6 +31,7 @@ def render(data: ReportData) -> str:
         _origin(data),
         png_figure("the newest keyframe", data.picture_png),
         _figures(data.summary),
+        section("Second by second", scrubber(data)),
         section("Map and trajectory", map_picture(data)),
         section("Tracking over time", timeline(data)),
         section("Events", _events(data)),
@@ -190,10 +168,8 @@ def _top(values: FloatArray) -> float:
 
 def _events(data: ReportData) -> str:
     told = collapsed([event for event in data.events if event[2] != "keyframe"])
-    begins = [frame[0] for frame in data.frames[:1]] + [one.event[0] for one in told[:1]]
-    began = min(begins, default=0)
     more = f"<p>... and {len(told) - _MAX_EVENTS} more in events.jsonl</p>" if len(told) > _MAX_EVENTS else ""
-    return table(["at", "who", "state", "why"], rows(told[:_MAX_EVENTS], began)) + more
+    return table(["at", "who", "state", "why"], rows(told[:_MAX_EVENTS], data.began_ns)) + more
 
 
 def _folded(name: str, values: Mapping[str, Any]) -> str:

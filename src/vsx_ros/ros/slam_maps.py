@@ -80,6 +80,11 @@ class SlamMaps:
         self._slam, self._metric = slam, metric
         self._dense.start(camera, self._session.T_base_cam if metric else None, seed)
 
+    @property
+    def grid(self) -> OccupancyGrid | None:
+        """The last ground map; None before the first, and if the map has no metric scale."""
+        return self._grid if self._metric else None
+
     def _snapshot(self) -> MapSnapshot:
         return self._slam.snapshot() if self._slam is not None else snapshot_of(Map().view())
 
@@ -130,7 +135,7 @@ class SlamMaps:
         if threads.join(self._mapping, 2.0):
             self._keep_state()
         surface = None if self._slam is None else self._dense.points(self._slam.snapshot())
-        return surface, self._grid if self._metric else None
+        return surface, self.grid
 
 
 class DenseMapping:

@@ -14,7 +14,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import logs, node
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.rooms import look_into
@@ -66,6 +66,10 @@ class SlamRun:
         if self._folder is not None:
             self._keeper.record.add_odometry(odometry)
 
+    def see(self, frame: Frame, grid: OccupancyGrid | None) -> None:
+        """Note the newest image and ground map; from the tracking thread."""
+        self._keeper.see(frame, grid)
+
     def frame(self, slam: ThreadedSlam, result: TrackingResult, odometry: Odometry | None, track_s: float) -> None:
         """A frame was tracked, in ``track_s`` seconds; from the tracking thread."""
         events = slam.drain_events()
@@ -98,7 +102,9 @@ class SlamRun:
             logs.attempt(lambda: write_beside(slam.slam_map(), map_file))
 
     def write(self, driven: State) -> None:
-        """Write the map noted last, with the newest state of the ground; may wait for the disk for seconds."""
+        """Write the images noted since the last call, and the map noted last, with the newest state of the ground; may
+        wait for the disk for seconds."""
+        self._keeper.write_seen()
         self._keeper.write(driven)
 
     def _write_results(self, slam: ThreadedSlam, surface: Points3 | None, grid: OccupancyGrid | None) -> None:

@@ -153,6 +153,8 @@ class FastRun:
         base, camera = truth.T_world_base, flat(truth.T_world_cam)
         truly = TruthLine(frame.stamp_ns, camera, (base.x, base.y, base.theta), self.collisions)
         self.keeper.frame(step.tracking, odometry, track_s, *told, truly)
+        if self.keeper.see(frame, self.system.grid):
+            self.keeper.write_seen()
         self._save(frame.stamp_ns)
         return step.command
 

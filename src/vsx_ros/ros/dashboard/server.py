@@ -201,7 +201,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def _reply(self, status: HTTPStatus, kind: str, body: bytes) -> None:
         self._begin(status, {"Content-Type": kind, "Content-Length": str(len(body))})
-        self.wfile.write(body)
+        for begin in range(0, len(body), _SEND_BUFFER_BYTES):  # each within _SEND_S: a report has megabytes
+            self.wfile.write(body[begin : begin + _SEND_BUFFER_BYTES])
 
     def _begin(self, status: HTTPStatus, headers: Mapping[str, str]) -> None:
         self.close_connection = True

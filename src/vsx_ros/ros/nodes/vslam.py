@@ -81,6 +81,7 @@ class VslamNode:
         self._session.locate(result, odometry)
         self._input.used(result)
         self._run.frame(slam, result, odometry, time.monotonic() - began_s)
+        self._run.see(frame, self._maps.grid)
         self._preview.show(frame, slam.tracked_features)
         return True
 
