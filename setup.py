@@ -18,7 +18,7 @@ setup(
     package_dir={"vsx_ros": "src/vsx_ros", "vsx_hw": "hw/vsx_hw"},
     packages=find_packages("src") + find_packages("hw", include=["vsx_hw*"]),
     package_data={
-        "vsx_ros": ["version.txt", "py.typed", "ros/dashboard/page.html", "ros/python_logging.conf"],
+        "vsx_ros": ["version.txt", "py.typed", "ros/dashboard/page/*", "ros/python_logging.conf"],
         "vsx_hw": ["py.typed"],
     },
     entry_points={"console_scripts": ["vsx=vsx_ros.cli.main:main"]},

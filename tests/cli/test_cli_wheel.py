@@ -49,7 +49,7 @@ def test_the_command_of_the_wheel_is_the_wheels(site: Path, tmp_path: Path) -> N
     assert where.stdout.count(str(site)) == 2
 
 
-@pytest.mark.parametrize("file", ["dashboard/page.html", "python_logging.conf"])
+@pytest.mark.parametrize("file", ["dashboard/page/index.html", "dashboard/page/map.js", "python_logging.conf"])
 def test_it_brings_the_files_that_are_no_modules(site: Path, file: str) -> None:
     assert (site / "vsx_ros/ros" / file).read_bytes() == (CHECKOUT / "src/vsx_ros/ros" / file).read_bytes()
 
