@@ -144,7 +144,7 @@ def test_the_buttons_of_the_page_stop_the_wheels_and_let_them_go(stack: Stack, p
             browser.wait(f"$('said').textContent.startsWith('{said}')")
 
         browser.open(f"http://127.0.0.1:{port}/#{SECRET}")
-        browser.wait("frames > 0 && known.pose && known.health && $('release').hidden")
+        browser.wait("known.pictures > 0 && known.pose && known.health && $('release').hidden")
         stack.wait_until_driving()
         press("estop", "The wheels stand")
         stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")

@@ -110,7 +110,7 @@ def test_going_on_means_the_same_run_for_as_long_again(folder: RunFolder) -> Non
 def test_the_page_shows_what_was_reached(folder: RunFolder, end: End, tmp_path: Path) -> None:
     with Chromium(tmp_path / "profile") as browser:
         browser.open(f"http://127.0.0.1:{end.port}/#{TOKEN}")
-        browser.wait("known.end && ground !== null && way.length", 300.0)
+        browser.wait("known.end && ground.free !== null && known.way.length", 300.0)
         assert browser.evaluate("$('endReason').textContent") == "Time limit of 120 s."
         assert "coverage 93 %" in browser.evaluate("$('endFacts').textContent")
         assert browser.evaluate("$('end').hidden || $('endReport').hidden || !$('buttons').hidden") is False
