@@ -23,10 +23,12 @@ CONTRASTS = """(() => {
   const rgb = colour => {
     paint.clearRect(0, 0, 1, 1); paint.fillStyle = colour; paint.fillRect(0, 0, 1, 1);
     return paint.getImageData(0, 0, 1, 1).data; };
-  const light = ([r, g, b]) => [r, g, b].map(v => v / 255).map(v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+  const linear = v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+  const light = ([r, g, b]) => [r, g, b].map(v => linear(v / 255))
     .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
   const behind = node => { for (; node; node = node.parentElement) {
-    const found = rgb(getComputedStyle(node).backgroundColor); if (found[3] > 250) return found; } return [255, 255, 255]; };
+    const found = rgb(getComputedStyle(node).backgroundColor);
+    if (found[3] > 250) return found; } return [255, 255, 255]; };
   return [...document.body.querySelectorAll("*")].filter(node => node.checkVisibility({visibilityProperty: true})
       && !node.disabled && [...node.childNodes].some(child => child.nodeType === 3 && child.data.trim()))
     .map(node => { const [a, b] = [light(rgb(getComputedStyle(node).color)), light(behind(node))].sort((a, b) => b - a);
@@ -50,9 +52,7 @@ class ServedPage:
         """Start the server, for the first time or again at the same port."""
         commands: dict[str, Command] = {name: self._command(name) for name in PLAIN}
         commands |= {f"{name}?": self._command(name) for name in ("plan", "go", "zones", "name-room")}
-        self.server = ViewServer(
-            self.board, {**commands, "drive?": self._drive}, lambda count: None, TOKEN, port=port
-        )
+        self.server = ViewServer(self.board, {**commands, "drive?": self._drive}, lambda count: None, TOKEN, port=port)
         self.port = self.server.server_port
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
 

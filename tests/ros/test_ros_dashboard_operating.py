@@ -129,7 +129,9 @@ def test_the_stick_drives_while_it_is_held_and_letting_go_stops(page: ServedPage
     assert len(page.done) == count  # and it says nothing more
 
 
-@pytest.mark.parametrize("ends", ["$('stick').blur()", "$('byHand').click()", "window.dispatchEvent(new Event('blur'))"])
+@pytest.mark.parametrize(
+    "ends", ["$('stick').blur()", "$('byHand').click()", "window.dispatchEvent(new Event('blur'))"]
+)
 def test_arrow_keys_hold_the_stick_until_it_loses_them(page: ServedPage, ends: str) -> None:
     page.open()
     page.browser.click("#byHand")
@@ -159,9 +161,7 @@ def test_a_stick_whose_page_goes_away_falls_silent(page: ServedPage) -> None:
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("window", [DESK, PHONE])
-def test_all_words_can_be_read_and_nothing_sticks_out(
-    page: ServedPage, window: tuple[int, int], scheme: str
-) -> None:
+def test_all_words_can_be_read_and_nothing_sticks_out(page: ServedPage, window: tuple[int, int], scheme: str) -> None:
     page.open(*window, scheme=scheme)
     page.post("held", {"by": "emergency stop", "since_ns": 10**18})
     page.wait("!$('banner').hidden")
