@@ -38,12 +38,15 @@ CONTRASTS = """(() => {
 
 
 class ServedPage:
-    """done: name and value of every command. answers: what commands answer, by name; else they succeed."""
+    """done: name and value of every command. answers: what commands answer, by name; else they succeed. hangs: names of
+    those that never answer."""
 
     def __init__(self, browser: Chromium) -> None:
         self.browser, self.board = browser, Board()
         self.done: list[tuple[str, Any]] = []
         self.answers: dict[str, Answer] = {}
+        self.hangs: set[str] = set()
+        self._over = threading.Event()
         self.stick = Joystick(0.2, 0.6)
         self._robot = PostingRobot(self.board)
         self.serve()
@@ -57,6 +60,7 @@ class ServedPage:
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
 
     def close(self) -> None:
+        self._over.set()
         self.browser.open("about:blank")
         self.server.close()
         self._robot.close()
@@ -64,6 +68,8 @@ class ServedPage:
     def _command(self, name: str) -> Command:
         def act(text: str = "null") -> Answer:
             self.done.append((name, json.loads(text)))
+            if name in self.hangs:
+                self._over.wait()
             return self.answers.get(name, Answer(True, f"{name} is done"))
 
         return act

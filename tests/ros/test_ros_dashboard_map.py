@@ -115,7 +115,7 @@ def test_layers_can_be_switched_and_walls_lie_over_frontiers(page: ServedPage) -
     for title, ink in inks.items():
         button = find % title
         [shown_px] = page.pixels("map", "paint()", ink)
-        assert shown_px > 30, title
+        assert shown_px > 12, title
         page.value(f"{button}.click()")
         assert page.value(f"{button}.getAttribute('aria-pressed')") == "false"
         [left_px] = page.pixels("map", "paint()", ink)

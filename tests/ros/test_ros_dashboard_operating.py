@@ -129,6 +129,31 @@ def test_the_stick_drives_while_it_is_held_and_letting_go_stops(page: ServedPage
     assert len(page.done) == count  # and it says nothing more
 
 
+def test_a_second_finger_stops_while_the_first_one_holds_the_stick(page: ServedPage) -> None:
+    page.open(*PHONE)
+    page.browser.click("#byHand")
+    page.value("$('stick').scrollIntoView({block: 'center'})")
+    thumb, stop = (((a + c) / 2, (b + d) / 2) for a, b, c, d in (box(page, "#stick"), box(page, "#estop")))
+    page.browser.touch("Start", thumb)
+    page.browser.touch("Move", (thumb[0], thumb[1] - 60))
+    page.wait("hand.sent >= 3")
+    page.browser.touch("Start", (thumb[0], thumb[1] - 60), stop)
+    page.wait("$('said').textContent === 'Estop is done.'")
+    page.browser.touch("End")
+    page.wait("!hand.holds")
+
+
+def test_the_emergency_stop_waits_for_no_other_command(page: ServedPage) -> None:
+    """A browser opens only six connections to a server."""
+    page.open()
+    page.hangs.add("pause")
+    for _ in range(10):
+        page.browser.click("#pause")
+    page.browser.key(" ", " ")
+    page.wait("$('said').textContent === 'Estop is done.'")
+    assert page.done[-1] == ("estop", None)
+
+
 @pytest.mark.parametrize(
     "ends", ["$('stick').blur()", "$('byHand').click()", "window.dispatchEvent(new Event('blur'))"]
 )

@@ -115,10 +115,14 @@ def test_the_page_shows_what_was_reached(folder: RunFolder, end: End, tmp_path: 
         assert "coverage 93 %" in browser.evaluate("$('endFacts').textContent")
         assert browser.evaluate("$('end').hidden || $('endReport').hidden || !$('buttons').hidden") is False
         assert browser.evaluate("$('mission').textContent") == "ENDED"
+        assert browser.evaluate("$('drawZone').checkVisibility() || $('byHand').checkVisibility()") is False
+        browser.evaluate("($('map').focus(), $('map').dispatchEvent(new KeyboardEvent('keydown', {key: 'Enter'})))")
+        browser.wait("!$('sheet').hidden", 300.0)  # a place can be looked at, but nobody drives there
+        assert browser.evaluate("$('go') === null && $('sheet').innerText.includes(' m')")
         browser.evaluate("document.querySelector('[data-command=explore_on]').click()")
         browser.wait(
             "$('said').textContent.startsWith('Not done: ') && $('said').textContent.includes('no map')", 300.0
         )
         end.stop = True
         browser.wait("!$('banner').hidden && $('banner').textContent.startsWith('The run is over')", 300.0)
-        assert browser.evaluate("document.body.className") == "old"
+        assert browser.evaluate("document.body.classList.contains('old')")

@@ -4,8 +4,11 @@ import {command, say, token} from "./robot.js";
 
 for (const button of document.querySelectorAll("button[data-command]")) {
   button.disabled = !token;
-  button.addEventListener("click", () => command(button.dataset.command));
+  if (button.id !== "estop") button.addEventListener("click", () => command(button.dataset.command));
 }
+// The emergency stop does not wait until it is let go; and a second finger, while a first one holds the stick, makes no click.
+$("estop").addEventListener("pointerdown", () => command("estop"));
+$("estop").addEventListener("click", event => { if (event.detail === 0) command("estop"); });  // by Enter
 for (const id of ["stop", "drawZone", "byHand"]) $(id).disabled = !token;
 if (!token) say("Looking only: the buttons need the whole address that the terminal showed, with what follows #.", true);
 

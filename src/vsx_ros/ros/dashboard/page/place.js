@@ -1,6 +1,6 @@
 // A place that was chosen on the map: the way there before it is driven, and the rooms and zones it lies in.
 import {$, element, ink, sentence} from "./dom.js";
-import {ask, command, hear, known, token} from "./robot.js";
+import {ask, command, hear, known, mayCommand, token} from "./robot.js";
 import {onChoose, onPaint, redraw, view} from "./map.js";
 import {dot, ring, trace} from "./layers.js";
 import {metres} from "./measures.js";
@@ -10,17 +10,19 @@ import {nameRoom, removeZoneButton} from "./places.js";
 
 const NEAR_PX = 12;
 export const chosen = {place: null, way: null};  // x and y [m]; the way there: goal, points, length_m, seconds
+let asking = new AbortController();  // for the way there
 onChoose(choose);
 
 export async function choose(x, y) {
-  const line = element("p", token ? "Looking for a way …" : "");
+  const line = element("p", mayCommand() ? "Looking for a way …" : "");
   openSheet([row(element("b", metres(x, y)), element("span", located(x, y), {className: "soft"})), line, row(...actions(x, y))], forget);
   $("sheet").dataset.matter = "place";
   const place = chosen.place = [x, y];
   redraw();
-  if (!token) return;
-  const told = await ask("plan", {x, y});
-  if (chosen.place !== place) return;  // another place was chosen meanwhile
+  if (!mayCommand()) return;
+  asking = new AbortController();
+  const told = await ask("plan", {x, y}, asking);
+  if (chosen.place !== place) return;  // another place was chosen meanwhile, or none
   line.textContent = sentence(told.message);
   line.className = told.ok ? "" : "bad";
   chosen.way = told.ok ? told.data : null;
@@ -29,7 +31,7 @@ export async function choose(x, y) {
   redraw();
 }
 
-function forget() { Object.assign(chosen, {place: null, way: null}); redraw(); }
+function forget() { asking.abort(); Object.assign(chosen, {place: null, way: null}); redraw(); }
 
 // Words for where it is, and for what is worth a look there.
 function located(x, y) {
@@ -43,7 +45,7 @@ const zonesAt = (x, y) => (known.zones || {zones: []}).zones.filter(zone => zone
   ? distance(zone.points, x, y) * view.pxPerM < NEAR_PX : contains(zone.points, x, y));
 
 function actions(x, y) {
-  if (!token) return [];
+  if (!mayCommand()) return [];
   const go = button("Drive there", async () => { if ((await command("go", {x, y})).ok) closeSheet(); }, {id: "go", className: "main", disabled: true});
   return [go, ...roomsAt(x, y).map(room => button(`Name ${room.name}`, () => nameRoom(room))),
     ...zonesAt(x, y).map(zone => removeZoneButton(zone, `Remove zone ${zone.name}`))];

@@ -5,6 +5,7 @@ export const token = location.hash.slice(1);
 export const known = {};                     // the newest word on each subject
 export const link = {heard: 0, refused: ""};  // when the last word came, and why none comes
 const hearers = {};
+const pending = new Set();                    // of commands without an answer yet
 let stream = null;
 
 export function hear(subject, act) { (hearers[subject] ||= []).push(act); }
@@ -42,22 +43,28 @@ async function listen(reader) {
   }
 }
 
-// Send a command, with a value if it takes one; returns {ok, message, data}.
-export async function ask(name, value, signal) {
-  const text = value === undefined ? "" : "?" + encodeURIComponent(JSON.stringify(value));
+// Whether commands make sense: with the token, and before the end of the run.
+export const mayCommand = () => token !== "" && !known.end;
+
+// Send a command, with a value if it takes one; returns {ok, message, data}. A browser opens only six connections to a
+// server, so the emergency stop gives up whatever still waits for an answer.
+export async function ask(name, value, controller = new AbortController()) {
+  const text = value === undefined ? "" : "?" + encodeURIComponent(JSON.stringify(value)), {signal} = controller;
+  if (name === "estop") for (const other of pending) other.abort();
+  pending.add(controller);
   try {
     const reply = await fetch("/command/" + name + text, {method: "POST", headers: {"X-Vsx-Token": token}, signal});
     return await reply.json();
   } catch (error) {
-    return {ok: false, message: "there is no connection to the robot", aborted: error.name === "AbortError"};
-  }
+    return {ok: false, message: "there is no connection to the robot", aborted: signal.aborted};
+  } finally { pending.delete(controller); }
 }
 
 // The same, and say what came of it.
 export async function command(name, value) {
   say("…");
   const answer = await ask(name, value);
-  say(sentence((answer.ok ? "" : "not done: ") + answer.message));
+  if (!answer.aborted) say(sentence((answer.ok ? "" : "not done: ") + answer.message));
   return answer;
 }
 

@@ -12,17 +12,18 @@ hear("camera", jpeg => {
   known.cameraAt = performance.now();
 });
 hear("mission", mission => {
-  if (known.end && mission.state !== "done") { delete known.end; $("end").hidden = true; $("buttons").hidden = false; }
+  if (known.end && mission.state !== "done") { delete known.end; showEnd(false); }
   state();
 });
 hear("slam", state);
 hear("hazards", state);
 hear("held", state);
+function showEnd(over) { document.body.classList.toggle("ended", over); $("end").hidden = !over; $("buttons").hidden = over; }
 hear("end", end => {
-  $("end").hidden = false; $("end").className = end.ok ? "good" : "";
+  showEnd(true); $("end").className = end.ok ? "good" : "";
   $("endReason").textContent = sentence(end.reason); $("endFolder").textContent = end.folder;
   lines("endFacts", end.facts, fact => [fact]);
-  $("endReport").hidden = !end.report; $("buttons").hidden = true;
+  $("endReport").hidden = !end.report;
   pill("mission", "ENDED", end.ok ? "good" : "bad"); $("why").textContent = ""; pill("slam", "camera off", "");
 });
 hear("stats", s => {

@@ -7,7 +7,7 @@ const PERIOD_MS = 100, DEAD = 0.12;
 const ARROWS = {ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1]};
 const stick = $("stick"), pressed = new Set();
 export const hand = {forward: 0, left: 0, holds: false, sent: 0};  // shares of full speed; sent: how many movements
-let grip = null;  // the present one of the hand
+let grip = null, thumb = null;  // the present hold; the pointer that holds
 
 $("byHand").addEventListener("click", () => {
   stick.hidden = !stick.hidden;
@@ -15,9 +15,18 @@ $("byHand").addEventListener("click", () => {
   if (stick.hidden) letGo(); else stick.focus();
 });
 
-stick.addEventListener("pointerdown", event => { stick.setPointerCapture(event.pointerId); hold(...lean(event)); });
-stick.addEventListener("pointermove", event => { if (stick.hasPointerCapture(event.pointerId)) hold(...lean(event)); });
-for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur", "contextmenu"]) stick.addEventListener(end, letGo);
+stick.addEventListener("pointerdown", event => {
+  if (thumb !== null) return;
+  thumb = event.pointerId;
+  stick.setPointerCapture(thumb);
+  hold(...lean(event));
+});
+stick.addEventListener("pointermove", event => { if (event.pointerId === thumb) hold(...lean(event)); });
+for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
+  stick.addEventListener(end, event => { if (event.pointerId === thumb) letGo(); });
+}
+stick.addEventListener("contextmenu", event => event.preventDefault());  // a thumb that rests for long
+stick.addEventListener("blur", letGo);
 window.addEventListener("blur", letGo);
 window.addEventListener("pagehide", letGo);
 document.addEventListener("visibilitychange", () => { if (document.hidden) letGo(); });
@@ -44,6 +53,7 @@ function hold(forward, left) {
 
 function letGo() {
   pressed.clear();
+  thumb = null;
   if (!hand.holds) return;
   Object.assign(hand, {forward: 0, left: 0, holds: false});
   draw();
@@ -62,7 +72,7 @@ async function drive() {
   const mine = grip = new AbortController();
   for (let ticket = 0; hand.holds && mine === grip;) {
     const began = performance.now(), first = ticket === 0;  // the first one only fetches a ticket
-    const answer = await ask("drive", {forward: hand.forward, left: hand.left, ticket}, mine.signal);
+    const answer = await ask("drive", {forward: hand.forward, left: hand.left, ticket}, mine);
     if (answer.aborted) return;
     hand.sent += 1;
     if (!answer.ok) say(sentence("not done: " + answer.message));
