@@ -46,7 +46,7 @@ class ServedPage:
         self.done: list[tuple[str, Any]] = []
         self.answers: dict[str, Answer] = {}
         self.hangs: set[str] = set()
-        self._over = threading.Event()
+        self._over, self._phone = threading.Event(), False
         self.stick = Joystick(0.2, 0.6)
         self._robot = PostingRobot(self.board)
         self.serve()
@@ -84,7 +84,8 @@ class ServedPage:
         self.board.post(subject, feed.text(value))
 
     def open(self, width: int = 1440, height: int = 900, fragment: str = f"#{TOKEN}", scheme: str = "dark") -> None:
-        """Open the page and wait until it has shown the robot."""
+        """Open the page and wait until it has shown the robot. Below 700 px it is a phone."""
+        self._phone = width < 700
         self.browser.size(width, height)
         self.browser.scheme(scheme)
         self.browser.open("about:blank")
@@ -106,7 +107,12 @@ class ServedPage:
         return px, py
 
     def click_map(self, x: float, y: float) -> None:
+        """Click a place on the map [m]; on a phone tap it."""
         place = self.at(x, y)
+        if self._phone:
+            self.browser.touch("Start", place)
+            self.browser.touch("End")
+            return
         for kind in ("Moved", "Pressed", "Released"):
             self.browser.mouse(kind, *place)
 

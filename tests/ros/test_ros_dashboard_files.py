@@ -41,6 +41,8 @@ def test_the_page_needs_nothing_from_elsewhere_and_runs_no_script_within_its_wor
         assert "unsafe" not in policy
         assert answer.headers["Content-Type"] == f"{KINDS[path.rpartition('.')[2] or 'html']}; charset=utf-8"
         assert answer.headers["X-Content-Type-Options"] == "nosniff"
+        assert len(text.splitlines()) <= 250, path
+        assert max(map(len, text.splitlines())) <= 120, path
         assert "http://" not in text
         assert "https://" not in text
         assert TOKEN not in text

@@ -82,6 +82,17 @@ def test_the_emergency_stop_can_be_read_under_the_pointer(page: ServedPage, sche
     assert 4.5 <= ratio <= 21.0
 
 
+def test_the_tab_key_reaches_everything(page: ServedPage) -> None:
+    page.open()
+    page.value("document.activeElement.blur()")
+    reached = set()
+    for _ in range(40):
+        page.browser.key("Tab")
+        reached.add(page.value("document.activeElement.id || document.activeElement.textContent"))
+    tools = {"pause", "stop", "estop", "drawZone", "byHand", "zoomIn", "zoomOut", "fit", "map"}
+    assert {*tools, "frontiers", "planes", "Remove", "Name", "events", "health"} <= reached
+
+
 def test_the_space_bar_stops_wherever_the_focus_is_and_once(page: ServedPage) -> None:
     page.open()
     for focus in ("document.activeElement.blur()", "$('map').focus()", "$('pause').focus()", "$('stick').focus()"):

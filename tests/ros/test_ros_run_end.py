@@ -19,7 +19,9 @@ from free_ports import free_port
 from vsx_ros.config import Config
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.geometry.se3 import SE3, StampedPose
+from vsx_ros.io.zone_file import save_zones, zone_file
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.ros.dashboard.ending import Ended, show_end
 from vsx_ros.ros.run import go_on_args
 from vsx_ros.runs.folder import RunFolder
@@ -34,6 +36,9 @@ def folder(tmp_path: Path) -> RunFolder:
     summary = Summary(frames=40, frames_tracked=30, coverage=0.93, stop_reason="time limit of 120 s", duration_s=120.0)
     made.write_summary(summary.as_dict())
     made.write_map(OccupancyGrid(np.array([[0, 0, 100], [0, -1, 100]], np.int8), 0.5, 0.0, 0.0))
+    save_zones(
+        [Zone("carpet", ZoneKind.NO_GO, ((0.0, 0.0), (0.5, 0.0), (0.5, 0.5)))], zone_file(made.path / "map.yaml")
+    )
     made.write_poses("trajectory", [StampedPose(k, SE3(np.eye(3), np.array([0.1 * k, 0.0, 0.3]))) for k in range(20)])
     (made.path / "report.html").write_text("<p>the report</p>", encoding="utf-8")
     return made
@@ -115,6 +120,7 @@ def test_the_page_shows_what_was_reached(folder: RunFolder, end: End, tmp_path: 
         assert "coverage 93 %" in browser.evaluate("$('endFacts').textContent")
         assert browser.evaluate("$('end').hidden || $('endReport').hidden || !$('buttons').hidden") is False
         assert browser.evaluate("$('mission').textContent") == "ENDED"
+        assert "carpet" in browser.evaluate("$('zones').textContent")
         assert browser.evaluate("$('drawZone').checkVisibility() || $('byHand').checkVisibility()") is False
         browser.evaluate("($('map').focus(), $('map').dispatchEvent(new KeyboardEvent('keydown', {key: 'Enter'})))")
         browser.wait("!$('sheet').hidden", 300.0)  # a place can be looked at, but nobody drives there

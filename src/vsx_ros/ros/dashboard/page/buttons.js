@@ -6,11 +6,15 @@ for (const button of document.querySelectorAll("button[data-command]")) {
   button.disabled = !token;
   if (button.id !== "estop") button.addEventListener("click", () => command(button.dataset.command));
 }
-// The emergency stop does not wait until it is let go; and a second finger, while a first one holds the stick, makes no click.
+// The emergency stop acts when it is pressed, not when it is let go: a second finger, while a first one holds the
+// stick, makes no click.
 $("estop").addEventListener("pointerdown", () => command("estop"));
-$("estop").addEventListener("click", event => { if (event.detail === 0) command("estop"); });  // by Enter
+$("estop").addEventListener("click", event => {
+  if (event.detail === 0) command("estop");
+}); // by Enter
 for (const id of ["stop", "drawZone", "byHand"]) $(id).disabled = !token;
-if (!token) say("Looking only: the buttons need the whole address that the terminal showed, with what follows #.", true);
+if (!token)
+  say("Looking only: the buttons need the whole address that the terminal showed, with what follows #.", true);
 
 function stopAsks(asks) {
   $("stopAsks").hidden = !asks;
@@ -18,13 +22,26 @@ function stopAsks(asks) {
 }
 $("stop").addEventListener("click", () => stopAsks(true));
 for (const button of $("stopAsks").querySelectorAll("button")) button.addEventListener("click", () => stopAsks(false));
-$("stopAsks").addEventListener("keydown", event => { if (event.key === "Escape") stopAsks(false); });
+$("stopAsks").addEventListener("keydown", event => {
+  if (event.key === "Escape") stopAsks(false);
+});
 
-// Whatever has the focus, the space bar stops the wheels; buttons are pressed by Enter. Only where words are written, it writes.
+// Whatever has the focus, the space bar stops the wheels; buttons are pressed by Enter. Only where words are written,
+// it writes.
 const writes = target => target instanceof HTMLInputElement || target instanceof HTMLTextAreaElement;
-window.addEventListener("keydown", event => {
-  if (event.key !== " " || writes(event.target)) return;
-  event.preventDefault();
-  if (token && !event.repeat) command("estop");
-}, true);
-window.addEventListener("keyup", event => { if (event.key === " " && !writes(event.target)) event.preventDefault(); }, true);
+window.addEventListener(
+  "keydown",
+  event => {
+    if (event.key !== " " || writes(event.target)) return;
+    event.preventDefault();
+    if (token && !event.repeat) command("estop");
+  },
+  true,
+);
+window.addEventListener(
+  "keyup",
+  event => {
+    if (event.key === " " && !writes(event.target)) event.preventDefault();
+  },
+  true,
+);

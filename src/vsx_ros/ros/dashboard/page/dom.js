@@ -8,26 +8,36 @@ export function element(kind, words = "", properties = {}) {
 
 // A list whose items are the parts of each entry; nothing changes on the page while the words stay the same.
 export function lines(id, list, parts) {
-  const items = list.map(entry => { const item = document.createElement("li"); item.append(...parts(entry)); return item; });
+  const items = list.map(entry => {
+    const item = document.createElement("li");
+    item.append(...parts(entry));
+    return item;
+  });
   const told = items.map(item => item.outerHTML).join("");
   if ($(id).told === told) return;
   $(id).told = told;
   $(id).replaceChildren(...items);
 }
 
-export function pill(id, words, kind) { $(id).textContent = words; $(id).className = "pill " + kind; }
+export function pill(id, words, kind) {
+  $(id).textContent = words;
+  $(id).className = "pill " + kind;
+}
 
 export function sentence(words) {
   return words ? words[0].toUpperCase() + words.slice(1) + (/[.!?]$/.test(words) ? "" : ".") : "";
 }
 
-export const fixed = (value, digits) => value == null ? "–" : value.toFixed(digits);
+export const fixed = (value, digits) => (value == null ? "–" : value.toFixed(digits));
 
 // A canvas at the screen's resolution: its pen, width and height in CSS pixels, emptied.
 export function sized(canvas) {
-  const scale = window.devicePixelRatio || 1, w = canvas.clientWidth, h = canvas.clientHeight;
+  const scale = window.devicePixelRatio || 1,
+    w = canvas.clientWidth,
+    h = canvas.clientHeight;
   if (canvas.width !== Math.round(w * scale) || canvas.height !== Math.round(h * scale)) {
-    canvas.width = Math.round(w * scale); canvas.height = Math.round(h * scale);
+    canvas.width = Math.round(w * scale);
+    canvas.height = Math.round(h * scale);
   }
   const pen = canvas.getContext("2d");
   pen.setTransform(scale, 0, 0, scale, 0, 0);
@@ -36,9 +46,21 @@ export function sized(canvas) {
 }
 
 // The colours of the style sheet, by name ("map-free"); they follow the system's light or dark.
-const inks = new Map(), dark = matchMedia("(prefers-color-scheme: dark)");
+const inks = new Map(),
+  dark = matchMedia("(prefers-color-scheme: dark)");
 export function ink(name) {
-  if (!inks.has(name)) inks.set(name, getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim());
+  if (!inks.has(name))
+    inks.set(
+      name,
+      getComputedStyle(document.documentElement)
+        .getPropertyValue("--" + name)
+        .trim(),
+    );
   return inks.get(name);
 }
-export function onScheme(act) { dark.addEventListener("change", () => { inks.clear(); act(); }); }
+export function onScheme(act) {
+  dark.addEventListener("change", () => {
+    inks.clear();
+    act();
+  });
+}

@@ -7,18 +7,27 @@ import {choose} from "./place.js";
 import {button, closeSheet, openSheet, row} from "./sheet.js";
 
 const KINDS = {
-  "no-go": "keep out of it", wall: "a line that is not crossed", only: "stay inside", slow: "drive slowly in it",
+  "no-go": "keep out of it",
+  wall: "a line that is not crossed",
+  only: "stay inside",
+  slow: "drive slowly in it",
   look: "explore nothing outside",
 };
-export let draft = null;  // {kind, points}
+export let draft = null; // {kind, points}
 
-$("drawZone").addEventListener("click", () => { if (draft) closeSheet(); else begin(); });
+$("drawZone").addEventListener("click", () => {
+  if (draft) closeSheet();
+  else begin();
+});
 
 function begin() {
   openSheet([form()], stop);
   $("sheet").dataset.matter = "zone";
   draft = {kind: "no-go", points: []};
-  onChoose((x, y) => { draft.points.push([x, y]); changed(); });
+  onChoose((x, y) => {
+    draft.points.push([x, y]);
+    changed();
+  });
   $("drawZone").setAttribute("aria-pressed", true);
   changed();
 }
@@ -30,11 +39,15 @@ function stop() {
   redraw();
 }
 
-const least = () => draft.kind === "wall" ? 2 : 3;
+const least = () => (draft.kind === "wall" ? 2 : 3);
 
 function changed() {
-  const count = draft.points.length, missing = least() - count;
-  $("corners").textContent = missing > 0 ? `Click ${count ? missing + " more" : "the"} corner${missing > 1 ? "s" : ""} on the map.` : `${count} corners.`;
+  const count = draft.points.length,
+    missing = least() - count;
+  $("corners").textContent =
+    missing > 0
+      ? `Click ${count ? missing + " more" : "the"} corner${missing > 1 ? "s" : ""} on the map.`
+      : `${count} corners.`;
   $("undo").disabled = !count;
   $("saveZone").disabled = missing > 0;
   $("speedBox").hidden = draft.kind !== "slow";
@@ -42,18 +55,38 @@ function changed() {
 }
 
 function form() {
-  const made = element("form"), kind = element("select", "", {id: "zoneKind"}), corners = element("p", "", {id: "corners"});
+  const made = element("form"),
+    kind = element("select", "", {id: "zoneKind"}),
+    corners = element("p", "", {id: "corners"});
   kind.append(...Object.entries(KINDS).map(([value, words]) => element("option", `${value}: ${words}`, {value})));
-  kind.addEventListener("change", () => { draft.kind = kind.value; changed(); });
+  kind.addEventListener("change", () => {
+    draft.kind = kind.value;
+    changed();
+  });
   const name = element("input", "", {id: "zoneName", value: freeName(), maxLength: 40, required: true});
   const speed = element("input", "", {id: "zoneSpeed", type: "number", value: 0.1, min: 0.03, max: 0.7, step: 0.01});
   const speedBox = labelled("at most m/s", speed);
   speedBox.id = "speedBox";
-  made.append(corners, row(labelled("Kind", kind), labelled("Name", name), speedBox), row(
-    element("button", "Save zone", {id: "saveZone", className: "main"}),
-    button("Undo corner", () => { draft.points.pop(); changed(); }, {type: "button", id: "undo"}),
-    button("Cancel", closeSheet, {type: "button"})));
-  made.addEventListener("submit", event => { event.preventDefault(); save(name.value.trim(), Number(speed.value)); });
+  made.append(
+    corners,
+    row(labelled("Kind", kind), labelled("Name", name), speedBox),
+    row(
+      element("button", "Save zone", {id: "saveZone", className: "main"}),
+      button(
+        "Undo corner",
+        () => {
+          draft.points.pop();
+          changed();
+        },
+        {type: "button", id: "undo"},
+      ),
+      button("Cancel", closeSheet, {type: "button"}),
+    ),
+  );
+  made.addEventListener("submit", event => {
+    event.preventDefault();
+    save(name.value.trim(), Number(speed.value));
+  });
   return made;
 }
 
@@ -68,7 +101,11 @@ function freeName() {
   for (let i = 1; ; i++) if (!taken.has("zone " + i)) return "zone " + i;
 }
 
-function labelled(words, field) { const made = element("label", words + " "); made.append(field); return made; }
+function labelled(words, field) {
+  const made = element("label", words + " ");
+  made.append(field);
+  return made;
+}
 
 onPaint(pen => {
   if (!draft || !draft.points.length) return;

@@ -11,12 +11,21 @@ import {draft} from "./drawing.js";
 import {hand} from "./stick.js";
 import "./buttons.js";
 
-const WATCH_MS = 500, CHARTS_MS = 500;
+const WATCH_MS = 500,
+  CHARTS_MS = 500;
 
-document.addEventListener("visibilitychange", () => { if (document.hidden) disconnect(); else connect(); });
+document.addEventListener("visibilitychange", () => {
+  if (document.hidden) disconnect();
+  else connect();
+});
 setInterval(watch, WATCH_MS);
-setInterval(() => { if (!document.hidden) drawCharts(); }, CHARTS_MS);
-(function frame() { paintIfNeeded(); requestAnimationFrame(frame); })();  // rests while the page is hidden
+setInterval(() => {
+  if (!document.hidden) drawCharts();
+}, CHARTS_MS);
+(function frame() {
+  paintIfNeeded();
+  requestAnimationFrame(frame);
+})(); // rests while the page is hidden
 onScheme(drawCharts);
 numbers();
 link.heard = performance.now();
@@ -24,6 +33,20 @@ connect();
 
 // For the console of the browser, and for tests.
 Object.assign(globalThis, {
-  $, known, series, view, ground, layers, chosen, hand, fit, paint, toMap, toScreen, drawRatio, drawLatency, drawPlanning,
+  $,
+  known,
+  series,
+  view,
+  ground,
+  layers,
+  chosen,
+  hand,
+  fit,
+  paint,
+  toMap,
+  toScreen,
+  drawRatio,
+  drawLatency,
+  drawPlanning,
 });
 Object.defineProperty(globalThis, "draft", {get: () => draft});

@@ -2,13 +2,15 @@
 import {$, sentence} from "./dom.js";
 
 export const token = location.hash.slice(1);
-export const known = {};                     // the newest word on each subject
-export const link = {heard: 0, refused: ""};  // when the last word came, and why none comes
+export const known = {}; // the newest word on each subject
+export const link = {heard: 0, refused: ""}; // when the last word came, and why none comes
 const hearers = {};
-const pending = new Set();                    // of commands without an answer yet
+const pending = new Set(); // of commands without an answer yet
 let stream = null;
 
-export function hear(subject, act) { (hearers[subject] ||= []).push(act); }
+export function hear(subject, act) {
+  (hearers[subject] ||= []).push(act);
+}
 
 export function tell(subject, word) {
   known[subject] = word;
@@ -18,16 +20,24 @@ export function tell(subject, word) {
 // Not an EventSource: that shows no token, which makes this viewer the operator's.
 export async function connect() {
   disconnect();
-  const here = stream = new AbortController();
+  const here = (stream = new AbortController());
   try {
     const reply = await fetch("/events", {headers: {"X-Vsx-Token": token}, signal: here.signal});
     link.refused = reply.ok ? "" : (await reply.json()).message;
     if (reply.ok) await listen(reply.body.pipeThrough(new TextDecoderStream()).getReader());
-  } catch (error) { if (!here.signal.aborted) console.error(error); }
-  if (!here.signal.aborted) setTimeout(() => { if (stream === here) connect(); }, 1000);
+  } catch (error) {
+    if (!here.signal.aborted) console.error(error);
+  }
+  if (!here.signal.aborted)
+    setTimeout(() => {
+      if (stream === here) connect();
+    }, 1000);
 }
 
-export function disconnect() { if (stream) stream.abort(); stream = null; }
+export function disconnect() {
+  if (stream) stream.abort();
+  stream = null;
+}
 
 async function listen(reader) {
   for (let rest = ""; ;) {
@@ -49,7 +59,8 @@ export const mayCommand = () => token !== "" && !known.end;
 // Send a command, with a value if it takes one; returns {ok, message, data}. A browser opens only six connections to a
 // server, so the emergency stop gives up whatever still waits for an answer.
 export async function ask(name, value, controller = new AbortController()) {
-  const text = value === undefined ? "" : "?" + encodeURIComponent(JSON.stringify(value)), {signal} = controller;
+  const text = value === undefined ? "" : "?" + encodeURIComponent(JSON.stringify(value)),
+    {signal} = controller;
   if (name === "estop") for (const other of pending) other.abort();
   pending.add(controller);
   try {
@@ -57,7 +68,9 @@ export async function ask(name, value, controller = new AbortController()) {
     return await reply.json();
   } catch (error) {
     return {ok: false, message: "there is no connection to the robot", aborted: signal.aborted};
-  } finally { pending.delete(controller); }
+  } finally {
+    pending.delete(controller);
+  }
 }
 
 // The same, and say what came of it.

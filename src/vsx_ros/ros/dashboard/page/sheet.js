@@ -22,7 +22,9 @@ export function closeSheet() {
   end();
 }
 
-document.addEventListener("keydown", event => { if (event.key === "Escape" && !$("sheet").hidden) closeSheet(); });
+document.addEventListener("keydown", event => {
+  if (event.key === "Escape" && !$("sheet").hidden) closeSheet();
+});
 
 export function button(words, act, properties = {}) {
   const made = element("button", words, properties);
@@ -33,11 +35,21 @@ export function button(words, act, properties = {}) {
 // A button that asks once more before it acts.
 export function askingButton(words, sure, act) {
   const made = button(words, () => {
-    if (made.textContent === sure) { made.textContent = words; act(); return; }
+    if (made.textContent === sure) {
+      made.textContent = words;
+      act();
+      return;
+    }
     made.textContent = sure;
-    setTimeout(() => { made.textContent = words; }, 4000);
+    setTimeout(() => {
+      made.textContent = words;
+    }, 4000);
   });
   return made;
 }
 
-export function row(...parts) { const made = element("div", "", {className: "row"}); made.append(...parts); return made; }
+export function row(...parts) {
+  const made = element("div", "", {className: "row"});
+  made.append(...parts);
+  return made;
+}
