@@ -1,6 +1,9 @@
 """Commands of the page that move the robot: what they check, and what they publish; without a master."""
 
 import json
+import threading
+import time
+from concurrent import futures
 from types import SimpleNamespace
 from typing import Any
 
@@ -58,6 +61,33 @@ def test_a_plan_is_told_and_moves_nothing(graph: Graph) -> None:
     graph.planned = Answer(False, "the goal lies outside the map")
     assert graph.drives.plan("{}") == graph.planned
     assert graph.published == []
+
+
+def test_of_many_plans_asked_at_once_the_first_and_the_last_are_made(
+    graph: Graph, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[str] = []
+    begun, go_on = threading.Semaphore(0), threading.Semaphore(0)
+
+    def slow(_service: str, _kind: object, text: str, **_: object) -> Answer:
+        made.append(text)
+        begun.release()
+        go_on.acquire()
+        return graph.planned
+
+    monkeypatch.setattr(drives, "answer_of", slow)
+    with futures.ThreadPoolExecutor(8) as pool:
+        asked = [pool.submit(graph.drives.plan, "0")]
+        begun.acquire()
+        for k in range(1, 8):
+            asked.append(pool.submit(graph.drives.plan, str(k)))
+            while graph.drives._asked < k + 1:
+                time.sleep(0.001)
+        go_on.release(8)
+    answers = [future.result() for future in asked]
+    assert made == ["0", "7"]
+    assert [answer.ok for answer in answers] == [True] + [False] * 6 + [True]
+    assert "another place" in answers[3].message
 
 
 def test_go_sends_the_planned_goal_to_move_base(graph: Graph) -> None:

@@ -34,13 +34,22 @@ class Drives:
         self._cancel_pub = rospy.Publisher(topics.MOVE_BASE_CANCEL, GoalID, queue_size=5)
         self._teleop_pub = rospy.Publisher(topics.COMMAND_TELEOP, Twist, queue_size=1, tcp_nodelay=True)
         self._lock, self._stick = threading.Lock(), Joystick(v_m_s, omega_rad_s)
+        self._planning, self._asked = threading.Lock(), 0
 
     def commands(self) -> dict[str, Command]:
         """As ``commands.commands``."""
         return {"plan?": self.plan, "go?": self.go, "end-drive": self.end, "drive?": self.drive}
 
     def plan(self, text: str) -> Answer:
-        """The way to a goal, as of ``goal_preview``; nothing moves."""
+        """The way to a goal, as of ``goal_preview``; nothing moves. Of many that are asked at once the first and the
+        last are planned: move_base has to plan its drive, too."""
+        self._asked = number = self._asked + 1
+        with self._planning:
+            if number != self._asked:
+                return Answer(False, "another place was chosen meanwhile")
+            return self._way(text)
+
+    def _way(self, text: str) -> Answer:
         told = answer_of(topics.PREVIEW_GOAL, AddDiagnostics, text, within_s=_PLAN_S)
         if not told.ok:
             return told
@@ -49,7 +58,7 @@ class Drives:
 
     def go(self, text: str) -> Answer:
         """Drive to a goal, if there is a way. The exploration waits meanwhile."""
-        told = self.plan(text)
+        told = self._way(text)
         if not told.ok or told.data is None:
             return told
         if self._goal_pub.get_num_connections() == 0:
