@@ -49,7 +49,10 @@ def test_the_command_of_the_wheel_is_the_wheels(site: Path, tmp_path: Path) -> N
     assert where.stdout.count(str(site)) == 2
 
 
-@pytest.mark.parametrize("file", ["ros/dashboard/page.html", "ros/python_logging.conf", "evaluation/scrubber.html"])
+PAGE, NOT_MODULES = "ros/dashboard/page", ("ros/python_logging.conf", "evaluation/scrubber.html")
+
+
+@pytest.mark.parametrize("file", [f"{PAGE}/index.html", f"{PAGE}/map.js", *NOT_MODULES])
 def test_it_brings_the_files_that_are_no_modules(site: Path, file: str) -> None:
     assert (site / "vsx_ros" / file).read_bytes() == (CHECKOUT / "src/vsx_ros" / file).read_bytes()
 

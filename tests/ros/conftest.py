@@ -15,7 +15,9 @@ import pytest
 
 pytest.importorskip("rospy")
 
+from chromium import Chromium
 from ros_ports import HOST, free_port
+from served_page import ServedPage
 
 from vsx_hw.bases import BASES, base_emulator
 from vsx_ros.config import RobotConfig
@@ -226,3 +228,16 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     finally:
         rospy.signal_shutdown("tests are over")
         running.down()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
+    with Chromium(tmp_path_factory.mktemp("profile")) as chromium:
+        yield chromium
+
+
+@pytest.fixture
+def page(browser: Chromium) -> Iterator[ServedPage]:
+    served = ServedPage(browser)
+    yield served
+    served.close()

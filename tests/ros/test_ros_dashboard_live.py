@@ -8,6 +8,7 @@ import json
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import pytest
 
@@ -82,9 +83,10 @@ def _answers(port: int) -> bool:
         return False
 
 
-def command(port: int, name: str) -> dict[str, Any]:
+def command(port: int, name: str, value: Any = None) -> dict[str, Any]:
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
-    connection.request("POST", f"/command/{name}", headers={TOKEN_HEADER: SECRET})
+    text = "" if value is None else f"?{quote(json.dumps(value))}"
+    connection.request("POST", f"/command/{name}{text}", headers={TOKEN_HEADER: SECRET})
     return dict(json.loads(connection.getresponse().read()))
 
 
@@ -135,6 +137,38 @@ def test_the_emergency_stop_reaches_the_wheels(stack: Stack, port: int) -> None:
     stack.wait_until_driving()
 
 
+def test_a_way_is_told_before_it_is_driven_and_a_drive_can_be_ended(stack: Stack, port: int) -> None:
+    stack.wait_until_driving()
+    home = {"x": 0.0, "y": 0.0}
+    stack.wait(lambda: command(port, "plan", home)["ok"], 60.0, "a way home")
+    refused = command(port, "plan", {"x": 500.0, "y": 0.0})
+    assert (refused["ok"], "outside the map" in refused["message"]) == (False, True)
+    assert not command(port, "go", {"x": 500.0, "y": 0.0})["ok"]
+    stack.wait(lambda: command(port, "go", home)["ok"], 60.0, "a way home")
+    stack.wait(lambda: mission() == "user goal", 20.0, "the drive")
+    assert command(port, "end-drive")["ok"]
+    stack.wait(lambda: mission() != "user goal", 20.0, "the mission to go on")
+
+
+def test_the_stick_turns_the_wheels_while_it_says_so_and_its_silence_stops_them(stack: Stack, port: int) -> None:
+    stack.wait_until_driving()
+    ticket = 0
+
+    def turns() -> bool:
+        nonlocal ticket
+        ticket = command(port, "drive", {"forward": 0, "left": 1, "ticket": ticket})["data"]["ticket"]
+        left, right = stack.plant.commanded
+        return left < 0.0 < right
+
+    stack.wait(turns, 30.0, "the wheels to turn")
+    stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
+    ticket = 0
+    stack.wait(turns, 30.0, "the wheels to turn")
+    assert command(port, "drive", {"forward": 0, "left": 0, "ticket": 0})["ok"]
+    stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
+    stack.wait_until_driving()
+
+
 @pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
 def test_the_buttons_of_the_page_stop_the_wheels_and_let_them_go(stack: Stack, port: int, tmp_path: Path) -> None:
     with Chromium(tmp_path / "profile") as browser:
@@ -144,7 +178,7 @@ def test_the_buttons_of_the_page_stop_the_wheels_and_let_them_go(stack: Stack, p
             browser.wait(f"$('said').textContent.startsWith('{said}')")
 
         browser.open(f"http://127.0.0.1:{port}/#{SECRET}")
-        browser.wait("frames > 0 && known.pose && known.health && $('release').hidden")
+        browser.wait("known.pictures > 0 && known.pose && known.health && $('release').hidden")
         stack.wait_until_driving()
         press("estop", "The wheels stand")
         stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")

@@ -68,7 +68,7 @@ IMU_RAW = _topic("mobile_base/sensors/imu_data_raw", "sensor_msgs/Imu", "mobile_
 BUMPER_CLOUD = _topic("mobile_base/sensors/bumper_pointcloud", "sensor_msgs/PointCloud2", "mobile_base")
 MUX_ACTIVE = _topic("cmd_vel_mux/active", "std_msgs/String", "mobile_base")
 COMMAND_SAFETY = "cmd_vel_mux/input/safety_controller"
-COMMAND_TELEOP = _topic("cmd_vel_mux/input/teleop", "geometry_msgs/Twist", "teleop")
+COMMAND_TELEOP = _topic("cmd_vel_mux/input/teleop", "geometry_msgs/Twist", "teleop", "dashboard")
 COMMAND_NAVI = _topic("cmd_vel_mux/input/navi", "geometry_msgs/Twist", "follower")
 COMMANDS = {"safety_controller": COMMAND_SAFETY, "teleop": COMMAND_TELEOP, "navi": COMMAND_NAVI}
 ESTOP = _service("mobile_base/estop", "std_srvs/SetBool", "mobile_base")
@@ -116,8 +116,8 @@ FOLLOWER_LEASE = _topic("follower/lease", "std_msgs/String", "vslam", "move_base
 
 # move_base: the planner
 MOVE_BASE_ACTION = "move_base"
-MOVE_BASE_GOAL = _topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore")
-_topic("move_base/cancel", "actionlib_msgs/GoalID", "explore")
+MOVE_BASE_GOAL = _topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore", "dashboard")
+MOVE_BASE_CANCEL = _topic("move_base/cancel", "actionlib_msgs/GoalID", "explore", "dashboard")
 MOVE_BASE_STATUS = _topic("move_base/status", "actionlib_msgs/GoalStatusArray", "move_base")
 _topic("move_base/result", "move_base_msgs/MoveBaseActionResult", "move_base")
 _topic("move_base/feedback", "move_base_msgs/MoveBaseActionFeedback", "move_base")
@@ -129,6 +129,7 @@ GLOBAL_PLAN = _topic("move_base/global_plan", "nav_msgs/Path", "move_base")
 TRAJECTORY = _topic("move_base/trajectory", "trajectory_msgs/MultiDOFJointTrajectory", "move_base")
 PLAN_MS = _topic("move_base/stats/plan_ms", "std_msgs/Float32", "move_base")
 MAKE_PLAN = _service("move_base/make_plan", "nav_msgs/GetPlan", "move_base")
+PREVIEW_GOAL = _service("move_base/preview_goal", "diagnostic_msgs/AddDiagnostics", "move_base")  # JSON in and out
 NAVIGATION_LEASE = _topic("move_base/lease", "std_msgs/String", "explore")
 
 # explore
