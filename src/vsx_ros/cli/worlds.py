@@ -65,7 +65,7 @@ def described(world: EmulatedWorld) -> list[str]:
         lines += [
             f"file:       {world.file}",
             f"floor:      {world.floor_z_m:.3f} m in the file",
-            f"drawn:      {len(seen.corners)} triangles, {len(seen.textures.alphas)} textures, {len(world.lamps)} lamps",
+            f"drawn:      {len(seen.corners)} triangles, {len(seen.textures.logs)} textures, {len(world.lamps)} lamps",
             f"solid:      {len(solids)} triangles",
             f"missing:    {len(world.parts.remarks)} parts",
         ]
