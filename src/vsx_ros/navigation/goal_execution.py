@@ -98,6 +98,7 @@ class GoalExecution:
         self._number = 0
         self._waits_for_plan = self._start_is_predicted = False
         self._answer: TimedPlan | Refusal | None = None
+        self._asked_in: OccupancyGrid | None = None
         self._driven: Follow | None = None
         self._braking_m_s2 = 0.0
         self._ending = ""
@@ -171,13 +172,13 @@ class GoalExecution:
             return [self._done(False, self._answer.reason)]
         self._driven = follow = Follow(now_ns, self._answer, self._frame)
         self._braking_m_s2 = 0.0
-        self._watch.begin(seen.grid)
+        self._watch.begin(self._asked_in)
         self._enter(_Phase.DRIVING, now_ns)
         return [follow]
 
     def _ask(self, now_ns: int, start: SE2, seen: ExecutionInput, *, predicted: bool) -> PlanRequest:
         self._number += 1
-        self._start, self._start_is_predicted = start, predicted
+        self._start, self._start_is_predicted, self._asked_in = start, predicted, seen.grid
         self._waits_for_plan, self._answer, self._since_ns = True, None, now_ns
         return PlanRequest(
             number=self._number, start=start, goal=self._goal, frame=self._frame,
