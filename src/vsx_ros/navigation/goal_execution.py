@@ -126,7 +126,7 @@ class GoalExecution:
             return []
         if seen.silent_client:
             return [self._done(False, f"the client {seen.silent_client} is silent")]
-        if seen.follower.status is FollowStatus.HELD and self._phase in (_Phase.PLANNING, _Phase.DRIVING):
+        if self._was_held(seen.follower) and self._phase in (_Phase.PLANNING, _Phase.DRIVING):
             self._driven = None
             self._enter(_Phase.PLANNING, now_ns)
             return []
@@ -138,6 +138,11 @@ class GoalExecution:
         elif self._phase is _Phase.RESTING and not acts and self._has_rested(now_ns, seen):
             acts.append(self._done(False, self._ending))
         return acts
+
+    def _was_held(self, report: FollowerReport) -> bool:
+        """Whether the operator holds the wheels, or did between two steps: our trajectory is dropped, nothing ended."""
+        dropped = self._driven is not None and report.trajectory == self._driven.identity
+        return report.status is FollowStatus.HELD or (dropped and report.status is FollowStatus.IDLE)
 
     def _enter(self, phase: _Phase, now_ns: int) -> None:
         self._phase, self._since_ns = phase, now_ns
