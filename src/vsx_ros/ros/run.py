@@ -64,9 +64,9 @@ class Coverage:
 
 
 def explore(args: argparse.Namespace) -> int:
-    """One live run, or the rest of an interrupted one; returns the exit code. If a viewer wants more of it, this process
-    becomes the next session, as in a process where rospy has ended it cannot begin again. args: the options of ``vsx
-    explore``."""
+    """One live run, or the rest of an interrupted one; returns the exit code. If a viewer wants more of it, this
+    process becomes the next session: rospy cannot begin again where it has ended. args: the options of ``vsx explore``.
+    """
     logs.quiet_failures()
     folder, code, go_on = _explore(args)
     if go_on:
