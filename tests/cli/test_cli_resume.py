@@ -27,7 +27,7 @@ from vsx_ros.runs.interrupted import REASON
 from vsx_ros.runs.journal import FrameLine, Journal, read_journal
 from vsx_ros.runs.moments import Moments
 from vsx_ros.runs.session import PreviousSessions
-from vsx_ros.runs.start import begin
+from vsx_ros.runs.start import REMEMBERED, begin
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 SECOND = 1_000_000_000
@@ -128,6 +128,15 @@ def test_what_contradicts_the_run_is_refused(resumed, words, said, capsys):
     out, _ = resumed
     assert execute(["explore", "--resume", str(out), *words]) == 1
     assert said in capsys.readouterr().err
+
+
+def test_a_run_killed_before_it_had_a_map_remembers_every_option(tmp_path):
+    """Among them the room that alone is to be explored: without a checkpoint it is known from nowhere else."""
+    folder, given = RunFolder.create(tmp_path / "run"), parse(["explore", "--load-map", "lab.vsxmap", "--room", "hall"])
+    folder.write_config(Config(), given.line, **{name: getattr(given, name) for name in REMEMBERED})
+    again = parse(["explore", "--resume", str(folder.path)])
+    begin(again)
+    assert (again.load_map, again.room) == ("lab.vsxmap", "hall")
 
 
 def test_a_damaged_checkpoint_is_told(resumed, capsys):

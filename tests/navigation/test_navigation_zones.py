@@ -93,13 +93,14 @@ def test_a_goal_in_a_zone_is_refused_by_the_zones_name() -> None:
 
 def test_a_slow_zone_is_driven_slowly_even_when_drawn_on_the_way() -> None:
     zone = box(2.2, 0.3, 0.4, ZoneKind.SLOW, 0.12)
-    early, late = LockStep(), under_way(3.0)
+    early, meanwhile, late = LockStep(), under_way(1.0 / 15.0), under_way(3.0)
     early.planner.take_grid(zoned(zone), early.base.now_ns)
     early.go(GOAL)
     early.drive(40.0)
-    late.planner.take_grid(zoned(zone), late.base.now_ns)
-    late.drive(40.0)
-    for run in (early, late):
+    for run in (meanwhile, late):  # the first plans when the zone is drawn, the other drives
+        run.planner.take_grid(zoned(zone), run.base.now_ns)
+        run.drive(40.0)
+    for run in (early, meanwhile, late):
         assert run.navigator.state is NavigationState.SUCCEEDED
         rows = np.array(run.base.rows)
         inside = (np.abs(rows[:, 1] - 2.2) < 0.4 + BODY_M) & (np.abs(rows[:, 2] - 0.3) < 0.4 + BODY_M)

@@ -1,8 +1,10 @@
 """The end of a run in the live view: the page outlives the run, with what was reached and what to do with it."""
 
-import argparse
 import http.client
 import json
+import os
+import socket
+import sys
 import threading
 import time
 import urllib.request
@@ -17,18 +19,22 @@ pytest.importorskip("rospy")
 from chromium import EXECUTABLE, Chromium
 from free_ports import free_port
 
+from vsx_ros.cli.main import parse
 from vsx_ros.config import Config
+from vsx_ros.errors import VsxError
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.zone_file import save_zones, zone_file
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zones import Zone, ZoneKind
+from vsx_ros.ros import run
 from vsx_ros.ros.dashboard import server
 from vsx_ros.ros.dashboard.ending import Ended, show_end
 from vsx_ros.ros.dashboard.feed import Board
 from vsx_ros.ros.dashboard.server import ViewServer
-from vsx_ros.ros.run import go_on_args
+from vsx_ros.ros.run import go_on_words
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.start import begin
 
 TOKEN = "a-token-of-tests"
 
@@ -36,7 +42,7 @@ TOKEN = "a-token-of-tests"
 @pytest.fixture
 def folder(tmp_path: Path) -> RunFolder:
     made = RunFolder.create(tmp_path / "run")
-    made.write_config(Config(), ["vsx", "explore"], world="lab", seed=1, time=120.0, fast=False)
+    made.write_config(Config(), ["vsx", "explore"], seed=1, time=120.0, fast=False)
     summary = Summary(frames=40, frames_tracked=30, coverage=0.93, stop_reason="time limit of 120 s", duration_s=120.0)
     made.write_summary(summary.as_dict())
     made.write_map(OccupancyGrid(np.array([[0, 0, 100], [0, -1, 100]], np.int8), 0.5, 0.0, 0.0))
@@ -124,13 +130,34 @@ def test_a_taken_port_is_no_failure(folder: RunFolder, end: End) -> None:
 
 
 def test_going_on_means_the_same_run_for_as_long_again(folder: RunFolder) -> None:
-    args = argparse.Namespace(
-        world="lab", seed=1, base="auto", planner="fov", phi=None, load_map=None, config=None, out=folder.path,
-        set=["a=1"], moved=False, resume=None, time=120.0, until=0.9, view=True,
-    )  # fmt: skip
-    again = go_on_args(args, folder)
-    assert (again.resume, again.time, again.until) == (folder.path, 240.0, None)
-    assert (again.world, again.out, again.set, again.view) == (None, None, [], True)
+    words = go_on_words(folder)
+    args = parse(words)
+    assert (args.command, args.resume, args.time, args.view) == ("explore", folder.path.resolve(), 240.0, True)
+    assert args.headless, "the page is open"
+    begun, config, _ = begin(parse(["explore", "--resume", str(folder.path), *words[3:]]))
+    assert begun.path == folder.path
+    assert config == Config()
+
+
+def test_going_on_needs_a_process_of_its_own(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After its shutdown rospy registers nothing any more: a second session would hear no word of its nodes."""
+    sessions, becomes = [0, 0], []
+    monkeypatch.setattr(run, "_explore", lambda args: (folder, 0, sessions.pop() == 0))
+    monkeypatch.setattr(sys, "orig_argv", ["python3", "-X", "dev", "scripts/vsx", "explore", "--view"])
+    monkeypatch.setattr(sys, "argv", ["scripts/vsx", "explore", "--view"])
+    monkeypatch.setattr(os, "execv", lambda program, words: becomes.append((program, words)))
+    run.explore(parse(["explore", "--view"]))
+    assert len(sessions) == 1, "one session in this process"
+    assert becomes == [(sys.executable, [sys.executable, "-X", "dev", "scripts/vsx", *go_on_words(folder)])]
+
+
+def test_results_that_cannot_be_shown_do_not_change_how_the_run_ended(folder: RunFolder) -> None:
+    (folder.path / "map.yaml").write_text("{", encoding="utf-8")
+    port = free_port()
+    with pytest.raises(VsxError):
+        show_end(Ended(folder, folder.read_summary(), ended_well=True), TOKEN, port)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", port))
 
 
 @pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")

@@ -12,14 +12,16 @@ class OperatorClaim:
     def __init__(self, log: MissionLog) -> None:
         self._log = log
         self._lost_since_ns: int | None = None
-        self._overruled = ""
+        self._pursued = self._overruled = ""
 
     def of(self, now_ns: int, situation: Situation) -> tuple[MissionState, str] | None:
         """The state that the claim asks for, and why; None without one. A goal in the map of a camera that stays lost
         is no claim: it cannot be driven to before the camera is found."""
+        goal = situation.user_goal
+        if situation.held is not None or goal is None or goal.identity != self._pursued:
+            self._pursued, self._lost_since_ns = goal.identity if goal is not None else "", None
         if situation.held is not None:
             return MissionState.HELD, situation.held.words()
-        goal = situation.user_goal
         if goal is None or goal.identity == self._overruled:
             return None
         lost = situation.slam_state is TrackingState.LOST and goal.frame != "odom"

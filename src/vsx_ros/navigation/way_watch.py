@@ -34,7 +34,7 @@ class WayWatch:
         self._drawn: int | None = None
 
     def begin(self, grid: OccupancyGrid | None) -> None:
-        """Another way is driven, planned with the zones of this map."""
+        """Another way is driven. grid: the map when its plan was asked for; zones may have been drawn since."""
         self._checked, self._drawn = None, _drawing(grid)
 
     def hindrance(

@@ -86,7 +86,9 @@ def hear_operator_hold(callback: Callable[[OperatorHold | None], None]) -> rospy
 
     def take(msg: String) -> None:
         told = json_object(msg, "by", "since_ns")
-        callback(OperatorHold(str(told["by"]), int(told["since_ns"])) if told["by"] else None)
+        if not isinstance(told["by"], str) or type(told["since_ns"]) is not int:
+            raise InputError(f"{msg.data[:80]!r} names nobody who holds the wheels; is another node publishing it?")
+        callback(OperatorHold(told["by"], told["since_ns"]) if told["by"] else None)
 
     return subscribe(topics.OPERATOR_HOLD, String, take, queue_size=5, tcp_nodelay=True)
 

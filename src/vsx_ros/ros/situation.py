@@ -112,6 +112,11 @@ class HeardSituation:
         with self._lock:
             self._user_goals.told(headers.now_ns(), states)
 
+    def is_claimed_since(self, situation: Situation) -> bool:
+        """Whether the operator holds the wheels, or sent a goal, that this situation does not know."""
+        claims = (self._held, situation.held), (self._user_goals.current, situation.user_goal)
+        return any(now is not None and now != then for now, then in claims)
+
     def at(self, now_ns: int, navigation: NavigationState, navigation_reason: str) -> Situation:
         """The situation, with the goal's state."""
         where = self.where.at(now_ns)

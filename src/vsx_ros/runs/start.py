@@ -27,7 +27,7 @@ from vsx_ros.sim.world_file import load_world, save_world
 from vsx_ros.slam.state import TrackingState
 
 DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov"}
-REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map")
+REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map", "room")
 
 
 def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | None]:

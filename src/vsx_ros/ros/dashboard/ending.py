@@ -34,14 +34,15 @@ def show_end(
     ended: Ended, token: str, port: int, stopped: Callable[[], bool] = lambda: False, *, stay: bool = True
 ) -> bool:
     """Serve the end until nobody looks, or until ``stopped``. Returns whether a viewer wants the exploration to go on.
-    Without a viewer it returns soon, if the port is taken at once. stay: false: return when the viewers have it."""
+    Without a viewer it returns soon, if the port is taken at once. stay: false: return when the viewers have it. Raises
+    VsxError when the results cannot be read."""
     board, on, looking = Board(), threading.Event(), [0]
+    post(board, ended)
     try:
         server = ViewServer(board, commands(ended.folder, on), lambda n: looking.append(n), token, LOOPBACK, port)
     except ConfigError:
         return False
     server.report = lambda: (ended.folder.path / "report.html").read_bytes()
-    post(board, ended)
     threading.Thread(target=server.serve_forever, name="end", daemon=True).start()
     seen_s, patience_s = time.monotonic(), _COME_S
     while not (on.is_set() or stopped()) and time.monotonic() - seen_s < patience_s:
