@@ -55,7 +55,7 @@ def split(grid: OccupancyGrid, config: RoomsConfig) -> IntArray:
     flat = heights.ravel()
     order = np.argsort(-flat, kind="stable")
     order = order[: int(np.count_nonzero(flat > 0.0))].astype(np.int64)
-    labels = flood_basins(heights, order, 0.5 * config.widest_door_m, config.door_ratio)
+    labels = flood_basins(heights, order, config.door_ratio)
     labels = _merge_small(labels, config.least_room_m2 / grid.resolution**2)
     return np.where(free, labels, 0)
 
