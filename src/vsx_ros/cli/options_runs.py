@@ -35,6 +35,8 @@ def explore(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> N
         what = "go on in a SLAM map (.vsxmap), the robot anywhere in it: 'vsx map save'"
         add("--load-map", metavar="FILE", help=what)
     add("--room", metavar="NAME", help="with a loaded map: explore only this room of it: 'vsx room list'")
+    zones = "zones to begin with (YAML), in the coordinates of the map; a new one begins where the robot stands"
+    add("--zones", metavar="FILE", help=zones)
     add("--fast", action="store_true", help="one process, lock-step, no ROS, deterministic")
     add("--view", action="store_true", help="serve the live view, for a browser on this machine")
     add("--headless", action="store_true", help="open no window and no browser")

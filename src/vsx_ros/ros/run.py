@@ -76,7 +76,7 @@ def explore(args: argparse.Namespace) -> int:
 
 def go_on_args(args: argparse.Namespace, folder: RunFolder) -> argparse.Namespace:
     """The options for going on with a run that has ended, for as long again as it was to last."""
-    forgotten = dict.fromkeys(("world", "seed", "base", "planner", "phi", "load_map", "room", "config", "out"))
+    forgotten = dict.fromkeys(("world", "seed", "base", "planner", "phi", "load_map", "room", "zones", "config", "out"))
     given_s = folder.read_config()[1].get("time")
     lasted_s = float(folder.read_summary().get("duration_s") or 0.0)
     limit_s = None if given_s is None else lasted_s + float(given_s)
@@ -125,7 +125,7 @@ def _nodes(
 ) -> list[LaunchNode]:
     """T_world_base: where an emulated robot stood when the run was interrupted."""
     above = launch.exploration(
-        args.planner, args.seed, str(folder.path.resolve()), args.load_map or "", args.room or ""
+        args.planner, args.seed, str(folder.path.resolve()), args.load_map or "", args.room or "", args.zones or ""
     )
     if world is None:
         return [*launch.bringup(args.base, args.port, args.camera), *above]

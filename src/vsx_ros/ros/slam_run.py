@@ -17,10 +17,9 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import logs, node
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.rooms import look_into
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
-from vsx_ros.runs.zones import read_zones
+from vsx_ros.runs.zones import begin_places
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import ThreadedSlam
 from vsx_ros.slam.snapshot import SlamMap
@@ -49,17 +48,12 @@ class SlamRun:
         else:
             path = str(rospy.get_param("~load_map", ""))
             self.session = SlamSession(T_base_cam, config, load_slam_map(Path(path)) if path else None)
+            zones, room = (str(rospy.get_param(name, "")) for name in ("~zones", "~room"))
+            begin_places(self.session.ground, Path(path) if path else None, Path(zones) if zones else None, room)
             if path:
                 self.continued = Path(path)
-                self._begin_in(Path(path))
         self._keeper = RunWriter(T_base_cam, self._folder, before, logs.log_errors, _REST, config.runs)
         self.first_epoch = 1 + self._keeper.record.odom_epoch
-
-    def _begin_in(self, map_file: Path) -> None:
-        """Take over the zones of a loaded map; explore one room of it, if ~room names it."""
-        read_zones(self.session.ground, map_file)
-        if room := str(rospy.get_param("~room", "")):
-            look_into(self.session.ground, map_file, room)
 
     def odometry(self, odometry: Odometry) -> None:
         """Store a reading; any thread."""

@@ -13,6 +13,7 @@ Parameters: ~config (tree of 'vsx config'), ~seed (int, 0), ~run_dir (folder for
     ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
     ~load_map (SLAM map to continue, the robot anywhere in it; none; not read if ~run_dir is resumed),
     ~room (explore only this room of ~load_map; none),
+    ~zones (YAML with zones to begin with, in the coordinates of the map; none; not read if ~run_dir is resumed),
     ~save_map (file for the map at the end; none),
     ~save_map_to (file for the service; default map.vsxmap in ~run_dir, else in the folder for temporary files),
     ~publish_tf (bool, true; false: another node, e.g. an EKF, publishes odom in map)."""
