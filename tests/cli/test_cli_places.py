@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from vsx_ros.cli.main import execute
-from vsx_ros.config import RoomsConfig
+from vsx_ros.config import Config, RoomsConfig
 from vsx_ros.errors import MapFileError
 from vsx_ros.io.map_file import load_map, save_map
 from vsx_ros.io.room_file import load_rooms, room_file, save_rooms
 from vsx_ros.io.zone_file import load_zones, zone_file
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
 from vsx_ros.occupancy.rooms import RoomTracker
+from vsx_ros.runs.folder import RunFolder
 
 
 @pytest.fixture
@@ -101,3 +102,28 @@ def test_the_room_picture_lies_on_the_map_and_damage_is_told(map_file: Path) -> 
             load_rooms(room_file(map_file))
     room_file(map_file).unlink()
     assert load_rooms(room_file(map_file)) is None
+
+
+AHEAD = """version: 1
+zones:
+- {name: rug, kind: no-go, points: [[0.45, -0.6], [2, -0.6], [2, 0.6], [0.45, 0.6]]}
+"""
+
+
+def test_zones_given_at_the_start_hold_from_the_first_metre(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given, run = tmp_path / "mine.yaml", tmp_path / "run"
+    explore = ["explore", "--fast", "--seed", "3", "--time", "4", "--out", str(run), "--zones", str(given)]
+    assert execute(explore) == 1
+    assert f"no file of zones {given}" in capsys.readouterr().err
+    given.write_text(AHEAD)
+    assert execute(explore) == 0
+    driven = [pose.T.translation[0] for pose in RunFolder(run).read_poses("odometry")]
+    assert max(driven) < 0.45 - Config().robot.radius_m
+    assert min(driven) < -0.2
+    (written,) = load_zones(zone_file(run / "map.yaml"))
+    assert written.name == "rug"
+    assert np.array(written.points) == pytest.approx(np.array(load_zones(given)[0].points), abs=0.02)
+    assert RunFolder(run).read_config()[1]["zones"] == str(given)
+    capsys.readouterr()
+    assert execute(["explore", "--fast", "--resume", str(run), "--zones", str(given)]) == 1
+    assert "leave out --zones" in capsys.readouterr().err
