@@ -40,8 +40,8 @@ def test_zones_are_drawn_listed_replaced_and_removed(map_file: Path, capsys: pyt
     capsys.readouterr()
     assert execute(["zone", "list", *beside]) == 0
     assert capsys.readouterr().out.splitlines() == [
-        "hall: slow at most 0.1 m/s, 0.00,0.00 1.00,0.00 1.00,1.00",
-        "rug: wall, 0.00,0.00 1.00,0.00",
+        "hall (slow, at most 0.1 m/s): 0.00,0.00 1.00,0.00 1.00,1.00",
+        "rug (wall): 0.00,0.00 1.00,0.00",
     ]
     assert execute(["zone", "list", "--json", *beside]) == 0
     assert [tree["name"] for tree in json.loads(capsys.readouterr().out)] == ["hall", "rug"]

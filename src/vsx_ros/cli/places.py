@@ -59,9 +59,7 @@ def _list_zones(args: argparse.Namespace) -> int:
         print(json.dumps([zone.tree() for zone in zones]))
         return DONE
     for zone in zones:
-        speed = f" at most {zone.v_m_s:g} m/s" if zone.v_m_s is not None else ""
-        corners = " ".join(f"{x:.2f},{y:.2f}" for x, y in zone.points)
-        print(f"{zone.name}: {zone.kind.value}{speed}, {corners}")
+        print(f"{zone.words()}: {' '.join(f'{x:.2f},{y:.2f}' for x, y in zone.points)}")
     if not zones:
         print("no zones: the robot may go everywhere")
     return DONE

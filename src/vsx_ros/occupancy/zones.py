@@ -52,6 +52,10 @@ class Zone(NamedTuple):
         slow = {} if self.v_m_s is None else {"v_m_s": self.v_m_s}
         return {"name": self.name, "kind": self.kind.value, **slow, "points": [list(point) for point in self.points]}
 
+    def words(self) -> str:
+        """Name and meaning."""
+        return f"{self.name} ({self.kind.value}{'' if self.v_m_s is None else f', at most {self.v_m_s:g} m/s'})"
+
 
 def zone_of(tree: Any) -> Zone:
     """The zone of a tree. Raises InputError for anything else."""
