@@ -1,6 +1,7 @@
 """``vsx zone`` and ``vsx room`` beside a saved map: what they print, write and refuse."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -110,20 +111,58 @@ zones:
 """
 
 
-def test_zones_given_at_the_start_hold_from_the_first_metre(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    given, run = tmp_path / "mine.yaml", tmp_path / "run"
-    explore = ["explore", "--fast", "--seed", "3", "--time", "4", "--out", str(run), "--zones", str(given)]
-    assert execute(explore) == 1
-    assert f"no file of zones {given}" in capsys.readouterr().err
-    given.write_text(AHEAD)
-    assert execute(explore) == 0
-    driven = [pose.T.translation[0] for pose in RunFolder(run).read_poses("odometry")]
+@pytest.fixture(scope="module")
+def zoned_run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+    """Four seconds with a zone right ahead."""
+    folder = tmp_path_factory.mktemp("zoned")
+    (folder / "mine.yaml").write_text(AHEAD)
+    given = ["--zones", str(folder / "mine.yaml")]
+    assert execute(["explore", "--fast", "--seed", "3", "--time", "4", "--out", str(folder / "run"), *given]) == 0
+    return RunFolder(folder / "run")
+
+
+def test_zones_given_at_the_start_hold_from_the_first_metre(zoned_run: RunFolder) -> None:
+    driven = [pose.T.translation[0] for pose in zoned_run.read_poses("odometry")]
     assert max(driven) < 0.45 - Config().robot.radius_m
     assert min(driven) < -0.2
-    (written,) = load_zones(zone_file(run / "map.yaml"))
+    given = Path(zoned_run.read_config()[1]["zones"])
+    (written,) = load_zones(zone_file(zoned_run.path / "map.yaml"))
     assert written.name == "rug"
     assert np.array(written.points) == pytest.approx(np.array(load_zones(given)[0].points), abs=0.02)
-    assert RunFolder(run).read_config()[1]["zones"] == str(given)
-    capsys.readouterr()
-    assert execute(["explore", "--fast", "--resume", str(run), "--zones", str(given)]) == 1
-    assert "leave out --zones" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--seed", "3", "--zones", "nowhere.yaml"], "there is no file of zones"),
+        (["--resume", "RUN", "--zones", "nowhere.yaml"], "leave out --zones"),
+    ],
+)
+def test_zones_that_cannot_be_taken_are_told(
+    zoned_run: RunFolder, words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = [str(zoned_run.path) if word == "RUN" else word for word in words]
+    assert execute(["explore", "--fast", *given]) == 1
+    assert says in capsys.readouterr().err
+
+
+def test_zones_and_rooms_go_with_a_map_that_is_saved_and_exported(
+    zoned_run: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    beside, lab = ["--map", str(zoned_run.path / "map.yaml")], tmp_path / "lab.vsxmap"
+    assert execute(["room", "name", "1", "kitchen", *beside]) == 0
+    assert execute(["zone", "add", "door", "wall", "-2,-2 -2,2", *beside]) == 0
+    for words in (["save", str(zoned_run.path), "--out", str(lab)], ["export", str(lab), "--format", "pgm"]):
+        assert execute(["map", *words]) == 0
+    ground = tmp_path / "lab_ground.yaml"
+    for map_file in (lab, ground):
+        rooms = load_rooms(room_file(map_file))
+        assert rooms is not None
+        assert [room.name for room in rooms.rooms] == ["kitchen"]
+        assert [zone.name for zone in load_zones(zone_file(map_file))] == ["rug", "door"]
+    assert rooms.labels.shape == load_map(ground).shape
+    killed = tmp_path / "killed"
+    shutil.copytree(zoned_run.path / "resume", killed / "resume")
+    shutil.copy(zoned_run.path / "config.yaml", killed)
+    assert execute(["map", "save", str(killed), "--out", str(lab)]) == 0
+    assert [zone.name for zone in load_zones(zone_file(lab))] == ["rug"]

@@ -23,9 +23,10 @@ class RoomServer:
     """Publishers: rooms (latched). Services: rooms/name (AddDiagnostics, because it is a standard type that takes a
     text: JSON {"room": name or number, "name": new name})."""
 
-    def __init__(self, config: Config, before: Path | None = None) -> None:
-        """before: the file of the map that is continued; its rooms keep their numbers and names. Raises MapFileError
-        for damaged rooms beside it."""
+    def __init__(self, config: Config, before: Path | None = None, kept: Path | None = None) -> None:
+        """before: the file of the map that is continued; its rooms keep their numbers and names. kept: the file beside
+        which names are written at once, so that they survive a kill. Raises MapFileError for damaged rooms."""
+        self._kept = kept
         self._every_s, self._tracker = config.rooms.every_s, RoomTracker(config.rooms)
         if before is not None and (saved := load_rooms(room_file(before))) is not None:
             self._tracker.resume(saved)
@@ -66,6 +67,8 @@ class RoomServer:
                         self._tracker.rename(room.number, room.name)
                 assert self._tracker.current is not None
                 self._publish(self._tracker.current)
+                if self._kept is not None:
+                    save_rooms(self._tracker.current, room_file(self._kept))
         except VsxError as error:
             return AddDiagnosticsResponse(success=False, message=str(error))
         return AddDiagnosticsResponse(success=True, message=f"room {tree['room']} is called {tree['name']!r}")

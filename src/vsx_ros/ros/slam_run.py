@@ -31,8 +31,8 @@ _REST = 4.0  # Pause after writing, as a multiple of the writing time: the map o
 
 
 class SlamRun:
-    """session: new, or in the map of ~load_map, or resumed from ~run_dir. continued: a file beside which the rooms of
-    that map are. first_epoch: the odometry's epoch at the
+    """session: new, or in the map of ~load_map, or resumed from ~run_dir. map_file: of this run; None if nothing is
+    kept. continued: a file beside which the rooms of the earlier map are. first_epoch: the odometry's epoch at the
     start. Raises MapFileError or InputError for damaged files."""
 
     def __init__(self, config: Config) -> None:
@@ -41,7 +41,8 @@ class SlamRun:
         self._save_map = str(rospy.get_param("~save_map", ""))  # read now: the master may be gone at the end
         self._save_map_to = Path(run_dir or tempfile.gettempdir()) / "map.vsxmap"
         self._folder = RunFolder(Path(run_dir)) if run_dir else None
-        self.continued = self._folder.path / "map.yaml" if self._folder is not None else None
+        self.map_file = self._folder.path / "map.yaml" if self._folder is not None else None
+        self.continued = self.map_file
         before = PreviousSessions.of(self._folder) if self._folder is not None else None
         if before is not None:
             self.session = SlamSession(T_base_cam, config, before.saved.slam_map, before.saved.state)
@@ -87,8 +88,7 @@ class SlamRun:
         logs.attempt(lambda: self._write_results(slam, surface, grid))
         logs.attempt(lambda: self.write(driven))
         logs.attempt(lambda: self._write_map(slam, write_beside))
-        if self._folder is not None:
-            map_file = self._folder.path / "map.yaml"
+        if (map_file := self.map_file) is not None:
             logs.attempt(lambda: write_beside(slam.slam_map(), map_file))
 
     def write(self, driven: State) -> None:

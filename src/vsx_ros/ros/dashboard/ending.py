@@ -7,13 +7,13 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from vsx_ros.errors import ConfigError, VsxError
-from vsx_ros.io.slam_map_file import save_slam_map
 from vsx_ros.ros import convert, topics
 from vsx_ros.ros.dashboard import feed
 from vsx_ros.ros.dashboard.feed import Board
 from vsx_ros.ros.dashboard.server import LOOPBACK, Answer, Command, ViewServer
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.report import one_line_facts
+from vsx_ros.runs.saved_map import save_map_of
 
 _COME_S, _GONE_S, _TICK_S = 4.0, 5.0, 0.1  # a page asks again every second
 _WAY_POINTS = 2000  # more would not be visible
@@ -69,7 +69,7 @@ def commands(folder: RunFolder, on: threading.Event) -> dict[str, Command]:
     def save() -> Answer:
         path = folder.path / "map.vsxmap"
         try:
-            save_slam_map(folder.checkpoint.read().slam_map, path)
+            save_map_of(folder, path)
         except VsxError as error:
             return Answer(False, str(error))
         return Answer(True, f"the map is saved: {path}")
