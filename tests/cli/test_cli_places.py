@@ -84,6 +84,12 @@ def test_rooms_are_listed_and_named(map_file: Path, capsys: pytest.CaptureFixtur
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 2
     assert "bath" in lines[1]
+    map_file.rename(map_file.with_name("map.yaml"))
+    for end in ("json", "pgm"):
+        (map_file.parent / f"flat_rooms.{end}").rename(map_file.parent / f"map_rooms.{end}")
+    assert execute(["room", "list", "--map", str(map_file.parent)]) == 0
+    assert capsys.readouterr().out.splitlines() == lines
+    beside = ["--map", str(map_file.parent)]
     assert "100 % known" in lines[1]
     assert execute(["room", "name", "hall", "kitchen", *beside]) == 1
     assert "the rooms are: 'room 1', 'bath'" in capsys.readouterr().err

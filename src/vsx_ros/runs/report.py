@@ -13,6 +13,7 @@ from vsx_ros.evaluation.summary import checked_summary
 from vsx_ros.exploration.decision import Outcome
 from vsx_ros.io.atomic import write_text
 from vsx_ros.io.map_export import read_ply
+from vsx_ros.io.room_file import load_rooms, room_file
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import commented_yaml
 from vsx_ros.runs.process import DONE, FAILED, LOST, STOPPED
@@ -31,7 +32,7 @@ def write_report(folder: RunFolder) -> Path:
 def report_data(folder: RunFolder) -> ReportData:
     """The data for the report page of a run."""
     config, facts = folder.read_config()
-    points = folder.path / "sparse.ply"
+    points, rooms = folder.path / "sparse.ply", load_rooms(room_file(folder.path / "map.yaml"))
     return ReportData(
         summary=checked_summary(folder.read_summary(), str(folder.path)),
         facts=facts,
@@ -46,6 +47,7 @@ def report_data(folder: RunFolder) -> ReportData:
         good_ratio=config.slam.tracker.good_ratio,
         lost_ratio=config.slam.tracker.lost_ratio,
         picture_png=folder.checkpoint.newest_picture(),
+        rooms=rooms.rooms if rooms is not None else (),
     )
 
 
