@@ -101,6 +101,7 @@ def on_screen(told: dict[str, list[Any]]) -> dict[str, str]:
         ("state", "reason", "slam_state", "slam_reason", "tracked_ratio", "camera_hz", "driver", "base_reason",
          "estop", "held_by", "held_since_ns", "hazards", "battery_fraction", "battery_v", "charging", "left_s")
     )  # fmt: skip
+    board._facts["left_s"] = 230
     board._on_zones(String(told["zones"][-1]))
     board._on_rooms(String(told["rooms"][-1]))
     return dict(line.split(None, 1) for line in screen(board._facts).splitlines())
@@ -122,6 +123,7 @@ def test_who_enters_a_zone_is_warned_once_and_status_says_where_the_robot_is(
         if x == 0.3:
             lines = on_screen(told)
             assert lines["zones"] == "THE ROBOT REACHES INTO 'rug'; rug (no-go)"
+            assert lines["exploration"] == "-; about 4 minutes left"
             assert lines["room"] == "room 1 (number 1), 100% known; 2 in the map"
     assert warned == ["the robot reaches into the zone 'rug'"] * 2
     lines = on_screen(told)

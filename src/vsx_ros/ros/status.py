@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import BatteryState, CameraInfo
 from std_msgs.msg import Float32, String, UInt8
 
+from vsx_ros.exploration.time_left import left_words
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import convert, operator_command, topics
 from vsx_ros.ros.callbacks import hear_operator_hold, json_object, subscribe
@@ -32,7 +33,7 @@ class StatusBoard:
         self._facts: dict[str, Any] = dict.fromkeys(
             ("state", "reason", "slam_state", "slam_reason", "tracked_ratio", "camera_hz", "driver", "base_reason",
              "estop", "held_by", "held_since_ns", "hazards", "battery_fraction", "battery_v", "charging", "zones",
-             "zones_entered", "room")
+             "zones_entered", "room", "left_s")
         )  # fmt: skip
         self._safety = f"{rospy.resolve_name('mobile_base').lstrip('/')}: safety"
         self._images_s: deque[float] = deque(maxlen=200)
@@ -61,7 +62,9 @@ class StatusBoard:
 
     def _on_explore(self, msg: String) -> None:
         status = json_object(msg, "state", "reason")
+        left_s = status.get("left_s")
         self._set(state=status["state"], reason=status["reason"])
+        self._set(left_s=left_s if isinstance(left_s, int | float) else None)
 
     def _on_slam(self, msg: DiagnosticStatus) -> None:
         self._set(slam_state=msg.name, slam_reason=msg.message)
@@ -108,8 +111,9 @@ def screen(facts: dict[str, Any]) -> str:
     found = shown("tracked_ratio", "; {:.0%} of the points searched are found", "")
     entered = " and ".join(repr(str(name)) for name in facts["zones_entered"] or [])
     zones = "; ".join(facts["zones"] or []) or shown("zones", "none")
+    left = left_words(facts["left_s"])
     lines = {
-        "exploration": with_reason("state", "reason"),
+        "exploration": with_reason("state", "reason") + "; " * bool(left) + left,
         "slam": with_reason("slam_state", "slam_reason") + found,
         "camera": shown("camera_hz", "{:.1f} images a second"),
         "wheels": wheels,
@@ -127,8 +131,9 @@ def status(*, watch: bool, as_json: bool) -> int:
     operator_command.join("status")
     board = StatusBoard()
     time.sleep(_LISTEN_S)
+    always = board.facts().keys() - {"left_s"}
     deadline_s = time.monotonic() + _PATIENCE_S - _LISTEN_S
-    while None in board.facts().values() and time.monotonic() < deadline_s:
+    while any(board.facts()[name] is None for name in always) and time.monotonic() < deadline_s:
         time.sleep(0.1)
     while True:
         facts = board.facts()
