@@ -103,5 +103,7 @@ def heard_rooms(msg: String) -> tuple[list[Room], int | None]:
 
 def room_markers(rooms: Sequence[Room], stamp_ns: int) -> MarkerArray:
     """The outline and the name of each room."""
-    outlines = [Outline(room.name, room.outline, True, _COLOR, room.place) for room in rooms]
+    outlines = [
+        Outline(name=room.name, points=room.outline, closed=True, color=_COLOR, place=room.place) for room in rooms
+    ]
     return outline_markers("rooms", outlines, stamp_ns)

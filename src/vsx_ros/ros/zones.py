@@ -139,8 +139,11 @@ class ZonedMap:
 
 def zone_markers(zones: Sequence[Zone], stamp_ns: int) -> MarkerArray:
     """The border and the name of each zone."""
-    return outline_markers(
-        "zones",
-        [Outline(z.name, z.points, z.kind is not ZoneKind.WALL, _COLORS[z.kind], z.points[0]) for z in zones],
-        stamp_ns,
-    )
+    outlines = [
+        Outline(
+            name=zone.name, points=zone.points, closed=zone.kind is not ZoneKind.WALL, color=_COLORS[zone.kind],
+            place=zone.points[0],
+        )
+        for zone in zones
+    ]  # fmt: skip
+    return outline_markers("zones", outlines, stamp_ns)
