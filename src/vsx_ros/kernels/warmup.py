@@ -65,7 +65,7 @@ def _ground_map() -> None:
     ground_cells.cover_discs(np.zeros((1, 2)), 0.2, lattice)
     ground_cells.count_free(scans, lattice)
     ground_cells.count_hits(points, one, scans.hit, 3, lattice)
-    basins.flood_basins(np.ones((2, 2)), np.arange(4), 0.9, 0.75)
+    basins.flood_basins(np.ones((2, 2)), np.arange(4), 0.7)
 
 
 def _tracking() -> None:

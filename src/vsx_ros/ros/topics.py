@@ -91,6 +91,7 @@ ZONES = _topic("zones", "std_msgs/String", "vslam")  # JSON, latched: zones in t
 ZONE_MARKERS = _topic("zones/markers", "visualization_msgs/MarkerArray", "vslam")
 CHANGE_ZONES = _service("zones/change", "diagnostic_msgs/AddDiagnostics", "vslam")  # JSON in; success, words out
 ROOMS = _topic("rooms", "std_msgs/String", "vslam")  # JSON, latched: rooms of the map
+ROOM_MARKERS = _topic("rooms/markers", "visualization_msgs/MarkerArray", "vslam")
 NAME_ROOM = _service("rooms/name", "diagnostic_msgs/AddDiagnostics", "vslam")
 SAVE_MAP = _service("vslam/save_map", "std_srvs/Trigger", "vslam")
 SAVE_MAP_TO = "vslam/save_map_to"

@@ -1,16 +1,31 @@
-"""The zones and rooms of a run: read beside the map that it continues, written beside its own."""
+"""The zones of a run: given at its start, read beside the map that it continues, written beside its own."""
 
 from pathlib import Path
 
 from vsx_ros.dense.mapped_ground import MappedGround
+from vsx_ros.errors import ConfigError
 from vsx_ros.io.zone_file import load_zones, save_zones, zone_file
+from vsx_ros.occupancy.zones import Zone
+from vsx_ros.runs.rooms import look_into
 from vsx_ros.slam.snapshot import SlamMap, snapshot
 
 
-def read_zones(ground: MappedGround, map_file: Path) -> None:
-    """Take over the zones beside a map that is continued. Raises MapFileError for a damaged file."""
-    for zone in load_zones(zone_file(map_file)):
+def given_zones(path: Path) -> list[Zone]:
+    """The zones of a file that the user names. Raises ConfigError when it does not exist, MapFileError for a damaged
+    one."""
+    if not path.is_file():
+        raise ConfigError(f"there is no file of zones {path}; 'vsx zone --help' says how one is made")
+    return load_zones(path)
+
+
+def begin_places(ground: MappedGround, map_file: Path | None, zones: Path | None, room: str | None) -> None:
+    """Take over the zones beside a map that is continued, then those of a file of the user's; of two with one name the
+    latter counts. room: explore only this room of the map. Raises as ``given_zones`` and ``room_beside``."""
+    beside = load_zones(zone_file(map_file)) if map_file is not None else []
+    for zone in [*beside, *(given_zones(zones) if zones is not None else [])]:
         ground.zones.add(zone)
+    if map_file is not None and room:
+        look_into(ground, map_file, room)
 
 
 def write_zones(ground: MappedGround, slam_map: SlamMap | None, map_file: Path) -> None:

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 from vsx_ros.errors import ConfigError, MapFileError, VsxError
 from vsx_ros.io.room_file import load_rooms, room_file, room_tree
-from vsx_ros.io.slam_map_file import save_slam_map
 from vsx_ros.io.zone_file import load_zones, zone_file
 from vsx_ros.ros import convert, topics
 from vsx_ros.ros.dashboard import feed
@@ -17,6 +16,7 @@ from vsx_ros.ros.dashboard.feed import Board
 from vsx_ros.ros.dashboard.server import LOOPBACK, Answer, Command, ViewServer
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.report import one_line_facts
+from vsx_ros.runs.saved_map import save_map_of
 
 _COME_S, _GONE_S, _TICK_S = 4.0, 5.0, 0.1  # a page asks again every second
 _WAY_POINTS = 2000  # more would not be visible
@@ -86,7 +86,7 @@ def commands(folder: RunFolder, on: threading.Event) -> dict[str, Command]:
     def save() -> Answer:
         path = folder.path / "map.vsxmap"
         try:
-            save_slam_map(folder.checkpoint.read().slam_map, path)
+            save_map_of(folder, path)
         except VsxError as error:
             return Answer(False, str(error))
         return Answer(True, f"the map is saved: {path}")
