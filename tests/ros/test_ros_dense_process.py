@@ -91,9 +91,9 @@ def test_when_nobody_asks_any_more_it_ends_without_words(capfd: pytest.CaptureFi
 
 
 def test_a_process_that_hangs_is_ended_and_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dense_process, "_FIRST_ANSWER_S", 0.5)
     beside = DenseProcess(CAMERA, MOUNT, DenseConfig(), 1)
     os.kill(beside._child.pid, signal.SIGSTOP)
-    monkeypatch.setattr(dense_process, "_ANSWER_S", 0.5)
     with pytest.raises(VsxError, match="has ended"):
         beside.update(seen(3))
     assert beside._child.wait(10.0) == -signal.SIGKILL
