@@ -13,9 +13,10 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "loop.py").write_text("")
     started = []
 
-    def start(group):
-        started.append(group)
-        return compiled.subprocess.Popen(["false" if group == "loops" and "broken" in started else "true"])
+    def start(groups):
+        started.extend(groups)
+        good = [group for group in groups if group != "loops" or "broken" not in started]
+        return compiled.subprocess.Popen(["printf", "%s\\n", *good], stdout=compiled.subprocess.PIPE)
 
     monkeypatch.setattr(compiled, "_started", start)
     return tmp_path, started
@@ -79,3 +80,12 @@ def test_what_does_not_compile_is_told_and_tried_again(folder):
     started.remove("broken")
     assert compile_kernels(folder=path)
     assert started[-1] == "loops"
+
+
+@pytest.mark.parametrize("cores", [1, 2, 4, 64])
+def test_the_cores_share_the_work(cores):
+    shares = compiled._shares(list(ALL), cores)
+    assert len(shares) == min(cores, len(ALL))
+    assert sorted(sum(shares, [])) == sorted(ALL)
+    work = [sum(compiled._COSTS[group] for group in share) for share in shares]
+    assert max(work) <= max(1.2 * sum(work) / len(work), max(compiled._COSTS.values()))

@@ -233,7 +233,7 @@ def test_the_page_says_that_the_stack_is_away_and_comes_back_with_it(browser: Ch
     before = browser.evaluate("frames")
     again = served(board, [], port)
     try:
-        browser.wait(f"frames > {before} + 2 && $('banner').hidden", 30.0)
+        browser.wait(f"frames > {before} + 2 && $('banner').hidden")
     finally:
         browser.open("about:blank")
         again.close()
@@ -248,12 +248,12 @@ def test_held_wheels_are_red_and_say_by_what(browser: Chromium, board: Board) ->
             reason = f"the operator holds the wheels ({by})"
             board.post("held", feed.text({"by": by, "since_ns": 10**18}))
             board.post("mission", feed.text({"state": "held", "reason": reason}))
-            browser.wait(f"$('banner').textContent.includes({by!r}) && !$('banner').hidden", 60.0)
+            browser.wait(f"$('banner').textContent.includes({by!r}) && !$('banner').hidden")
             assert ends in browser.evaluate("$('banner').textContent")
             assert browser.evaluate("$('mission').className") == "pill bad"
         board.post("held", feed.text({"by": "", "since_ns": 0}))
         board.post("mission", feed.text({"state": "mapping", "reason": "the exploration goes on"}))
-        browser.wait("$('banner').hidden && $('mission').className === 'pill good'", 60.0)
+        browser.wait("$('banner').hidden && $('mission').className === 'pill good'")
     finally:
         browser.open("about:blank")
         server.close()

@@ -15,6 +15,7 @@ pytest.importorskip("rospy")
 
 from chromium import EXECUTABLE, Chromium
 from free_ports import free_port
+from waiting import PATIENCE_S
 
 from vsx_ros.config import Config
 from vsx_ros.evaluation.summary import Summary
@@ -69,7 +70,7 @@ def ask(port: int, path: str, method: str = "GET") -> bytes:
     )
     while True:
         try:
-            with urllib.request.urlopen(request, timeout=60.0) as reply:
+            with urllib.request.urlopen(request, timeout=PATIENCE_S) as reply:
                 return bytes(reply.read())
         except urllib.error.HTTPError as error:
             return bytes(error.read())
@@ -110,15 +111,13 @@ def test_going_on_means_the_same_run_for_as_long_again(folder: RunFolder) -> Non
 def test_the_page_shows_what_was_reached(folder: RunFolder, end: End, tmp_path: Path) -> None:
     with Chromium(tmp_path / "profile") as browser:
         browser.open(f"http://127.0.0.1:{end.port}/#{TOKEN}")
-        browser.wait("known.end && ground !== null && way.length", 300.0)
+        browser.wait("known.end && ground !== null && way.length")
         assert browser.evaluate("$('endReason').textContent") == "Time limit of 120 s."
         assert "coverage 93 %" in browser.evaluate("$('endFacts').textContent")
         assert browser.evaluate("$('end').hidden || $('endReport').hidden || !$('buttons').hidden") is False
         assert browser.evaluate("$('mission').textContent") == "ENDED"
         browser.evaluate("document.querySelector('[data-command=explore_on]').click()")
-        browser.wait(
-            "$('said').textContent.startsWith('Not done: ') && $('said').textContent.includes('no map')", 300.0
-        )
+        browser.wait("$('said').textContent.startsWith('Not done: ') && $('said').textContent.includes('no map')")
         end.stop = True
-        browser.wait("!$('banner').hidden && $('banner').textContent.startsWith('The run is over')", 300.0)
+        browser.wait("!$('banner').hidden && $('banner').textContent.startsWith('The run is over')")
         assert browser.evaluate("document.body.className") == "old"

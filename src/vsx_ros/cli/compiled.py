@@ -18,8 +18,9 @@ SLAM = "mapping", "tracking", "loops", "ground"
 DRIVE = *SLAM, "planning"
 """Groups of ``vsx_ros.kernels.warmup`` that SLAM and a live run need from the start. A live run compiles the group
 surfaces behind, in its process for that; only emulated robots need the group emulation."""
-ALL = "mapping", "tracking", "planning", "surfaces", "loops", "emulation", "ground"
-"""The longest first, so that the cores finish together."""
+_COSTS = {"mapping": 18, "tracking": 15, "planning": 13, "emulation": 9, "surfaces": 9, "loops": 7, "ground": 5}
+"""Seconds of each on one core, to share them out; the longest first."""
+ALL = (*_COSTS,)
 
 _FOLDER = Path(vsx_ros.__file__).parent / "kernels"
 _STAMP = Path("__pycache__") / "warm.stamp"  # sources and compiler, then a line per compiled group
@@ -77,37 +78,52 @@ def _write_stamp(folder: Path, lines: list[str]) -> None:
 
 
 def _compiled(groups: list[str], folder: Path) -> set[str]:
-    """Compile the groups; returns those that could be."""
-    began_s, at_once = time.monotonic(), len(os.sched_getaffinity(0))
-    waiting, compiled = list(groups), set[str]()
-    running: dict[str, subprocess.Popen[bytes]] = {}
+    """Compile the groups, a process per core; returns those that could be."""
+    began_s, shares, compiled = time.monotonic(), _shares(groups, len(os.sched_getaffinity(0))), set[str]()
     progress = Progress(sys.stderr)
-    progress.say(f"compiling the kernels, as after each update: {len(groups)} parts, {at_once} at once")
+    progress.say(f"compiling the kernels, as after each update: {len(groups)} parts, {len(shares)} at once")
+    running = [_started(share) for share in shares]
     try:
-        while waiting or running:
-            while waiting and len(running) < at_once:
-                group = waiting.pop(0)
-                running[group] = _started(group)
+        while running:
             time.sleep(_POLL_S)
-            for group in [group for group, process in running.items() if process.poll() is not None]:
-                if running.pop(group).returncode == 0:
-                    compiled.add(group)
+            over = [process for process in running if process.poll() is not None]
+            for process in running:
+                compiled |= _said(process)
+            running = [process for process in running if process not in over]
             if progress.is_due:
-                parts = f"{len(compiled)} of {len(groups)} parts"
                 kernels = sum(1 for _ in folder.rglob("__pycache__/*.nbi"))
-                progress.show(f"kernels: {parts}, {kernels} kernels, {time.monotonic() - began_s:.0f} s")
+                parts = f"{len(compiled)} of {len(groups)} parts, {kernels} kernels"
+                progress.show(f"kernels: {parts}, {time.monotonic() - began_s:.0f} s")
     finally:
-        for process in running.values():
+        for process in running:
             process.kill()
     progress.clear()
-    progress.say(f"kernels: compiled in {time.monotonic() - began_s:.0f} s")
+    progress.say(f"kernels: {len(compiled)} of {len(groups)} parts, {time.monotonic() - began_s:.0f} s")
     return compiled
 
 
-def _started(group: str) -> subprocess.Popen[bytes]:
+def _shares(groups: list[str], cores: int) -> list[list[str]]:
+    """The groups of each process, with about the same work. One process for several groups reuses what it compiled of
+    numba's own functions."""
+    shares: list[list[str]] = [[] for _ in range(min(cores, len(groups)))]
+    for group in groups:
+        min(shares, key=lambda share: sum(_COSTS[each] for each in share)).append(group)
+    return shares
+
+
+def _started(groups: list[str]) -> subprocess.Popen[bytes]:
     # In a new session: Ctrl-C reaches only this process, which ends the other one without a traceback.
-    command = [sys.executable, "-m", "vsx_ros.kernels.warmup", group]
-    return subprocess.Popen(command, start_new_session=True)
+    command = [sys.executable, "-m", "vsx_ros.kernels.warmup", *groups]
+    process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    os.set_blocking(process.stdout.fileno(), False)
+    return process
+
+
+def _said(process: subprocess.Popen[bytes]) -> set[str]:
+    """The groups that the process has compiled since it was last asked."""
+    assert process.stdout is not None
+    return set((process.stdout.read() or b"").decode().split())
 
 
 if __name__ == "__main__":

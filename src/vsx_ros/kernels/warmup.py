@@ -185,8 +185,11 @@ GROUPS: dict[str, tuple[Callable[[], None], ...]] = {
     "emulation": (_emulation,),
     "ground": (_ground_map, _views),
 }
-"""What uses the kernels. Groups share some kernels; each compiles all that it needs, the longest first."""
+"""By what uses the kernels. Groups share some; each compiles all that it needs."""
 
 
 if __name__ == "__main__":
-    warm_up(*sys.argv[1:])
+    for name in sys.argv[1:]:
+        warm_up(name)
+        sys.stdout.write(f"{name}\n")
+        sys.stdout.flush()
