@@ -46,7 +46,7 @@ rospy.Subscriber("/tf", TFMessage, remember, moving, queue_size=100)
 rospy.Subscriber("/tf_static", TFMessage, remember, static, queue_size=5)
 rospy.Subscriber("/odom", Odometry, odometry.append, queue_size=50)
 def wait(condition, what):
-    deadline = rospy.get_time() + 100.0
+    deadline = rospy.get_time() + 400.0
     while not condition():
         if rospy.get_time() > deadline:
             sys.exit(f"waited for {what}: {moving} {static} {len(odometry)}")

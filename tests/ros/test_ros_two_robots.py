@@ -46,7 +46,7 @@ def on_odometry(msg, robot):
 for robot in speeds:
     rospy.Subscriber(f"/{robot}/odom", Odometry, on_odometry, robot, queue_size=50)
 def wait(condition, what):
-    deadline = rospy.get_time() + 100.0
+    deadline = rospy.get_time() + 400.0
     while not condition():
         if rospy.get_time() > deadline:
             sys.exit(f"waited for {what}: {sorted(edges)} {stamped}")
