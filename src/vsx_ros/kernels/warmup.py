@@ -113,6 +113,7 @@ def _loops() -> None:
     to_each = np.eye(pose_graph.NODE_DOF)[None]
     edges = pose_graph.Edges(one, one + 1, pair[:1], np.zeros((1, 3)), np.ones(1), to_each)
     pose_graph.optimize_graph(pair, np.zeros((2, 3)), np.ones(2), np.array([True, False]), edges, False, 1)
+    pose_graph.count_shared(one, one + 1, 1)
 
 
 def _planning() -> None:
