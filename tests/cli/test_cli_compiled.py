@@ -1,10 +1,15 @@
 import os
+from pathlib import Path
 
 import pytest
 
-from vsx_ros.cli import compiled
+from vsx_ros.cli import compiled, mapping
 from vsx_ros.cli.compiled import ALL, DRIVE, SLAM, compile_kernels, is_compiled
+from vsx_ros.cli.main import execute
 from vsx_ros.kernels.warmup import GROUPS
+from vsx_ros.runs.process import STOPPED
+
+HALLWAY = Path(__file__).resolve().parents[1] / "data/mononav_hallway/hallway.bag"
 
 
 @pytest.fixture
@@ -80,6 +85,31 @@ def test_what_does_not_compile_is_told_and_tried_again(folder):
     started.remove("broken")
     assert compile_kernels(folder=path)
     assert started[-1] == "loops"
+
+
+@pytest.mark.parametrize(
+    ("line", "groups"),
+    [
+        (["explore", "--base", "kobuki"], DRIVE),
+        (["explore", "--world", "lab"], (*DRIVE, "emulation")),
+        (["explore", "--fast"], ()),
+        (["replay", "{hallway}"], SLAM),
+        (["replay", "{hallway}", "--map"], (*SLAM, "surfaces")),
+        (["replay", "{hallway}", "--map", "--ros"], SLAM),
+    ],
+)
+def test_a_command_waits_for_what_it_needs(line, groups, monkeypatch):
+    if line[0] == "explore" and "--fast" not in line:
+        pytest.importorskip("rospy")
+    asked = []
+
+    def compile_kernels(*names):
+        asked.append(names)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(mapping, "compile_kernels", compile_kernels)
+    assert execute([word.format(hallway=HALLWAY) for word in line]) == STOPPED
+    assert asked == [groups]
 
 
 @pytest.mark.parametrize("cores", [1, 2, 4, 64])
