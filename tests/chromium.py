@@ -7,10 +7,11 @@ import json
 import os
 import shutil
 import subprocess
-import time
 from pathlib import Path
 from types import TracebackType
 from typing import Any
+
+from waiting import wait_for
 
 EXECUTABLE = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
@@ -88,16 +89,10 @@ class Chromium:
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
 
-    def wait(self, expression: str, seconds: float = 20.0) -> Any:
+    def wait(self, expression: str) -> Any:
         """The value of an expression once it is true; until the page is there it is not."""
         guarded = f"(() => {{ try {{ return {expression}; }} catch (error) {{ return false; }} }})()"
-        deadline_s = time.monotonic() + seconds
-        while True:
-            value = self.evaluate(guarded)
-            if value:
-                return value
-            assert time.monotonic() < deadline_s, f"waited {seconds:.0f} s for {expression}: {self.errors}"
-            time.sleep(0.1)
+        return wait_for(lambda: self.evaluate(guarded), expression, pause_s=0.1)
 
     def size(self, width: int, height: int) -> None:
         """Size of the page [CSS pixels]; below 700 as of a phone, with touch."""

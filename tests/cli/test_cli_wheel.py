@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE_S
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 SOURCES = "src", "hw", "setup.py", "pyproject.toml", "README.md", "LICENSE"
@@ -15,7 +16,9 @@ SOURCES = "src", "hw", "setup.py", "pyproject.toml", "README.md", "LICENSE"
 def python(*arguments: str, cwd: Path, path: str = "") -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": path}
     command = [sys.executable, *arguments]
-    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(
+        command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
 
 
 @pytest.fixture(scope="module")

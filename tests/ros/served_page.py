@@ -16,7 +16,6 @@ from vsx_ros.ros.dashboard.server import Answer, Command, ViewServer
 
 TOKEN = "a-token-of-tests"
 PLAIN = "pause", "resume", "home", "stop", "estop", "release", "end-drive"
-SLOW_S = 300.0  # a browser on a busy machine
 
 CONTRASTS = """(() => {
   const paint = document.createElement("canvas").getContext("2d", {willReadFrequently: true});
@@ -98,7 +97,7 @@ class ServedPage:
         return self.browser.evaluate(expression)
 
     def wait(self, expression: str) -> Any:
-        return self.browser.wait(expression, SLOW_S)
+        return self.browser.wait(expression)
 
     def at(self, x: float, y: float) -> tuple[float, float]:
         """Where a place on the map [m] is in the window [px]."""

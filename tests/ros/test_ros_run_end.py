@@ -18,6 +18,7 @@ pytest.importorskip("rospy")
 
 from chromium import EXECUTABLE, Chromium
 from free_ports import free_port
+from waiting import PATIENCE_S
 
 from vsx_ros.cli.main import parse
 from vsx_ros.config import Config
@@ -84,7 +85,7 @@ def ask(port: int, path: str, method: str = "GET") -> bytes:
     )
     while True:
         try:
-            with urllib.request.urlopen(request, timeout=60.0) as reply:
+            with urllib.request.urlopen(request, timeout=PATIENCE_S) as reply:
                 return bytes(reply.read())
         except urllib.error.HTTPError as error:
             return bytes(error.read())
@@ -164,7 +165,7 @@ def test_results_that_cannot_be_shown_do_not_change_how_the_run_ended(folder: Ru
 def test_the_page_shows_what_was_reached(folder: RunFolder, end: End, tmp_path: Path) -> None:
     with Chromium(tmp_path / "profile") as browser:
         browser.open(f"http://127.0.0.1:{end.port}/#{TOKEN}")
-        browser.wait("known.end && ground.free !== null && known.way.length", 300.0)
+        browser.wait("known.end && ground.free !== null && known.way.length")
         assert browser.evaluate("$('endReason').textContent") == "Time limit of 120 s."
         assert "coverage 93 %" in browser.evaluate("$('endFacts').textContent")
         assert browser.evaluate("$('end').hidden || $('endReport').hidden || !$('buttons').hidden") is False
@@ -172,12 +173,10 @@ def test_the_page_shows_what_was_reached(folder: RunFolder, end: End, tmp_path: 
         assert "carpet" in browser.evaluate("$('zones').textContent")
         assert browser.evaluate("$('drawZone').checkVisibility() || $('byHand').checkVisibility()") is False
         browser.evaluate("($('map').focus(), $('map').dispatchEvent(new KeyboardEvent('keydown', {key: 'Enter'})))")
-        browser.wait("!$('sheet').hidden", 300.0)  # a place can be looked at, but nobody drives there
+        browser.wait("!$('sheet').hidden")  # a place can be looked at, but nobody drives there
         assert browser.evaluate("$('go') === null && $('sheet').innerText.includes(' m')")
         browser.evaluate("document.querySelector('[data-command=explore_on]').click()")
-        browser.wait(
-            "$('said').textContent.startsWith('Not done: ') && $('said').textContent.includes('no map')", 300.0
-        )
+        browser.wait("$('said').textContent.startsWith('Not done: ') && $('said').textContent.includes('no map')")
         end.stop = True
-        browser.wait("!$('banner').hidden && $('banner').textContent.startsWith('The run is over')", 300.0)
+        browser.wait("!$('banner').hidden && $('banner').textContent.startsWith('The run is over')")
         assert browser.evaluate("document.body.classList.contains('old')")

@@ -39,7 +39,7 @@ class PlanningThread:
         """Raises ConfigError for an unknown ~planner."""
         kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
         self._planner, self._diagnostics = GoalPlanner(config, kind, seed), diagnostics
-        warm_up()
+        warm_up("planning")
         self._lock = threading.Lock()
         self._requests: queue.SimpleQueue[PlanRequest] = queue.SimpleQueue()
         self._answers: queue.SimpleQueue[tuple[int, TimedPlan | Refusal]] = queue.SimpleQueue()

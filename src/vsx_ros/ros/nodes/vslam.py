@@ -42,7 +42,7 @@ class VslamNode:
     """Tracks on one thread, beside the mapping and writing threads; callbacks only pass data."""
 
     def __init__(self, config: Config) -> None:
-        warm_up()
+        warm_up("mapping", "tracking", "loops", "ground")
         self._metric = bool(rospy.get_param("~use_odometry", True))
         self._run = SlamRun(config)
         self._session = self._run.session
