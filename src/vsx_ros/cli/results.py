@@ -18,13 +18,14 @@ from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.atomic import write_text
 from vsx_ros.io.map_export import write_colmap, write_planes, write_ply
 from vsx_ros.io.map_file import save_map
+from vsx_ros.io.room_file import load_rooms, room_file, save_rooms
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory, write_trajectory
-from vsx_ros.io.zone_file import save_zones, zone_file
 from vsx_ros.occupancy.zones import AnchoredZones
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.report import report_data, write_report
+from vsx_ros.runs.zones import keep_zones
 from vsx_ros.slam.snapshot import SlamMap, snapshot
 
 _FROM_SUMMARY = (
@@ -109,7 +110,9 @@ def _save(args: argparse.Namespace) -> int:
     zones = AnchoredZones()
     zones.restore(saved.state)
     seen = snapshot(saved.slam_map.view)
-    save_zones(zones.zones(seen.keyframe_ids, seen.T_world_cams), zone_file(out))
+    keep_zones(zones.zones(seen.keyframe_ids, seen.T_world_cams), out)
+    if (rooms := load_rooms(room_file(folder.path / "map.yaml"))) is not None:
+        save_rooms(rooms, room_file(out))
     print(out)
     return 0
 

@@ -14,7 +14,7 @@ from vsx_ros.errors import VsxError
 from vsx_ros.io.room_file import load_rooms, room_file, room_tree, save_rooms
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.rooms import RoomMap, RoomTracker
-from vsx_ros.ros import topics
+from vsx_ros.ros import logs, topics
 from vsx_ros.ros.callbacks import json_object
 from vsx_ros.runs.rooms import renamed
 
@@ -23,9 +23,10 @@ class RoomServer:
     """Publishers: rooms (latched). Services: rooms/name (AddDiagnostics, because it is a standard type that takes a
     text: JSON {"room": name or number, "name": new name})."""
 
-    def __init__(self, config: Config, before: Path | None = None) -> None:
-        """before: the file of the map that is continued; its rooms keep their numbers and names. Raises MapFileError
-        for damaged rooms beside it."""
+    def __init__(self, config: Config, before: Path | None = None, kept: Path | None = None) -> None:
+        """before: the file of the map that is continued; its rooms keep their numbers and names. kept: the file of this
+        run's map; names are written beside it at once. Raises MapFileError for damaged rooms beside ``before``."""
+        self._kept = kept
         self._every_s, self._tracker = config.rooms.every_s, RoomTracker(config.rooms)
         if before is not None and (saved := load_rooms(room_file(before))) is not None:
             self._tracker.resume(saved)
@@ -66,6 +67,8 @@ class RoomServer:
                         self._tracker.rename(room.number, room.name)
                 assert self._tracker.current is not None
                 self._publish(self._tracker.current)
+            if (kept := self._kept) is not None:  # a run that is killed is resumed with its names
+                logs.attempt(lambda: self.write(kept))
         except VsxError as error:
             return AddDiagnosticsResponse(success=False, message=str(error))
         return AddDiagnosticsResponse(success=True, message=f"room {tree['room']} is called {tree['name']!r}")

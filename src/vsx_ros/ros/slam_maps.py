@@ -55,8 +55,11 @@ class SlamMaps:
 
     driven: the newest state of the session's ground."""
 
-    def __init__(self, config: Config, session: SlamSession, status: SlamStatus, continued: Path | None = None) -> None:
-        """continued: the file of the map that is continued, with rooms beside it."""
+    def __init__(
+        self, config: Config, session: SlamSession, status: SlamStatus, continued: Path | None = None,
+        map_file: Path | None = None,
+    ) -> None:  # fmt: skip
+        """continued: the file of the map that is continued, with rooms beside it; map_file: that of this run."""
         self._session, self._status = session, status
         self._slam: ThreadedSlam | None = None
         self._metric = True
@@ -70,7 +73,7 @@ class SlamMaps:
         self._keyframes_pub = rospy.Publisher(topics.KEYFRAMES, PoseArray, queue_size=1, latch=True)
         self._path_pub = rospy.Publisher(topics.SLAM_PATH, PathMsg, queue_size=1, latch=True)
         rospy.Service(topics.STATIC_MAP, GetMap, lambda _: GetMapResponse(self._message))
-        self._zones, self._rooms = ZoneServer(session.ground, self._snapshot), RoomServer(config, continued)
+        self._zones, self._rooms = ZoneServer(session.ground, self._snapshot), RoomServer(config, continued, map_file)
         self.driven = session.ground.state()
         self._mapping = threads.every(_PERIOD_S, "ground map", self._map)
         threads.every(UPDATE_EVERY_S, "dense map", self._densify)

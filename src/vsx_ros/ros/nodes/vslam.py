@@ -47,7 +47,7 @@ class VslamNode:
         self._session = self._run.session
         self._slam: ThreadedSlam | None = None
         self._status, self._preview, self._pictures = SlamStatus(), Preview(), RepeatedImageDetector()
-        self._maps = SlamMaps(config, self._session, self._status, self._run.continued)
+        self._maps = SlamMaps(config, self._session, self._status, self._run.continued, self._run.map_file)
         self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
         self._poses = PosePublisher(self._session, config.robot.mount)
         self._input = SlamInput(self._run, self._status)
