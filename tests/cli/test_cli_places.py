@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from two_rooms import two_rooms
 
 from vsx_ros.cli.main import execute
 from vsx_ros.config import Config, RoomsConfig
@@ -13,18 +14,15 @@ from vsx_ros.errors import MapFileError
 from vsx_ros.io.map_file import load_map, save_map
 from vsx_ros.io.room_file import load_rooms, room_file, save_rooms
 from vsx_ros.io.zone_file import load_zones, zone_file
-from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.occupancy.grid import FREE
 from vsx_ros.occupancy.rooms import RoomTracker
 from vsx_ros.runs.folder import RunFolder
 
 
 @pytest.fixture
 def map_file(tmp_path: Path) -> Path:
-    """Two rooms with a door between, and their files."""
-    data = np.full((80, 160), OCCUPIED, np.int8)
-    data[1:-1, 1:79] = data[1:-1, 81:-1] = FREE
-    data[30:48, 79:81] = FREE
-    grid = OccupancyGrid(data, 0.05, -1.0, -2.0)
+    """Two rooms and their files."""
+    grid = two_rooms()
     save_map(grid, tmp_path / "flat.yaml")
     save_rooms(RoomTracker(RoomsConfig()).update(grid), room_file(tmp_path / "flat.yaml"))
     return tmp_path / "flat.yaml"

@@ -6,7 +6,7 @@ import pytest
 from vsx_ros.config import RoomsConfig
 from vsx_ros.errors import InputError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.occupancy.rooms import RoomMap, RoomTracker, right_rooms, split, without_furniture
+from vsx_ros.occupancy.rooms import MOST_ROOMS, RoomMap, RoomTracker, right_rooms, split, without_furniture
 from vsx_ros.runs.rooms import renamed
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.room_truth import room_truth
@@ -83,6 +83,20 @@ def test_rooms_keep_their_numbers_and_names_while_the_map_grows() -> None:
     again = RoomTracker(CONFIG)
     again.resume(grown)
     assert [room.name for room in again.update(two_rooms()).rooms] == ["kitchen", "room 2"]
+
+
+def test_numbers_stay_within_what_a_file_holds() -> None:
+    """Rooms come and go with the map for hours; those that are there, and the named ones, keep their numbers."""
+    tracker, elsewhere = RoomTracker(CONFIG), OccupancyGrid(np.full((9, 9), UNKNOWN, np.int8), 0.05, 0.0, 0.0)
+    tracker.update(two_rooms())
+    tracker.rename(2, "kitchen")
+    for _ in range(200):
+        tracker.update(elsewhere)
+        numbers = [room.number for room in tracker.update(two_rooms()).rooms]
+        assert len(set(numbers)) == 2
+        assert max(numbers) <= MOST_ROOMS
+        assert 2 not in numbers, "its name belongs to a room that is out of sight"
+    assert tracker.update(two_rooms()).rooms[0].number == numbers[0]
 
 
 def test_naming_is_refused_for_what_is_not_there() -> None:

@@ -43,7 +43,7 @@ TOKEN = "a-token-of-tests"
 @pytest.fixture
 def folder(tmp_path: Path) -> RunFolder:
     made = RunFolder.create(tmp_path / "run")
-    made.write_config(Config(), ["vsx", "explore"], seed=1, time=120.0, fast=False)
+    made.write_config(Config(), ["vsx", "explore"], seed=1, time=120.0, until=0.9, fast=False)
     summary = Summary(frames=40, frames_tracked=30, coverage=0.93, stop_reason="time limit of 120 s", duration_s=120.0)
     made.write_summary(summary.as_dict())
     made.write_map(OccupancyGrid(np.array([[0, 0, 100], [0, -1, 100]], np.int8), 0.5, 0.0, 0.0))
@@ -135,6 +135,7 @@ def test_going_on_means_the_same_run_for_as_long_again(folder: RunFolder) -> Non
     args = parse(words)
     assert (args.command, args.resume, args.time, args.view) == ("explore", folder.path.resolve(), 240.0, True)
     assert args.headless, "the page is open"
+    assert args.until == 1.0, "the share with which it has ended would end it again at once"
     begun, config, _ = begin(parse(["explore", "--resume", str(folder.path), *words[3:]]))
     assert begun.path == folder.path
     assert config == Config()

@@ -81,6 +81,25 @@ def test_a_long_run_keeps_fewer_moments_of_all_of_it(tmp_path: Path, monkeypatch
     assert [line.stamp_ns for line in kept.maps] == sorted(line.stamp_ns for line in kept.maps)
 
 
+def test_a_file_damaged_meanwhile_costs_its_moments_and_no_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is not read again with every moment, and does not grow without end; the file before it is closed."""
+    monkeypatch.setattr(moments, "PICTURES_BYTES", 10 * len(preview(frame(1.0).image)))
+    path = tmp_path / "m.jsonl"
+    writer = MomentWriter(path, 1.0, NONE)
+    drive(writer, 5.0)
+    first = writer._journal
+    path.write_bytes(path.read_bytes().replace(b"picture", b"pixture"))
+    with pytest.raises(InputError, match="damaged"):
+        drive(writer, 60.0)
+    assert Moments.read(path).pictures == []
+    assert first._file.closed
+    writer.see(frame(100.0), None)
+    writer.write()
+    assert len(Moments.read(path).pictures) == 1
+
+
 def test_another_session_goes_on_with_the_pictures(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path)
     for begin in (0.0, 5.0):

@@ -17,6 +17,7 @@ from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
 
 _HULL_GROW_M = 0.3  # of a room's outline: its walls, and ground that is seen only at its edge
 _SIMPLE_M = 0.05  # tolerance of outlines
+MOST_ROOMS = 255  # grey values of the picture that they are saved as
 
 
 class Room(NamedTuple):
@@ -166,9 +167,15 @@ class RoomTracker:
         sizes = np.bincount(labels.ravel(), minlength=most + 1)
         for label in np.argsort(-sizes[1:], kind="stable") + 1:
             if sizes[label] and not numbers[label]:
-                self._last_number += 1
-                numbers[label] = self._last_number
+                numbers[label] = self._next_number(numbers)
         return numbers
+
+    def _next_number(self, used: Sequence[int]) -> int:
+        """One that no room has had yet. If a file can hold none of these: one that no room has now, nor a name."""
+        if self._last_number < MOST_ROOMS:
+            self._last_number += 1
+            return self._last_number
+        return min(set(range(1, MOST_ROOMS + len(used) + 1)) - set(used) - self._names.keys())
 
     def _overlaps(self, grid: OccupancyGrid, labels: IntArray) -> list[tuple[bool, int, int, int]]:
         """(whether it has a name, shared cells, label, number) of each pair that shares a quarter of either room."""

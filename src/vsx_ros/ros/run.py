@@ -80,10 +80,12 @@ def explore(args: argparse.Namespace) -> int:
 def go_on_words(folder: RunFolder) -> list[str]:
     """The command line of ``vsx`` that goes on with a run that has ended, for as long again as it was to last, in the
     page that is open."""
-    given_s = folder.read_config()[1].get("time")
+    facts = folder.read_config()[1]
+    given_s = facts.get("time")
     lasted_s = float(folder.read_summary().get("duration_s") or 0.0)
     limit = [] if given_s is None else ["--time", f"{lasted_s + float(given_s):g}"]
-    return ["explore", "--resume", str(folder.path.resolve()), "--view", "--headless", *limit]
+    until = [] if facts.get("until") is None else ["--until", "1"]  # what it was to end with is known already
+    return ["explore", "--resume", str(folder.path.resolve()), "--view", "--headless", *limit, *until]
 
 
 def _explore(args: argparse.Namespace) -> tuple[RunFolder, int, bool]:

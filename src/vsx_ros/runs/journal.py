@@ -163,6 +163,10 @@ class Journal:
             why = f"journal {self._file.name} cannot be written ({error.strerror}); free the disk"
             raise InputError(why) from error
 
+    def close(self) -> None:
+        """Write no more."""
+        self._file.close()
+
     def disk_bytes(self) -> int:
         """What is free on its disk."""
         disk = os.fstatvfs(self._file.fileno())

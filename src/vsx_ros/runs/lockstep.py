@@ -23,7 +23,7 @@ from vsx_ros.runs.rooms import write_rooms
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
-from vsx_ros.runs.zones import begin_places, write_zones
+from vsx_ros.runs.zones import begin_places, rooms_known, write_zones
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.robot import EmulatedRobot, Observation, SimulationConfig
 from vsx_ros.sim.world import Start
@@ -46,7 +46,7 @@ class FastRun:
         """before: an interrupted run to resume, in the same world with the same seed; the robot starts where it stood
         at the end. slam_map: a map to continue. folder: where to store the state for a later resume."""
         self.world, self._config = world, config
-        self.continued: Path | None = None  # the file of a loaded map; its rooms keep their names
+        self.continued: Path | None = None  # a map's file; the rooms beside it keep their names
         # Compares maps with the world; the position of a loaded map in the world is unknown.
         self.judge = MapJudge(world, config) if slam_map is None else None
         self._before, self._truth_before = before, before.truth if before is not None else None
@@ -218,9 +218,10 @@ def explore_fast(args: argparse.Namespace) -> int:
     if args.load_map:  # the file may be gone by now; the checkpoint holds the newer map
         slam_map = load_slam_map(Path(args.load_map)) if before is None else before.saved.slam_map
     run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder)
+    run.continued = rooms_known(folder, args.load_map or "")
     if before is None:
-        run.continued = Path(args.load_map) if args.load_map else None
-        begin_places(run.system.ground, run.continued, Path(args.zones) if args.zones else None, args.room)
+        map_file = Path(args.load_map) if args.load_map else None
+        begin_places(run.system.ground, map_file, Path(args.zones) if args.zones else None, args.room)
     reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)
     facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
     summary = run.summary(reason, **facts)

@@ -75,7 +75,8 @@ class MomentWriter:
         return True
 
     def write(self) -> None:
-        """Write what was noted; may wait for the disk. Raises InputError when the disk is nearly full."""
+        """Write what was noted; may wait for the disk. Raises InputError when the disk is nearly full, or when the file
+        was damaged meanwhile; then it begins anew."""
         with self._writing:
             self._check_disk()
             while self._seen:
@@ -87,7 +88,16 @@ class MomentWriter:
                     self._map_bytes += len(drawn.image)
                 self._journal.add(*lines)
             if self._picture_bytes > PICTURES_BYTES or self._map_bytes > MAPS_BYTES:
-                self._keep(Moments.read(self._path))
+                self._thin()
+
+    def _thin(self) -> None:
+        """Begin the file again with fewer moments; with none if it cannot be read."""
+        before, known = self._journal, Moments([], [])
+        try:
+            known = Moments.read(self._path)
+        finally:
+            self._keep(known)
+            before.close()
 
     def _check_disk(self) -> None:
         """Drop what was noted when the room is needed for more important files."""

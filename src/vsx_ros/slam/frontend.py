@@ -220,7 +220,7 @@ class FrontEnd:
             data.stamp_ns, state, trusted, searched=len(track.searched_rows), keyframe_added=request is not None,
             reason=reason, map_id=self._map_id, T_map_cam=by_odometry, covariance=known,
         )  # fmt: skip
-        return result, recovery.gives_up(data, self._view) or pair or request
+        return result, pair or request or recovery.gives_up(data, self._view)
 
     def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> Outcome:
         """The camera was found in one of the maps. Unless odometry connects the poses, its next segment begins."""
