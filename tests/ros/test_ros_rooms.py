@@ -13,7 +13,7 @@ from diagnostic_msgs.srv import AddDiagnosticsRequest
 from two_rooms import two_rooms
 
 from vsx_ros.config import Config
-from vsx_ros.ros import topics
+from vsx_ros.ros import headers, topics
 from vsx_ros.ros.rooms import RoomServer
 
 
@@ -24,6 +24,7 @@ def test_a_name_is_kept_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         rospy, "Publisher", lambda topic, *_, **__: SimpleNamespace(publish=heard.get(topic, lambda _: None))
     )
     monkeypatch.setattr(rospy, "Service", lambda *_: None)
+    monkeypatch.setattr(headers, "now_ns", lambda: 0)
     map_file = tmp_path / "map.yaml"
     killed = RoomServer(Config(), map_file, map_file)
     killed.update(two_rooms(), None)
