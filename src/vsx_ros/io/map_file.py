@@ -19,6 +19,7 @@ _DARKEST_FREE = 206
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196  # map_saver's, too
 _USUAL_THRESHOLDS = _FREE_THRESHOLD, _OCCUPIED_THRESHOLD
 _FINEST_M = 1e-3  # per cell; finer is a wrong unit
+_DIGITS = 9  # of the origin [m]: it is counted in cells, which leaves errors of rounding
 _ROWS_AT_ONCE = 64  # to save memory
 _LONGEST_NAME = 1000  # of a file; longer is invalid
 
@@ -30,7 +31,7 @@ def save_map(grid: OccupancyGrid, path: Path) -> None:
     free = np.clip(np.rint(255.0 * (1.0 - doubt)), _DARKEST_FREE, _GRAY_OF_FREE)
     rows, columns = grid.shape
     image, text = path.with_suffix(".pgm"), path.with_suffix(".yaml")
-    origin = [grid.origin_x, grid.origin_y, 0.0]
+    origin = [round(grid.origin_x, _DIGITS), round(grid.origin_y, _DIGITS), 0.0]
     tree = {"image": image.name, "resolution": grid.resolution, "origin": origin, "negate": 0}
     tree |= {"occupied_thresh": _OCCUPIED_THRESHOLD, "free_thresh": _FREE_THRESHOLD}
     with explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError):

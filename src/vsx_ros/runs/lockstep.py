@@ -11,6 +11,7 @@ import numpy as np
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
+from vsx_ros.exploration.time_left import left_words
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
@@ -159,11 +160,12 @@ class FastRun:
         return step.command
 
     def _progress(self, now_ns: int) -> str:
-        last = self.record.results[-1]
+        last, mission = self.record.results[-1], self.system.mission
         area = self.system.grid.known_area_m2 if self.system.grid else 0.0
+        left = "  " + left_words(mission.view_selector.time_left.at(now_ns))
         return (
-            f"{now_ns * 1e-9:5.0f} s  {self.system.mission.state.value}  {area:.1f} m2 known  "
-            f"{self.robot.truth.path_length_m:.1f} m driven  {last.found}/{last.searched} points"
+            f"{now_ns * 1e-9:5.0f} s  {mission.state.value}  {area:.1f} m2 known  "
+            f"{self.robot.truth.path_length_m:.1f} m driven  {last.found}/{last.searched} points{left}"
         )
 
     def exit_code(self, reason: str) -> int:
