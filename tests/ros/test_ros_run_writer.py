@@ -193,3 +193,19 @@ def test_a_disk_that_takes_nothing_keeps_no_node_from_beginning(driven, tmp_path
     assert "cannot be written" in said[0]
     for result, odometry in frames:
         run.frame(slam, result, odometry, 0.01)
+
+
+def test_a_node_begins_with_the_zones_of_a_file_and_goes_on_with_its_own(driven, tmp_path: Path, monkeypatch) -> None:
+    _, slam, frames = driven
+    (tmp_path / "mine.yaml").write_text(
+        "version: 1\nzones: [{name: rug, kind: wall, points: [[1, 0], [2, 0]]}]\n", encoding="utf-8"
+    )
+    params = {"~run_dir": str(tmp_path / "run"), "~zones": str(tmp_path / "mine.yaml")}
+    monkeypatch.setattr(slam_run.rospy, "get_param", lambda name, usual: params.get(name, usual))
+    run = SlamRun(Config())
+    assert [zone.name for zone in run.session.ground.zones_in(slam.snapshot())] == ["rug"]
+    run.session.ground.zones.remove("rug")
+    for result, odometry in frames:
+        run.frame(slam, result, odometry, 0.01)
+    run.write(run.session.ground.state())
+    assert len(SlamRun(Config()).session.ground.zones) == 0
