@@ -22,7 +22,7 @@ setup(
             "version.txt",
             "py.typed",
             "evaluation/scrubber.html",
-            "ros/dashboard/page.html",
+            "ros/dashboard/page/*",
             "ros/python_logging.conf",
         ],
         "vsx_hw": ["py.typed"],

@@ -6,13 +6,13 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from datetime import datetime
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from waiting import wait_for
 
 from vsx_ros.cli.main import execute, parse
 from vsx_ros.config import Config
@@ -40,14 +40,13 @@ def start(*words: str) -> subprocess.Popen[bytes]:
 
 def kill_at(run: subprocess.Popen[bytes], folder: Path, second: float) -> None:
     """kill -9 as soon as the run's journal has come so far."""
-    deadline_s = time.monotonic() + 300.0
-    while True:
-        frames = [line for line in read_journal(folder / "resume/journal.jsonl") if isinstance(line, FrameLine)]
-        if frames and frames[-1].stamp_ns >= second * SECOND:
-            break
+
+    def is_there() -> bool:
         assert run.poll() is None, "the run ended before it could be killed"
-        assert time.monotonic() < deadline_s
-        time.sleep(0.02)
+        frames = [line for line in read_journal(folder / "resume/journal.jsonl") if isinstance(line, FrameLine)]
+        return bool(frames) and frames[-1].stamp_ns >= second * SECOND
+
+    wait_for(is_there, f"second {second}")
     os.kill(run.pid, signal.SIGKILL)
     run.wait()
 

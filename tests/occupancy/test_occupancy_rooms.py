@@ -24,14 +24,23 @@ def two_rooms(known_columns: int = 200) -> OccupancyGrid:
     return OccupancyGrid(data, 0.05, 0.0, 0.0)
 
 
-def test_a_door_cuts_and_a_wide_opening_does_not() -> None:
+def test_a_door_cuts() -> None:
     labels = split(two_rooms(), CONFIG)
     assert len(np.unique(labels)) == 3
     assert labels[50, 20] != labels[50, 180]
     assert (labels[1:-1, 1:97] == labels[50, 20]).all()
-    data = two_rooms().data.copy()
-    data[20:80, 99:101] = FREE
-    assert len(np.unique(split(OccupancyGrid(data, 0.05, 0.0, 0.0), CONFIG))) == 2
+
+
+@pytest.mark.parametrize("metres", [2.0, 4.0, 8.0])
+def test_an_opening_divides_by_its_share_of_the_rooms_not_by_its_width(metres: float) -> None:
+    """Rooms of any size, and openings of 65 and 75 % of their width."""
+    n = round(metres / 0.05)
+    for share, parts in ((0.65, 2), (0.75, 1)):
+        data = np.full((n + 2, 2 * n + 4), OCCUPIED, np.int8)
+        data[1:-1, 1 : n + 1] = data[1:-1, n + 3 : -1] = FREE
+        half = round(0.5 * share * n)
+        data[1 + n // 2 - half : 1 + n // 2 + half, n + 1 : n + 3] = FREE
+        assert len(np.unique(split(OccupancyGrid(data, 0.05, 0.0, 0.0), CONFIG))) == 1 + parts
 
 
 def test_furniture_is_no_wall_but_a_wall_between_two_doors_is() -> None:

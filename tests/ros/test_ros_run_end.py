@@ -18,13 +18,16 @@ pytest.importorskip("rospy")
 
 from chromium import EXECUTABLE, Chromium
 from free_ports import free_port
+from waiting import PATIENCE_S
 
 from vsx_ros.cli.main import parse
 from vsx_ros.config import Config
 from vsx_ros.errors import VsxError
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.geometry.se3 import SE3, StampedPose
+from vsx_ros.io.zone_file import save_zones, zone_file
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.ros import run
 from vsx_ros.ros.dashboard import server
 from vsx_ros.ros.dashboard.ending import Ended, show_end
@@ -44,6 +47,9 @@ def folder(tmp_path: Path) -> RunFolder:
     summary = Summary(frames=40, frames_tracked=30, coverage=0.93, stop_reason="time limit of 120 s", duration_s=120.0)
     made.write_summary(summary.as_dict())
     made.write_map(OccupancyGrid(np.array([[0, 0, 100], [0, -1, 100]], np.int8), 0.5, 0.0, 0.0))
+    save_zones(
+        [Zone("carpet", ZoneKind.NO_GO, ((0.0, 0.0), (0.5, 0.0), (0.5, 0.5)))], zone_file(made.path / "map.yaml")
+    )
     made.write_poses("trajectory", [StampedPose(k, SE3(np.eye(3), np.array([0.1 * k, 0.0, 0.3]))) for k in range(20)])
     (made.path / "report.html").write_text("<p>the report</p>", encoding="utf-8")
     return made
@@ -79,7 +85,7 @@ def ask(port: int, path: str, method: str = "GET") -> bytes:
     )
     while True:
         try:
-            with urllib.request.urlopen(request, timeout=60.0) as reply:
+            with urllib.request.urlopen(request, timeout=PATIENCE_S) as reply:
                 return bytes(reply.read())
         except urllib.error.HTTPError as error:
             return bytes(error.read())
@@ -160,15 +166,18 @@ def test_results_that_cannot_be_shown_do_not_change_how_the_run_ended(folder: Ru
 def test_the_page_shows_what_was_reached(folder: RunFolder, end: End, tmp_path: Path) -> None:
     with Chromium(tmp_path / "profile") as browser:
         browser.open(f"http://127.0.0.1:{end.port}/#{TOKEN}")
-        browser.wait("known.end && ground !== null && way.length", 300.0)
+        browser.wait("known.end && ground.free !== null && known.way.length")
         assert browser.evaluate("$('endReason').textContent") == "Time limit of 120 s."
         assert "coverage 93 %" in browser.evaluate("$('endFacts').textContent")
         assert browser.evaluate("$('end').hidden || $('endReport').hidden || !$('buttons').hidden") is False
         assert browser.evaluate("$('mission').textContent") == "ENDED"
+        assert "carpet" in browser.evaluate("$('zones').textContent")
+        assert browser.evaluate("$('drawZone').checkVisibility() || $('byHand').checkVisibility()") is False
+        browser.evaluate("($('map').focus(), $('map').dispatchEvent(new KeyboardEvent('keydown', {key: 'Enter'})))")
+        browser.wait("!$('sheet').hidden")  # a place can be looked at, but nobody drives there
+        assert browser.evaluate("$('go') === null && $('sheet').innerText.includes(' m')")
         browser.evaluate("document.querySelector('[data-command=explore_on]').click()")
-        browser.wait(
-            "$('said').textContent.startsWith('Not done: ') && $('said').textContent.includes('no map')", 300.0
-        )
+        browser.wait("$('said').textContent.startsWith('Not done: ') && $('said').textContent.includes('no map')")
         end.stop = True
-        browser.wait("!$('banner').hidden && $('banner').textContent.startsWith('The run is over')", 300.0)
-        assert browser.evaluate("document.body.className") == "old"
+        browser.wait("!$('banner').hidden && $('banner').textContent.startsWith('The run is over')")
+        assert browser.evaluate("document.body.classList.contains('old')")

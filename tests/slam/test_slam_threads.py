@@ -4,6 +4,7 @@ import threading
 import time
 
 import pytest
+from waiting import PATIENCE_S
 
 from vsx_ros.config import Config
 from vsx_ros.slam.initialization import TRIED
@@ -41,12 +42,12 @@ def test_frames_go_on_while_the_map_is_made(slam, arc_drive, monkeypatch):
 
     def slow(pair):
         begun.set()
-        assert release.wait(60)
+        assert release.wait(PATIENCE_S)
         return make(pair)
 
     monkeypatch.setattr(slam._mapper, "start", slow)
     first, result = until_tried(slam, arc_drive.frames)
-    assert begun.wait(60)
+    assert begun.wait(PATIENCE_S)
     for frame, odometry, _ in arc_drive.frames[first + 1 : first + 4]:
         result = slam.track(frame, odometry)
         assert (result.state, result.reason) == (TrackingState.NOT_INITIALISED, TRIED)

@@ -62,11 +62,10 @@ def described(world: EmulatedWorld) -> list[str]:
     ]
     if isinstance(world, MeshWorld):
         seen, solids = world.parts.seen, world.parts.solids
-        pictures = len({surface.picture for surface in seen.surfaces} - {None})
         lines += [
             f"file:       {world.file}",
             f"floor:      {world.floor_z_m:.3f} m in the file",
-            f"drawn:      {len(seen.corners)} triangles, {pictures} textures, {len(world.lamps)} lamps",
+            f"drawn:      {len(seen.corners)} triangles, {len(seen.textures.logs)} textures, {len(world.lamps)} lamps",
             f"solid:      {len(solids)} triangles",
             f"missing:    {len(world.parts.remarks)} parts",
         ]

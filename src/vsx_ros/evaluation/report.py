@@ -1,12 +1,12 @@
 """report.html: what happened in a run and why it ended, on one self-contained page."""
 
 import html
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray, Points2, Points3
+from vsx_ros.arrays import Points2, Points3
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation import svg
 from vsx_ros.evaluation.events import collapsed, rows
@@ -15,6 +15,7 @@ from vsx_ros.evaluation.report_data import ReportData
 from vsx_ros.evaluation.scrubber import scrubber
 from vsx_ros.evaluation.svg import map_view, window_around, window_of
 from vsx_ros.evaluation.trajectory import align, associate
+from vsx_ros.occupancy.rooms import Room
 from vsx_ros.slam.state import TrackingState
 
 _MAX_EVENTS = 400  # rows; the file has all of them
@@ -24,15 +25,15 @@ _FASTEST_MS = 0.1  # least of the axis; a quicker frame was refused
 
 def render(data: ReportData) -> str:
     """The page."""
-    title = str(data.summary.get("world") or "run")
     body = [
-        f"<h1>{html.escape(title)}</h1>",
+        f"<h1>{html.escape(title := str(data.summary.get('world') or 'run'))}</h1>",
         _ending(data.summary),
         _origin(data),
         png_figure("the newest keyframe", data.picture_png),
         _figures(data.summary),
         section("Second by second", scrubber(data)),
         section("Map and trajectory", map_picture(data)),
+        section("Rooms", room_table(data.rooms)),
         section("Tracking over time", timeline(data)),
         section("Events", _events(data)),
         section("All numbers", _folded("summary.json", data.summary)),
@@ -55,8 +56,8 @@ def _ending(summary: Mapping[str, Any]) -> str:
 def _origin(data: ReportData) -> str:
     """World, seed, date and command."""
     named = [("world", data.summary.get("world")), ("seed", data.summary.get("seed")), ("date", data.facts.get("date"))]
-    known = ", ".join(f"{name} {value}" for name, value in named if value is not None)
-    return f'<p class="legend">{html.escape(known)}</p>{command(data)}'
+    known = html.escape(", ".join(f"{name} {value}" for name, value in named if value is not None))
+    return f'<p class="legend">{known}</p>{command(data)}'
 
 
 def _figures(summary: Mapping[str, Any]) -> str:
@@ -129,6 +130,12 @@ def _truth_in_map(data: ReportData) -> Points3:
     return alignment.apply(np.array([pose.T.translation for pose in data.truth]))
 
 
+def room_table(rooms: Sequence[Room]) -> str:
+    """How much of each room is known."""
+    cells = [(str(r.number), r.name, f"{r.area_m2:.1f} m2", f"{100 * r.known_ratio:.0f} %") for r in rooms]
+    return table(["number", "room", "free ground", "known of its extent"], cells)
+
+
 def timeline(data: ReportData) -> str:
     """States, share of found points, how long points are tracked and time per frame over time."""
     if not data.frames:
@@ -152,18 +159,12 @@ def timeline(data: ReportData) -> str:
         parts.append(svg.plot([("curve", seconds, ratio)], "found / searched", marks=levels))
     if np.isfinite(lives).any():
         parts.append("<h3>frames in which a point was tracked, the mean so far; it ends at U2</h3>")
-        parts.append(svg.plot([("curve", seconds, lives)], "U2 so far [frames]", _top(lives)))
+        parts.append(svg.plot([("curve", seconds, lives)], "U2 so far [frames]", svg.top(lives)))
     if np.isfinite(times).any():
         scale = svg.decades(max(float(np.nanpercentile(times, 1.0)), _FASTEST_MS), float(np.nanmax(times)))
         parts.append("<h3>time per frame [ms]; in lock-step mapping and planning are part of it</h3>")
         parts.append(svg.plot([("curve", seconds, times)], "ms per frame", scale[-1], bottom=scale[0]))
     return "".join(parts)
-
-
-def _top(values: FloatArray) -> float:
-    """A round upper limit for an axis that shows 99.5 % of the values."""
-    highest = float(np.nanpercentile(values, 99.5)) * 1.1
-    return max(svg.ticks(0.0, highest * 1.25, 5)[-1], 1e-3)
 
 
 def _events(data: ReportData) -> str:

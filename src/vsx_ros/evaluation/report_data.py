@@ -10,6 +10,7 @@ from vsx_ros.arrays import Points3
 from vsx_ros.evaluation.events import Event
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.rooms import Room
 
 
 class MapPicture(NamedTuple):
@@ -29,7 +30,7 @@ class ReportData:
     source, state, reason). frames: (stamp_ns, value of the state, searched, found, keyframe_added, track_ms, U2 so
     far). picture_png: what the camera saw last; empty if unknown. pictures: (stamp_ns, JPEG) of what it saw about once
     a second. maps: of the same moments, as far as they changed. moments_trouble: why there are neither; empty if they
-    were not to be kept."""
+    were not to be kept. rooms: of the ground map."""
 
     summary: Mapping[str, Any]
     facts: Mapping[str, Any]
@@ -49,6 +50,7 @@ class ReportData:
     moments_trouble: str = ""
     T_base_cam: SE3 = field(default_factory=SE3.identity)
     robot_radius_m: float = 0.0
+    rooms: Sequence[Room] = ()
 
     @property
     def began_ns(self) -> int:

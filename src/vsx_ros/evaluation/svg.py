@@ -48,6 +48,12 @@ def ticks(low: float, high: float, count: int = 6) -> list[float]:
     return [round(i * step, 10) for i in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
+def top(values: FloatArray) -> float:
+    """A round upper limit for an axis that shows 99.5 % of the values."""
+    highest = float(np.nanpercentile(values, 99.5)) * 1.1
+    return max(ticks(0.0, highest * 1.25, 5)[-1], 1e-3)
+
+
 def decades(low: float, high: float) -> list[float]:
     """The powers of ten from the last one below low to the first one above high (both positive); at least two."""
     first = math.floor(math.log10(low))

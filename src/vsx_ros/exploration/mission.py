@@ -203,7 +203,9 @@ class Mission:
         if now_ns < self._log.wait_until_ns:
             return self._log.answer(Action.WAIT, "waiting for the map to start")
         if self._drives == self._most_drives:
-            return self._log.finish(now_ns, Outcome.NOT_STARTED, f"the map did not start: {situation.slam_reason}")
+            refused = situation.navigation is NavigationState.ABORTED and situation.navigation_reason
+            why = f"{refused}; {situation.slam_reason}" if refused else situation.slam_reason
+            return self._log.finish(now_ns, Outcome.NOT_STARTED, f"the map did not start: {why}")
         self._drives += 1
         self._log.wait_until_ns = now_ns + SECOND_NS
         again = f"another straight drive: {situation.slam_reason}"

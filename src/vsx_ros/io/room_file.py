@@ -49,7 +49,7 @@ def load_rooms(path: Path) -> RoomMap | None:
         tree = json_tree(file_text(path))
         if tree["version"] != _VERSION:
             raise ValueError(f"it has version {tree['version']}, this program reads {_VERSION}")
-        rooms = tuple(_room(entry) for entry in tree["rooms"][: MOST_ROOMS + 1])
+        rooms = tuple(room_of(entry) for entry in tree["rooms"][: MOST_ROOMS + 1])
         image = picture(file_bytes(path.with_suffix(".pgm"), MAX_CELLS + TEXT_BYTES), cv2.IMREAD_GRAYSCALE)
         if image is None:
             raise ValueError("its picture is none")
@@ -62,7 +62,8 @@ def load_rooms(path: Path) -> RoomMap | None:
     return RoomMap(grid, labels, rooms)
 
 
-def _room(entry: Any) -> Room:
+def room_of(entry: Any) -> Room:
+    """A room of ``room_tree``. Raises one of ``limits.DAMAGE`` for anything else."""
     outline = tuple((float(x), float(y)) for x, y in entry["outline"][:1000])
     x, y = (float(value) for value in entry["place"])
     numbers = [float(entry[name]) for name in ("area_m2", "known_ratio")]

@@ -13,6 +13,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import ZonedGrid, speed_limits
 from vsx_ros.planning.corridor import obstacle_ahead, zone_ahead
 from vsx_ros.planning.path import Trajectory
+from vsx_ros.slam.state import TrackingState
 
 _FASTER_M_S = 0.01  # rounding of times
 
@@ -73,12 +74,14 @@ class WayWatch:
 
 
 def frame_in_map(frame: str, where: LocalizationState) -> SE2 | None:
-    """T_map_frame for the frames map and odom; None while unknown."""
+    """T_map_frame for the frames map and odom; None while unknown. A new map begins as the odometry frame."""
     if frame == MAP_FRAME:
         return SE2()
     T_frame_base = where.pose(frame)
-    if T_frame_base is None or where.T_map_base is None:
+    if T_frame_base is None:
         return None
+    if where.T_map_base is None:
+        return SE2() if where.slam_state is TrackingState.NOT_INITIALISED else None
     return where.T_map_base @ T_frame_base.inverse()
 
 

@@ -45,6 +45,12 @@ class RoomMap(NamedTuple):
         wanted = name.strip().casefold()
         return next((room for room in self.rooms if room.name.casefold() == wanted), None)
 
+    def at(self, x: float, y: float) -> Room | None:
+        """The room of a place [m]; None on ground of no room."""
+        (cell,) = self.grid.cells(np.array([[x, y]]))
+        number = int(self.labels[tuple(cell)]) if self.grid.contains(cell[None])[0] else 0
+        return next((room for room in self.rooms if room.number == number), None)
+
 
 def split(grid: OccupancyGrid, config: RoomsConfig) -> IntArray:
     """(H, W) labels of the rooms of a map from 1, 0 where the ground is not free; in no particular order."""
@@ -56,7 +62,7 @@ def split(grid: OccupancyGrid, config: RoomsConfig) -> IntArray:
     flat = heights.ravel()
     order = np.argsort(-flat, kind="stable")
     order = order[: int(np.count_nonzero(flat > 0.0))].astype(np.int64)
-    labels = flood_basins(heights, order, 0.5 * config.widest_door_m, config.door_ratio)
+    labels = flood_basins(heights, order, config.door_ratio)
     labels = _merge_small(labels, config.least_room_m2 / grid.resolution**2)
     return np.where(free, labels, 0)
 

@@ -1,6 +1,6 @@
 """Subscribers and services that survive unusable messages, with suitable queue lengths."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import rospy
@@ -52,6 +52,14 @@ def json_object(msg: String, *names: str) -> dict[str, Any]:
     if not isinstance(value, dict) or not value.keys() >= set(names):
         raise InputError(f"{msg.data[:80]!r} is not a JSON object{' with ' * bool(names)}{', '.join(names)}")
     return value
+
+
+def json_number(tree: Mapping[str, Any], name: str, most: float, unit: str) -> float:
+    """The number of this name in a tree of JSON. Raises InputError for anything else, and beyond -most to most."""
+    value = tree[name]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= most:
+        raise InputError(f"{name} is a number from {-most:g} to {most:g} {unit}, not {value!r:.40}")
+    return float(value)
 
 
 def image_subscriber(callback: Callable[[Image], None]) -> rospy.Subscriber:

@@ -15,7 +15,7 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from std_msgs.msg import ColorRGBA, Float32, String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from vsx_ros.exploration.decision import Action, Decision, MissionEvent, NavigationState, SavedMission
+from vsx_ros.exploration.decision import Action, Decision, MissionEvent, MissionState, NavigationState, SavedMission
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.se2 import SE2
@@ -92,10 +92,15 @@ class MissionTopics:
             "frontiers": len(self._frontiers),
             "views": len(self._mission.view_selector.ranking.views),
             "known_area_m2": grid.known_area_m2 if grid is not None else None,
+            "left_s": self._left_s(decision),
             "elapsed_s": round(time.monotonic() - self._begun_s),
             "driven_m": round(self._driven.distance_m, 1),
         }
         return json.dumps(status)
+
+    def _left_s(self, decision: Decision) -> int | None:
+        left_s = self._mission.view_selector.time_left.at(headers.now_ns())
+        return round(left_s) if left_s is not None and decision.state == MissionState.MAPPING.value else None
 
 
 def frontier_markers(

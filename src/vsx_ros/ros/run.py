@@ -130,7 +130,7 @@ def _nodes(
 ) -> list[LaunchNode]:
     """T_world_base: where an emulated robot stood when the run was interrupted."""
     above = launch.exploration(
-        args.planner, args.seed, str(folder.path.resolve()), args.load_map or "", args.room or ""
+        args.planner, args.seed, str(folder.path.resolve()), args.load_map or "", args.room or "", args.zones or ""
     )
     if world is None:
         return [*launch.bringup(args.base, args.port, args.camera), *above]

@@ -25,7 +25,7 @@ from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import hear_odometry, hear_operator_hold, subscribe
 from vsx_ros.ros.zones import ZonedMap
 
-_LIVE = GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING
+LIVE_GOAL = GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING
 
 
 class LocalizationSubscriber:
@@ -105,7 +105,7 @@ class HeardSituation:
     def _on_goals(self, msg: GoalStatusArray) -> None:
         states = {
             status.goal_id.id: GoalState(
-                live=status.status in _LIVE, reached=status.status == GoalStatus.SUCCEEDED, reason=status.text
+                live=status.status in LIVE_GOAL, reached=status.status == GoalStatus.SUCCEEDED, reason=status.text
             )
             for status in msg.status_list
         }

@@ -57,9 +57,9 @@ class SlamMaps:
 
     def __init__(
         self, config: Config, session: SlamSession, status: SlamStatus, continued: Path | None = None,
-        map_file: Path | None = None,
+        kept: Path | None = None,
     ) -> None:  # fmt: skip
-        """continued: the file of the map that is continued, with rooms beside it; map_file: that of this run."""
+        """continued: the file of the map that is continued, with rooms beside it. kept: that of this run's map."""
         self._session, self._status = session, status
         self._slam: ThreadedSlam | None = None
         self._metric = True
@@ -73,7 +73,10 @@ class SlamMaps:
         self._keyframes_pub = rospy.Publisher(topics.KEYFRAMES, PoseArray, queue_size=1, latch=True)
         self._path_pub = rospy.Publisher(topics.SLAM_PATH, PathMsg, queue_size=1, latch=True)
         rospy.Service(topics.STATIC_MAP, GetMap, lambda _: GetMapResponse(self._message))
-        self._zones, self._rooms = ZoneServer(session.ground, self._snapshot), RoomServer(config, continued, map_file)
+        self._zones = ZoneServer(
+            session.ground, self._snapshot, lambda: session.where.T_map_base, config.robot.radius_m
+        )
+        self._rooms = RoomServer(config, continued, kept)
         self.driven = session.ground.state()
         self._mapping = threads.every(_PERIOD_S, "ground map", self._map)
         threads.every(UPDATE_EVERY_S, "dense map", self._densify)
@@ -94,9 +97,10 @@ class SlamMaps:
     def _map(self) -> None:
         session, snapshot = self._session, self._snapshot()
         grid = self._ground(snapshot)
+        where = session.where.T_map_base
         self._zones.publish(snapshot)
-        self._rooms.update(grid)
-        self._dense.publish(snapshot, grid, session.where.T_map_base or session.ground.start)
+        self._rooms.update(grid, where)
+        self._dense.publish(snapshot, grid, where or session.ground.start)
         self._status.map(snapshot if self._slam is not None else None)
         self._keep_state()
 

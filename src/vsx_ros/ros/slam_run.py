@@ -17,10 +17,9 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import logs, node
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.rooms import look_into
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
-from vsx_ros.runs.zones import read_zones, rooms_known
+from vsx_ros.runs.zones import begin_places, rooms_known
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import ThreadedSlam
 from vsx_ros.slam.snapshot import SlamMap
@@ -32,9 +31,9 @@ _REST = 4.0  # Pause after writing, as a multiple of the writing time: the map o
 
 
 class SlamRun:
-    """session: new, or in the map of ~load_map, or resumed from ~run_dir. continued: a map's file; the rooms beside it
-    keep their names. map_file: that of ~run_dir. first_epoch: the odometry's epoch at the start. Raises MapFileError or
-    InputError for damaged files."""
+    """session: new, or in the map of ~load_map, or resumed from ~run_dir. map_file: of this run; None if nothing is
+    kept. continued: a map's file; the rooms beside it keep their names. first_epoch: the odometry's epoch at the start.
+    Raises MapFileError or InputError for damaged files."""
 
     def __init__(self, config: Config) -> None:
         self._known_odometry = config.robot.odometry
@@ -42,24 +41,18 @@ class SlamRun:
         self._save_map = str(rospy.get_param("~save_map", ""))  # read now: the master may be gone at the end
         self._save_map_to = Path(run_dir or tempfile.gettempdir()) / "map.vsxmap"
         self._folder = RunFolder(Path(run_dir)) if run_dir else None
-        load_map = str(rospy.get_param("~load_map", ""))
-        self.continued = rooms_known(self._folder, load_map)
+        path = str(rospy.get_param("~load_map", ""))
         self.map_file = self._folder.path / "map.yaml" if self._folder is not None else None
+        self.continued = rooms_known(self.map_file, path)
         before = PreviousSessions.of(self._folder) if self._folder is not None else None
         if before is not None:
             self.session = SlamSession(T_base_cam, config, before.saved.slam_map, before.saved.state)
         else:
-            self.session = SlamSession(T_base_cam, config, load_slam_map(Path(load_map)) if load_map else None)
-            if load_map:
-                self._begin_in(Path(load_map))
+            self.session = SlamSession(T_base_cam, config, load_slam_map(Path(path)) if path else None)
+            zones, room = (str(rospy.get_param(name, "")) for name in ("~zones", "~room"))
+            begin_places(self.session.ground, Path(path) if path else None, Path(zones) if zones else None, room)
         self._keeper = RunWriter(T_base_cam, self._folder, before, logs.log_errors, _REST, config.runs)
         self.first_epoch = 1 + self._keeper.record.odom_epoch
-
-    def _begin_in(self, map_file: Path) -> None:
-        """Take over the zones of a loaded map; explore one room of it, if ~room names it."""
-        read_zones(self.session.ground, map_file)
-        if room := str(rospy.get_param("~room", "")):
-            look_into(self.session.ground, map_file, room)
 
     def odometry(self, odometry: Odometry) -> None:
         """Store a reading; any thread."""

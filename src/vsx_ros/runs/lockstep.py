@@ -19,11 +19,11 @@ from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
 from vsx_ros.runs.process import DONE, LOST, STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
-from vsx_ros.runs.rooms import look_into, write_rooms
+from vsx_ros.runs.rooms import write_rooms
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
-from vsx_ros.runs.zones import read_zones, rooms_known, write_zones
+from vsx_ros.runs.zones import begin_places, rooms_known, write_zones
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.robot import EmulatedRobot, Observation, SimulationConfig
 from vsx_ros.sim.world import Start
@@ -218,11 +218,10 @@ def explore_fast(args: argparse.Namespace) -> int:
     if args.load_map:  # the file may be gone by now; the checkpoint holds the newer map
         slam_map = load_slam_map(Path(args.load_map)) if before is None else before.saved.slam_map
     run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder)
-    run.continued = rooms_known(folder, args.load_map or "")
-    if args.load_map and before is None:
-        read_zones(run.system.ground, Path(args.load_map))
-        if args.room is not None:
-            look_into(run.system.ground, Path(args.load_map), args.room)
+    run.continued = rooms_known(folder.path / "map.yaml", args.load_map or "")
+    if before is None:
+        loaded, zones = (Path(file) if file else None for file in (args.load_map, args.zones))
+        begin_places(run.system.ground, loaded, zones, args.room)
     reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)
     facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
     summary = run.summary(reason, **facts)

@@ -18,6 +18,7 @@ from vsx_ros.io.atomic import write_text
 from vsx_ros.io.image_encoding import check_image_size
 from vsx_ros.io.map_export import read_ply
 from vsx_ros.io.map_file import map_of_png
+from vsx_ros.io.room_file import load_rooms, room_file
 from vsx_ros.occupancy.grid import MAX_CELLS
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.interrupted import KnownRun, unfinished
@@ -40,7 +41,7 @@ def write_report(folder: RunFolder) -> Path:
 def report_data(folder: RunFolder) -> ReportData:
     """The data for the report page of a run, also of one that was killed or still runs."""
     config, facts = folder.read_config()
-    points = folder.path / "sparse.ply"
+    points, rooms = folder.path / "sparse.ply", load_rooms(room_file(folder.path / "map.yaml"))
     moments, trouble = _moments(folder)
     run, grid = unfinished(folder, config, facts), folder.read_map()
     if run is None:
@@ -67,6 +68,7 @@ def report_data(folder: RunFolder) -> ReportData:
         moments_trouble=trouble,
         T_base_cam=mounted(config.robot.mount),
         robot_radius_m=config.robot.radius_m,
+        rooms=rooms.rooms if rooms is not None else (),
     )
 
 

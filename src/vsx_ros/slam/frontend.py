@@ -169,7 +169,7 @@ class FrontEnd:
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
         local.leave_out(self.record.hopeless(local.rows))
         config, gap = self._config.keyframes, (self._since_keyframe, (data.stamp_ns - self._keyframe_ns) * 1e-9)
-        may = not data.blurred and may_grow(config, self._view, *gap)
+        may = not data.blurred and may_grow(config, self._view, track, *gap)
         added = may and becomes_keyframe(config, local.linked, track, reference)
         request = self._request(data, track) if added else None
         result = TrackingResult(

@@ -40,7 +40,7 @@ class ExploreNode:
     def __init__(self, config: Config) -> None:
         ways = Planner(config.planner, config.robot)
         self._mission = Mission(config, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
-        warm_up()
+        warm_up("planning", "ground")
         self._lock = threading.Lock()
         self._battery_empty = False
         self._heard = HeardSituation(config)

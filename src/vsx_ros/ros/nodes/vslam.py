@@ -3,8 +3,8 @@
 Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, camera/rgb/shutter, odom, mobile_base/hazards.
 Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera, gyro),
     vslam/state, vslam/stats/*, follower/lease; vslam/preview/compressed (while someone looks); map, map_metadata,
-    vslam/{map_points,keyframes,path}, zones, zones/markers, rooms (latched); vslam/planes, vslam/dense_points, scan
-    (while someone listens).
+    vslam/{map_points,keyframes,path}, zones, zones/markers, rooms, rooms/markers (latched); vslam/planes,
+    vslam/dense_points, scan (while someone listens).
 Services: static_map; zones/change (AddDiagnostics: JSON {"add": zone}, {"remove": name} or {"clear": true});
     rooms/name (AddDiagnostics: JSON {"room": name or number, "name": new name});
     vslam/save_map (Trigger: saves the SLAM map, the answer is its path).
@@ -13,6 +13,7 @@ Parameters: ~config (tree of 'vsx config'), ~seed (int, 0), ~run_dir (folder for
     ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
     ~load_map (SLAM map to continue, the robot anywhere in it; none; not read if ~run_dir is resumed),
     ~room (explore only this room of ~load_map; none),
+    ~zones (YAML with zones to begin with, in the coordinates of the map; none; not read if ~run_dir is resumed),
     ~save_map (file for the map at the end; none),
     ~save_map_to (file for the service; default map.vsxmap in ~run_dir, else in the folder for temporary files),
     ~publish_tf (bool, true; false: another node, e.g. an EKF, publishes odom in map)."""
@@ -41,7 +42,7 @@ class VslamNode:
     """Tracks on one thread, beside the mapping and writing threads; callbacks only pass data."""
 
     def __init__(self, config: Config) -> None:
-        warm_up()
+        warm_up("mapping", "tracking", "loops", "ground")
         self._metric = bool(rospy.get_param("~use_odometry", True))
         self._run = SlamRun(config)
         self._session = self._run.session
