@@ -170,8 +170,7 @@ class Mission:
             self._after_pause = self.state
             since_ns = min(fact.since_ns for fact in (situation.held, situation.user_goal) if fact is not None)
             self.view_selector.blacklist.withdraw(min(since_ns, now_ns) - _RACE_NS)
-            self._tour.forget_goal()
-            self._tour.backing_off = False
+            self._tour.forget_drive()
         if self.state is not state:
             self._log.enter(now_ns, state, reason)
         stop = state is MissionState.HELD and situation.navigation is NavigationState.ACTIVE
