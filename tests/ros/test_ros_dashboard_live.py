@@ -129,7 +129,7 @@ def test_pause_and_resume_reach_the_mission(stack: Stack, port: int) -> None:
 def test_the_emergency_stop_reaches_the_wheels(stack: Stack, port: int) -> None:
     stack.wait_until_driving()
     assert command(port, "estop") == {"ok": True, "message": "the wheels stand until the emergency stop is released"}
-    stack.wait(lambda: not stack.plant.moving, "the wheels to stand")
+    stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
     assert command(port, "release")["ok"]
     stack.wait_until_driving()
 
@@ -158,11 +158,11 @@ def test_the_stick_turns_the_wheels_while_it_says_so_and_its_silence_stops_them(
         return left < 0.0 < right
 
     stack.wait(turns, "the wheels to turn")
-    stack.wait(lambda: not stack.plant.moving, "the wheels to stand")
+    stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
     ticket = 0
     stack.wait(turns, "the wheels to turn")
     assert command(port, "drive", {"forward": 0, "left": 0, "ticket": 0})["ok"]
-    stack.wait(lambda: not stack.plant.moving, "the wheels to stand")
+    stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
     stack.wait_until_driving()
 
 
@@ -178,7 +178,7 @@ def test_the_buttons_of_the_page_stop_the_wheels_and_let_them_go(stack: Stack, p
         browser.wait("known.pictures > 0 && known.pose && known.health && $('release').hidden")
         stack.wait_until_driving()
         press("estop", "The wheels stand")
-        stack.wait(lambda: not stack.plant.moving, "the wheels to stand")
+        stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
         try:
             browser.wait("!$('release').hidden")
             stopped_s = stack.plant.stopped_s
@@ -213,7 +213,7 @@ def test_home_and_stop_reach_the_mission(stack: Stack, port: int) -> None:
         stack.wait(lambda: mission() == "done", "the end")
         said = told()
         assert (said["reason"], said["outcome"]) == ("stopped by the operator", "STOPPED")
-        stack.wait(lambda: not stack.plant.moving, "the wheels to stand")
+        stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
     finally:
         stack.another_mission()
     stack.wait(lambda: mission() != "done", "another mission")

@@ -30,6 +30,7 @@ LATCHED = {
     topics.SLAM_STATE, topics.MAP, topics.MAP_METADATA, topics.MAP_POINTS, topics.KEYFRAMES, topics.SLAM_PATH,
     topics.GLOBAL_PLAN, topics.TRAJECTORY, topics.PLAN_MS, topics.FOLLOWER_STATUS,
     topics.FRONTIERS, topics.EXPLORE_STATUS, topics.COVERAGE, topics.ZONES, topics.ZONE_MARKERS, topics.ROOMS,
+    topics.ROOM_MARKERS,
 }  # fmt: skip
 NOT_ON_A_ROBOT = {"nodes/emulator.py", "player.py"}
 """They stand in for a robot's devices; of what they latch nothing is in the live stack of the tests."""

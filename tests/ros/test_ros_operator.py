@@ -155,7 +155,7 @@ def test_a_held_key_turns_the_robot_and_a_released_one_stops_it(stack: Stack, ke
     released.set()
     holder.join()
     os.write(keyboard.master, b"\x1b")  # half an arrow key must not keep the robot turning
-    stack.wait(lambda: stack.plant.commanded == (0.0, 0.0) or stack.plant.commanded[0] >= 0.0, "the key's release")
+    stack.wait(lambda: stack.plant.commanded == (0.0, 0.0) or stack.plant.commanded[0] >= 0.0, "the key's release", 1.5)
     os.write(keyboard.master, b"q")
     assert keyboard.process.wait(PATIENCE_S) == DONE
     assert termios.tcgetattr(keyboard.slave) == keyboard.before

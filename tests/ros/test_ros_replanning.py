@@ -79,7 +79,7 @@ def veer(stack: Stack, drive: Drive) -> tuple[str, int, str]:
         stack.wait(lambda: drive.since(before, "diverged", "stopped", "arrived"), "the end of the trajectory")
     finally:
         stack.plant.left_blocked = False
-    stack.wait(lambda: not stack.plant.moving, "the wheels to stop")
+    stack.wait(lambda: not stack.plant.moving, "the wheels to stop", STOP_WITHIN_S)
     said = drive.since(before, "diverged", "stopped", "arrived")
     assert said is not None
     return said
@@ -159,8 +159,8 @@ def test_a_base_without_images_for_a_moment_waits_on_its_path_and_drives_on(stac
         stack._camera.send_signal(signal.SIGSTOP)
         silent_s = time.monotonic()
         try:
-            stack.wait(lambda before=before: drive.since(before, "stale"), "the follower to miss the camera")
-            stack.wait(lambda: not stack.plant.moving, "the wheels to stop")
+            stack.wait(lambda before=before: drive.since(before, "stale"), "the follower to miss the camera", 2.0)
+            stack.wait(lambda: not stack.plant.moving, "the wheels to stop", STOP_WITHIN_S)
             assert stack.plant.stopped_s - silent_s < 2.0 * STOP_WITHIN_S + stack.lateness.since(silent_s)
         finally:
             stack._camera.send_signal(signal.SIGCONT)

@@ -88,7 +88,7 @@ def test_a_silent_camera_stops_the_robot_and_its_images_bring_it_back(stack: Sta
         time.sleep(2.5)
         assert not stack.plant.moving, "no images and the robot drives on"
         assert stack.plant.stopped_s - silent_s < STOP_WITHIN_S + stack.lateness.since(silent_s)
-        stack.wait(lambda: diagnostics.latest("camera: stream").level == DiagnosticStatus.ERROR, "the complaint")
+        stack.wait(lambda: diagnostics.latest("camera: stream").level == DiagnosticStatus.ERROR, "the complaint", 3.0)
         assert diagnostics.latest("camera: stream").message == "no images"
         said = rospy.wait_for_message(f"/{topics.SLAM_STATE}", DiagnosticStatus, 5.0)
         assert said.name != "TRACKING"
@@ -97,7 +97,7 @@ def test_a_silent_camera_stops_the_robot_and_its_images_bring_it_back(stack: Sta
     finally:
         stack._camera.send_signal(signal.SIGCONT)
     stack.wait_until_driving()
-    stack.wait(lambda: diagnostics.latest("camera: stream").level == DiagnosticStatus.OK, "images to be well")
+    stack.wait(lambda: diagnostics.latest("camera: stream").level == DiagnosticStatus.OK, "images to be well", 3.0)
     assert not stack.dead()
 
 
@@ -179,7 +179,7 @@ def test_the_emergency_stop_outlives_a_reconnection_and_a_restart_of_its_node(st
     try:
         stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive")
         estop(True)
-        stack.wait(lambda: not stack.plant.moving, "the emergency stop")
+        stack.wait(lambda: not stack.plant.moving, "the emergency stop", 2.0)
         assert stands()
         stack._base.unplug()
         time.sleep(0.5)
@@ -192,7 +192,7 @@ def test_the_emergency_stop_outlives_a_reconnection_and_a_restart_of_its_node(st
         stack.wait(lambda: hand.get_num_connections() > 0, "the new node to listen")
         assert stands(), "restarted, and it drives"
         estop(False)
-        stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive again")
+        stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive again", 5.0)
     finally:
         timer.shutdown()
         estop(False)
@@ -215,7 +215,7 @@ def test_all_nodes_register_with_another_master_and_the_robot_explores_on(stack:
     stack.wait_until_driving()
     before, parameters = graph(), master.getParam("/")
     stack.kill("rosmaster")
-    stack.wait(lambda: not stack.plant.moving, "the wheels to stand")
+    stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
     time.sleep(1.0)
     assert not stack.plant.moving
     stack.start_master()
@@ -232,7 +232,7 @@ def test_without_both_watchdogs_the_wheels_stand_until_there_is_a_new_one(stack:
     before = children(stack._processes["mobile_base"].pid)
     assert len(before) == 2
     os.kill(before[0], end)
-    stack.wait(lambda: not stack.plant.moving, "the wheels to stand")
+    stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
     stack.wait(lambda: len(set(children(stack._processes["mobile_base"].pid)) - set(before)) == 1, "a new watchdog")
     stack.wait_until_driving()
     assert before[0] not in children(stack._processes["mobile_base"].pid)
@@ -248,7 +248,7 @@ def test_the_last_bytes_of_a_base_node_are_standstill(
     monkeypatch.setattr(board, "receive", lambda data, now_ns: (heard.extend(data), receive(data, now_ns)))
     process = stack._processes["mobile_base"]
     stack.kill("mobile_base", end)
-    stack.wait(lambda: not stack.plant.moving, "the wheels to stand")
+    stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 1.0)
     assert process.wait(PATIENCE_S) is not None
     time.sleep(0.2)
     stack.start("mobile_base")
@@ -303,14 +303,14 @@ def test_an_empty_battery_is_an_error_and_sends_the_robot_home_once(stack: Stack
 
     board = stack._base._board
     stack.wait(lambda: "mobile_base: battery" in diagnostics.said, "the battery's health")
-    stack.wait(lambda: level() == DiagnosticStatus.OK, "a healthy battery")
+    stack.wait(lambda: level() == DiagnosticStatus.OK, "a healthy battery", 5.0)
     try:
         board.battery_volt = 13.8
-        stack.wait(lambda: level() == DiagnosticStatus.WARN, "the warning")
+        stack.wait(lambda: level() == DiagnosticStatus.WARN, "the warning", 5.0)
         assert requests() == []
         board.battery_volt = 13.1
-        stack.wait(lambda: level() == DiagnosticStatus.ERROR, "the error")
-        stack.wait(requests, "the way home")
+        stack.wait(lambda: level() == DiagnosticStatus.ERROR, "the error", 5.0)
+        stack.wait(requests, "the way home", 5.0)
         board.battery_volt = 13.4
         time.sleep(2.0)
         board.battery_volt = 13.1

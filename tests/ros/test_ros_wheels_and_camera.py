@@ -100,20 +100,20 @@ def test_odometry_is_even_and_the_battery_known(stack: Stack) -> None:
 def test_emergency_stop_holds_until_it_is_cleared(stack: Stack, teleop: Teleop) -> None:
     estop = rospy.ServiceProxy(absolute(topics.ESTOP), SetBool)
     teleop.drive(-0.05)
-    stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive")
+    stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive", 5.0)
     assert estop(True).success
-    stack.wait(lambda: not stack.plant.moving, "the emergency stop")
+    stack.wait(lambda: not stack.plant.moving, "the emergency stop", 2.0)
     time.sleep(0.5)
     assert not stack.plant.moving
     assert estop(False).success
-    stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive again")
+    stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive again", 2.0)
 
 
 def test_a_command_that_is_no_number_stops(stack: Stack, teleop: Teleop) -> None:
     teleop.drive(0.0, 0.3)
-    stack.wait(lambda: stack.plant.moving, "teleop to turn")
+    stack.wait(lambda: stack.plant.moving, "teleop to turn", 5.0)
     teleop.drive(math.nan, 0.3)
-    stack.wait(lambda: not stack.plant.moving, "the refusal")
+    stack.wait(lambda: not stack.plant.moving, "the refusal", 2.0)
 
 
 @pytest.mark.parametrize(
@@ -134,22 +134,22 @@ def test_hazards_are_told_and_obeyed(
     allowed: bool,
 ) -> None:
     teleop.drive(*command)
-    stack.wait(lambda: stack.plant.moving, "teleop to drive")
+    stack.wait(lambda: stack.plant.moving, "teleop to drive", 5.0)
     read = stack.plant.read
     monkeypatch.setattr(stack.plant, "read", lambda: read()._replace(hazards=hazard))
     told: list[int] = []
     subscriber = rospy.Subscriber(absolute(topics.HAZARDS), UInt8, lambda msg: told.append(msg.data))
-    stack.wait(lambda: int(hazard) in told, "the hazard to be told")
+    stack.wait(lambda: int(hazard) in told, "the hazard to be told", 2.0)
     time.sleep(0.3)
     assert stack.plant.moving == allowed
     assert told.count(int(hazard)) == 1, "an edge is told once"
     monkeypatch.undo()
-    stack.wait(lambda: told[-1] & int(hazard) == 0, "the hazard to be over")
+    stack.wait(lambda: told[-1] & int(hazard) == 0, "the hazard to be over", 2.0)
     subscriber.unregister()
     teleop.drive(0.0)
     time.sleep(0.2)
     teleop.drive(*command)
-    stack.wait(lambda: stack.plant.moving, "teleop to drive again")
+    stack.wait(lambda: stack.plant.moving, "teleop to drive again", 2.0)
 
 
 def test_a_base_that_is_away_touches_nothing(stack: Stack, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,7 +158,7 @@ def test_a_base_that_is_away_touches_nothing(stack: Stack, monkeypatch: pytest.M
     subscriber = rospy.Subscriber(absolute(topics.HAZARDS), UInt8, lambda msg: told.append(msg.data))
     read = stack.plant.read
     monkeypatch.setattr(stack.plant, "read", lambda: read()._replace(hazards=Hazard.BUMPER_RIGHT))
-    stack.wait(lambda: told and told[-1] == pressed, "the bumper to be told")
+    stack.wait(lambda: told and told[-1] == pressed, "the bumper to be told", 5.0)
     stack._base.unplug()
     try:
         stack.wait(lambda: told[-1] == 0, "the bumper to be forgotten")
@@ -166,19 +166,19 @@ def test_a_base_that_is_away_touches_nothing(stack: Stack, monkeypatch: pytest.M
         stack._base.replug()
     stack.wait(lambda: told[-1] == pressed, "the bumper that is still pressed to be told again")
     monkeypatch.undo()
-    stack.wait(lambda: told[-1] == 0, "the bumper to be released")
+    stack.wait(lambda: told[-1] == 0, "the bumper to be released", 5.0)
     subscriber.unregister()
 
 
 def test_a_pressed_button_is_told_once_and_so_is_its_release(stack: Stack, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[int] = []
     subscriber = rospy.Subscriber(absolute(topics.BUTTONS), UInt8, lambda msg: told.append(msg.data))
-    stack.wait(lambda: told == [0], "what is pressed to be told")
+    stack.wait(lambda: told == [0], "what is pressed to be told", 5.0)
     read = stack.plant.read
     monkeypatch.setattr(stack.plant, "read", lambda: read()._replace(buttons=2))
-    stack.wait(lambda: told == [0, 2], "the button to be told")
+    stack.wait(lambda: told == [0, 2], "the button to be told", 2.0)
     monkeypatch.undo()
-    stack.wait(lambda: told == [0, 2, 0], "its release to be told")
+    stack.wait(lambda: told == [0, 2, 0], "its release to be told", 2.0)
     subscriber.unregister()
 
 
@@ -186,7 +186,7 @@ def test_reset_odometry_starts_at_the_origin(stack: Stack, teleop: Teleop) -> No
     from std_srvs.srv import Trigger
 
     teleop.drive(0.0)
-    stack.wait(lambda: not stack.plant.moving, "the robot to stand")
+    stack.wait(lambda: not stack.plant.moving, "the robot to stand", 2.0)
     time.sleep(0.5)
     assert rospy.ServiceProxy(absolute(topics.RESET_ODOMETRY), Trigger)().success
     time.sleep(0.1)

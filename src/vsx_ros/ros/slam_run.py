@@ -31,9 +31,9 @@ _REST = 4.0  # Pause after writing, as a multiple of the writing time: the map o
 
 
 class SlamRun:
-    """session: new, or in the map of ~load_map, or resumed from ~run_dir. map_file: of this run; None if nothing is
-    kept. continued: a map's file; the rooms beside it keep their names. first_epoch: the odometry's epoch at the start.
-    Raises MapFileError or InputError for damaged files."""
+    """session: new, or in the map of ~load_map, or resumed from ~run_dir. continued: a map's file; the rooms beside it
+    keep their names. map_file: that of ~run_dir. first_epoch: the odometry's epoch at the start. Raises MapFileError or
+    InputError for damaged files."""
 
     def __init__(self, config: Config) -> None:
         self._known_odometry = config.robot.odometry
@@ -41,16 +41,17 @@ class SlamRun:
         self._save_map = str(rospy.get_param("~save_map", ""))  # read now: the master may be gone at the end
         self._save_map_to = Path(run_dir or tempfile.gettempdir()) / "map.vsxmap"
         self._folder = RunFolder(Path(run_dir)) if run_dir else None
-        path = str(rospy.get_param("~load_map", ""))
+        load_map = str(rospy.get_param("~load_map", ""))
+        self.continued = rooms_known(self._folder, load_map)
         self.map_file = self._folder.path / "map.yaml" if self._folder is not None else None
-        self.continued = rooms_known(self.map_file, path)
         before = PreviousSessions.of(self._folder) if self._folder is not None else None
         if before is not None:
             self.session = SlamSession(T_base_cam, config, before.saved.slam_map, before.saved.state)
         else:
-            self.session = SlamSession(T_base_cam, config, load_slam_map(Path(path)) if path else None)
+            path = Path(load_map) if load_map else None
+            self.session = SlamSession(T_base_cam, config, load_slam_map(path) if path else None)
             zones, room = (str(rospy.get_param(name, "")) for name in ("~zones", "~room"))
-            begin_places(self.session.ground, Path(path) if path else None, Path(zones) if zones else None, room)
+            begin_places(self.session.ground, path, Path(zones) if zones else None, room)
         self._keeper = RunWriter(T_base_cam, self._folder, before, logs.log_errors, _REST, config.runs)
         self.first_epoch = 1 + self._keeper.record.odom_epoch
 

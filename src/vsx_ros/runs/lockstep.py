@@ -218,10 +218,10 @@ def explore_fast(args: argparse.Namespace) -> int:
     if args.load_map:  # the file may be gone by now; the checkpoint holds the newer map
         slam_map = load_slam_map(Path(args.load_map)) if before is None else before.saved.slam_map
     run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder)
-    run.continued = rooms_known(folder.path / "map.yaml", args.load_map or "")
+    run.continued = rooms_known(folder, args.load_map or "")
     if before is None:
-        loaded, zones = (Path(file) if file else None for file in (args.load_map, args.zones))
-        begin_places(run.system.ground, loaded, zones, args.room)
+        map_file = Path(args.load_map) if args.load_map else None
+        begin_places(run.system.ground, map_file, Path(args.zones) if args.zones else None, args.room)
     reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)
     facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
     summary = run.summary(reason, **facts)

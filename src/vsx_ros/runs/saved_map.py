@@ -11,7 +11,7 @@ from vsx_ros.occupancy.zones import AnchoredZones, Zone
 from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.rooms import write_rooms
-from vsx_ros.runs.zones import lasting
+from vsx_ros.runs.zones import keep_zones
 from vsx_ros.slam.snapshot import snapshot
 
 
@@ -20,7 +20,7 @@ def save_map_of(folder: RunFolder, out: Path) -> None:
     saved, beside = folder.checkpoint.read(), folder.path / "map.yaml"
     save_slam_map(saved.slam_map, out)
     zones, rooms = _zones(folder, saved, beside), load_rooms(room_file(beside))
-    save_zones(lasting(zones), zone_file(out))
+    keep_zones(zones, out)
     if rooms is not None:
         save_rooms(rooms, room_file(out))
 

@@ -99,17 +99,23 @@ def end_trail(folder: RunFolder, moved: bool) -> None:
 
 
 def results_of_slam(folder: RunFolder, T_base_cam: SE3) -> tuple[Summary, str]:
-    """The summary that the node vslam left in a run folder. If vslam ended before writing it: the numbers from its
-    journal (the trajectory is written, too), and a sentence that says so."""
-    if (folder.path / "summary.json").exists():
-        return Summary(**folder.read_summary()), ""
-    record = RunRecord(T_base_cam)
+    """The summary that the node vslam left in a run folder. If vslam ended before writing all its results: the numbers
+    from its journal (the trajectory is written, too), and a sentence that says so."""
+    known = Summary(**folder.read_summary()) if (folder.path / "summary.json").exists() else None
     try:
-        record.restore(read_journal(folder.journal))
+        lines = read_journal(folder.journal)
+        frames = sum(isinstance(line, FrameLine) for line in lines)
+        whole = known is not None and (known.frames or 0) >= frames and folder.has_trajectory_of_summary
+        if known is not None and (whole or frames == 0):
+            return known, ""
+        record = RunRecord(T_base_cam)
+        record.restore(lines)
     except InputError as error:
-        return Summary(), str(error)
+        return known or Summary(), str(error)
     said = folder.write_what_fits(*record.writes(folder))
-    return record.counted(), said or "vslam ended before it had written its results; kept is what its journal knows"
+    if known is None or (known.frames or 0) < frames:
+        known = record.counted()
+    return known, said or "vslam ended before it had written its results; kept is what its journal knows"
 
 
 def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:

@@ -8,10 +8,9 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.io.room_file import room_file
 from vsx_ros.io.zone_file import load_zones, save_zones, zone_file
 from vsx_ros.occupancy.zones import Zone, ZoneKind
-from vsx_ros.runs.rooms import look_into
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.rooms import OF_ONE_RUN, look_into
 from vsx_ros.slam.snapshot import SlamMap, snapshot
-
-_OF_ONE_RUN = "look into "  # how runs/rooms.py names the zone of --room
 
 
 def given_zones(path: Path) -> list[Zone]:
@@ -35,18 +34,20 @@ def begin_places(ground: MappedGround, map_file: Path | None, zones: Path | None
 def write_zones(ground: MappedGround, slam_map: SlamMap | None, map_file: Path) -> None:
     """Write the zones beside a map, where they are in it; nothing without a map. Raises MapFileError."""
     if slam_map is not None:
-        save_zones(lasting(ground.zones_in(snapshot(slam_map.view))), zone_file(map_file))
+        keep_zones(ground.zones_in(snapshot(slam_map.view)), map_file)
 
 
-def lasting(zones: Sequence[Zone]) -> list[Zone]:
-    """Those that stay with the map: without that of the room which only one run was to explore, so that the next run in
-    this map explores all of it."""
-    return [zone for zone in zones if zone.kind is not ZoneKind.LOOK or not zone.name.startswith(_OF_ONE_RUN)]
+def keep_zones(zones: Sequence[Zone], map_file: Path) -> None:
+    """Write the zones beside a map, without that of the room which only one run was to explore: the next run in this
+    map explores all of it. Raises MapFileError."""
+    lasting = [zone for zone in zones if zone.kind is not ZoneKind.LOOK or not zone.name.startswith(OF_ONE_RUN)]
+    save_zones(lasting, zone_file(map_file))
 
 
-def rooms_known(own: Path | None, load_map: str) -> Path | None:
+def rooms_known(folder: RunFolder | None, load_map: str) -> Path | None:
     """The map beside which the rooms are whose names and numbers a run goes on with: its own once it has written some,
     before that the loaded one; None without both."""
+    own = folder.path / "map.yaml" if folder is not None else None
     if load_map and not (own is not None and room_file(own).exists()):
         return Path(load_map)
     return own
