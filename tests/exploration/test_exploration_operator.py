@@ -137,6 +137,7 @@ def test_a_goal_in_the_map_is_given_up_when_the_camera_stays_lost():
     assert states[4] is MissionState.USER_GOAL
     assert states[-1] is MissionState.RECOVERING
     assert any("given up: dark" in event.reason for event in mission.drain_events())
+    assert mission.claim.given_up == GOAL.identity, "whoever drives there must end it"
 
 
 def test_goals_of_others_are_told_from_ours():

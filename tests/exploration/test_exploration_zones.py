@@ -101,6 +101,18 @@ def test_a_zone_drawn_around_the_robot_stops_it_and_it_drives_out_and_says_so() 
     assert sum("stands in the zone" in reason for reason in reasons) == 1
 
 
+def test_wheels_held_on_the_way_out_of_a_zone_are_no_failure() -> None:
+    mission, _ = under_way()
+    grid = zoned(box(-0.6, -1.0, 0.9, 1.0))
+    mission.decide(2 * SECOND, situation(grid, navigation=NavigationState.ACTIVE))
+    assert mission.decide(4 * SECOND, situation(grid, navigation=NavigationState.ABORTED)).action is Action.GO
+    held = OperatorHold("teleop", 5 * SECOND)
+    mission.decide(5 * SECOND, situation(grid, navigation=NavigationState.ACTIVE)._replace(held=held))
+    again = [mission.decide(k * SECOND, situation(grid, navigation=NavigationState.ABORTED)) for k in (9, 10)]
+    assert "driving out of the zone 'rug'" in again[-1].reason
+    assert not any("still in the zone" in event.reason for event in mission.drain_events())
+
+
 def test_without_a_way_out_it_waits_and_says_so_once() -> None:
     mission, _ = under_way()
     grid = zoned(box(-9.0, -9.0, 9.0, 9.0))

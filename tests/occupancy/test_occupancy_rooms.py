@@ -6,10 +6,10 @@ import pytest
 from vsx_ros.config import RoomsConfig
 from vsx_ros.errors import InputError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.occupancy.rooms import MOST_ROOMS, RoomMap, RoomTracker, right_rooms, split, without_furniture
+from vsx_ros.occupancy.rooms import MOST_ROOMS, RoomMap, RoomTracker, split, without_furniture
 from vsx_ros.runs.rooms import renamed
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.room_truth import room_truth
+from vsx_ros.sim.room_truth import right_rooms, room_truth
 from vsx_ros.sim.truth import ground_truth_grid
 
 CONFIG = RoomsConfig()

@@ -9,10 +9,13 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import actionlib
+
 from vsx_ros.exploration.decision import Action, NavigationState, Situation
 from vsx_ros.exploration.user_goals import UserGoals
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import headers
+from vsx_ros.ros.mission_output import GoalSender
 from vsx_ros.ros.nodes.explore import ExploreNode
 from vsx_ros.ros.situation import HeardSituation
 
@@ -52,9 +55,11 @@ def sent(heard: Exploring) -> Any:
     node._goals = SimpleNamespace(
         is_served=True,
         state=lambda: (NavigationState.IDLE, ""),
+        give_up=lambda identity: None,
         act=lambda now_ns, decision: acts.append(decision.action),
     )
-    node._mission = SimpleNamespace(decide=heard.decide, drain_events=list, outcome=None)
+    claim = SimpleNamespace(given_up="")
+    node._mission = SimpleNamespace(decide=heard.decide, drain_events=list, outcome=None, claim=claim)
     node._writer = SimpleNamespace(restore=lambda *_: None)
     node._topics = SimpleNamespace(events=lambda events: None, report=lambda *_: False)
     node._decide()
@@ -68,3 +73,13 @@ def test_what_comes_while_views_are_ranked_is_not_overruled(claim: Any) -> None:
 
 def test_without_it_the_robot_drives() -> None:
     assert sent(Exploring(lambda heard: None)) == [Action.GO]
+
+
+def test_a_goal_that_is_given_up_ends_for_move_base_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    cancelled: list[str] = []
+    client = SimpleNamespace(pub_cancel=SimpleNamespace(publish=lambda goal: cancelled.append(goal.id)))
+    monkeypatch.setattr(actionlib, "ActionClient", lambda *_: client)
+    goals = GoalSender()
+    for identity in ("", "/rviz-1", "/rviz-1", "/rviz-2"):
+        goals.give_up(identity)
+    assert cancelled == ["/rviz-1", "/rviz-2"]

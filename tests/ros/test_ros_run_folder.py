@@ -42,13 +42,13 @@ def begun(folder: RunFolder) -> Any:
 
 
 def test_a_launch_is_resumed_with_its_options(params: dict[str, Any], tmp_path: Path) -> None:
-    params |= {"vslam/load_map": "lab.vsxmap", "vslam/room": "hall"}
+    params |= {"vslam/load_map": "lab.vsxmap", "vslam/room": "hall", "vslam/zones": "z.yaml"}
     folder = RunFolder(tmp_path / "run")
     begun(folder)
     args = parse(["explore", "--resume", str(folder.path)])
     begin(args)
     assert (args.world, args.seed, args.rate, args.room) == ("lab", 3, 20.0, "hall")
-    assert args.load_map == str(Path("lab.vsxmap").resolve())
+    assert (args.load_map, args.zones) == tuple(str(Path(name).resolve()) for name in ("lab.vsxmap", "z.yaml"))
     assert (args.base, args.port) == (DEFAULTS["base"], DEFAULTS["port"]), "no mobile_base was launched"
     assert set(REMEMBERED) <= set(folder.read_config()[1])
 

@@ -41,24 +41,24 @@ class WayWatch:
     def hindrance(
         self, trajectory: Trajectory, frame: str, report: FollowerReport, grid: OccupancyGrid, where: LocalizationState
     ) -> Hindrance | None:
-        """What is new on the rest of the way; None when nothing is, and for the map judged last."""
-        if grid is self._checked:
+        """What is new on the rest of the way; None when nothing is, for the map judged last, and as long as the frame's
+        place in the map is not known."""
+        T_map_frame = frame_in_map(frame, where)
+        if grid is self._checked or T_map_frame is None:
             return None
         self._checked = grid
-        T_map_frame = frame_in_map(frame, where)
         found = [(math.inf, "")]
         if frame == MAP_FRAME:
             obstacle_m = obstacle_ahead(trajectory, report.at_s, grid, self._radius_m)
             if obstacle_m is not None:
                 found.append((obstacle_m, f"an obstacle has come to light {obstacle_m:.1f} m ahead on the way"))
-        if T_map_frame is not None:
-            zone = zone_ahead(trajectory, report.at_s, grid, self._radius_m, T_map_frame)
-            if zone is not None:
-                found.append((zone.ahead_m, f"the zone {zone.zone!r} lies {zone.ahead_m:.1f} m ahead on the way"))
+        zone = zone_ahead(trajectory, report.at_s, grid, self._radius_m, T_map_frame)
+        if zone is not None:
+            found.append((zone.ahead_m, f"the zone {zone.zone!r} lies {zone.ahead_m:.1f} m ahead on the way"))
         nearest_m, reason = min(found)
         if math.isfinite(nearest_m):
             return Hindrance(nearest_m, reason)
-        if T_map_frame is not None and self._is_too_fast(trajectory, report.at_s, grid, T_map_frame):
+        if self._is_too_fast(trajectory, report.at_s, grid, T_map_frame):
             return Hindrance(None, "a slow zone was drawn on the way")
         return None
 

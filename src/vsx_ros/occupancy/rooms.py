@@ -232,23 +232,3 @@ def _outline(grid: OccupancyGrid, hull: IntArray) -> tuple[tuple[float, float], 
     grown: FloatArray = middle + away * (1.0 + _HULL_GROW_M * math.sqrt(2.0) / lengths)
     simple = cv2.approxPolyDP(grown.astype(np.float32), _SIMPLE_M, True).reshape(-1, 2)
     return tuple((round(float(x), 3), round(float(y), 3)) for x, y in simple)
-
-
-def shared_ratio(a: BoolArray, b: BoolArray) -> float:
-    """Intersection over union of two areas (H, W); 0 when both are empty."""
-    union = int(np.count_nonzero(a | b))
-    return float(np.count_nonzero(a & b)) / union if union else 0.0
-
-
-def right_rooms(labels: IntArray, truth: IntArray, least_ratio: float = 0.8) -> tuple[int, int]:
-    """How many rooms of the truth (H, W) have a room of their own with at least this intersection over union, and how
-    many there are. Both count from 1; 0 is no room."""
-    numbers: Sequence[int] = [int(number) for number in np.unique(truth) if number]
-    right = 0
-    for number in numbers:
-        mine = truth == number
-        found = np.bincount(labels[mine].ravel())
-        found[0] = 0
-        best = int(np.argmax(found))
-        right += bool(found[best]) and shared_ratio(mine, labels == best) >= least_ratio
-    return right, len(numbers)

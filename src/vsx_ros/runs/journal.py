@@ -122,7 +122,7 @@ class PictureLine(Struct, frozen=True, tag="picture"):
 
 
 class MapLine(Struct, frozen=True, kw_only=True, tag="map"):
-    """The ground map as it was known. image: PNG in map_server's greys, see ``map_image``. origin: its lower left
+    """The ground map as it was known. image: PNG in map_server's greys, see ``map_png``. origin: its lower left
     corner [m]. resolution: metres per pixel."""
 
     stamp_ns: Stamp

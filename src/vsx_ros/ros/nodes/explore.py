@@ -92,6 +92,7 @@ class ExploreNode:
                 # Somebody took the robot while a view was chosen; our goal would end theirs.
                 decision = self._mission.decide(now_ns, self._heard.at(now_ns, *self._goals.state()))
             events = self._mission.drain_events()
+        self._goals.give_up(self._mission.claim.given_up)
         self._goals.act(now_ns, decision)
         self._topics.events(events)
         if self._topics.report(decision, self._goals.state()[0], self._heard.grid):

@@ -53,10 +53,11 @@ class RunFolderNode:
     def _begin(self, folder: RunFolder) -> EmulatedWorld | None:
         """Write the configuration and the emulated world of a new run; a resumed one has them, and the name of the map
         that it continued."""
-        load_map, name = str(rospy.get_param("vslam/load_map", "")), rospy.get_param("emulator/world", None)
+        load_map, zones = (str(rospy.get_param(f"vslam/{name}", "")) for name in ("load_map", "zones"))
+        name = rospy.get_param("emulator/world", None)
         if folder.checkpoint.exists:
             load_map = str(folder.read_config()[1].get("load_map") or "")
-        load_map = str(Path(load_map).resolve()) if load_map else ""
+        load_map, zones = (str(Path(file).resolve()) if file else "" for file in (load_map, zones))
         planner, seed = str(rospy.get_param("move_base/planner", "fov")), int(rospy.get_param("emulator/seed", 0))
         self._about = About(name, seed, planner, load_map or None)
         world = open_world(str(name), seed) if name is not None else None
@@ -66,7 +67,8 @@ class RunFolderNode:
             folder.write_config(
                 self._config, ["roslaunch"], world=name, seed=seed, base=base, port=port, planner=planner, fast=False,
                 camera=rospy.get_param("camera/device", "ros"), rate=rospy.get_param("emulator/rate_hz", None),
-                load_map=load_map or None, room=rospy.get_param("vslam/room", "") or None, time=None, until=None,
+                load_map=load_map or None, zones=zones or None, room=rospy.get_param("vslam/room", "") or None,
+                time=None, until=None,
             )  # fmt: skip
             if world is not None:
                 save_world(world, folder.path / "world.yaml")

@@ -1,7 +1,8 @@
 """What the triangles of a Gazebo world are made of: a colour and perhaps a picture."""
 
+import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from vsx_ros.sim.gazebo.pictures import Picture
 
 Colour = tuple[float, float, float]
 GREY: Colour = (0.7, 0.7, 0.7)
+WHITE: Colour = (1.0, 1.0, 1.0)
 
 
 class Surface(NamedTuple):
@@ -50,9 +52,18 @@ def ogre_material(
         block = re.search(_BLOCK.format(re.escape(name)), text, re.DOTALL)
         if block is None:
             continue
-        numbers = re.search(r"diffuse\s+([\d.]+)\s+([\d.]+)\s+([\d.]+)", block[1])
-        colour = (float(numbers[1]), float(numbers[2]), float(numbers[3])) if numbers else (1.0, 1.0, 1.0)
+        diffuse = re.search(r"diffuse\s+(\S+)\s+(\S+)\s+(\S+)", block[1])
+        colour = _ogre_colour(diffuse.groups()) if diffuse else WHITE
         named = re.search(r"^\s*texture\s+(\S+)", block[1], re.MULTILINE)
         picture = named[1] if named else ""
         return colour, find(picture, file) if picture else None, picture
     return None
+
+
+def _ogre_colour(words: Sequence[str]) -> Colour:
+    """Of three words of a script, cut off at 0 and 1; white for words that are no numbers, as ``vertexcolour``."""
+    try:
+        r, g, b = (min(max(float(word), 0.0), 1.0) for word in words)
+    except ValueError:
+        return WHITE
+    return (r, g, b) if math.isfinite(r + g + b) else WHITE
