@@ -32,8 +32,7 @@ _TOPICS = (
     topics.BUTTONS, topics.BATTERY, topics.MUX_ACTIVE, topics.OPERATOR_HOLD, topics.COMMAND_SAFETY,
     topics.COMMAND_TELEOP, topics.COMMAND_NAVI, topics.POSE, topics.SLAM_STATE, topics.EXPLORE_STATUS,
     topics.EXPLORE_EVENTS, topics.DIAGNOSTICS, topics.GLOBAL_PLAN, topics.PLAN_MS, topics.COVERAGE, topics.ZONES,
-    topics.ROOMS,
-    *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
+    topics.ROOMS, *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
 )  # fmt: skip
 _NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
 _CAMERA_WAIT_S = 20.0  # for the first image; then recording begins all the same

@@ -110,12 +110,6 @@ class RunFolder:
         return said
 
     @property
-    def has_trajectory_of_summary(self) -> bool:
-        """Whether trajectory.txt is of the same session as summary.json, which is written before it."""
-        trajectory, summary = self.path / "trajectory.txt", self.path / "summary.json"
-        return trajectory.exists() and trajectory.stat().st_mtime_ns >= summary.stat().st_mtime_ns
-
-    @property
     def checkpoint(self) -> Checkpoint:
         """The state with which an interrupted run is resumed."""
         return Checkpoint(self.path / "resume")

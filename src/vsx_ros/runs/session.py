@@ -105,7 +105,7 @@ def results_of_slam(folder: RunFolder, T_base_cam: SE3) -> tuple[Summary, str]:
     try:
         lines = read_journal(folder.journal)
         frames = sum(isinstance(line, FrameLine) for line in lines)
-        whole = known is not None and (known.frames or 0) >= frames and folder.has_trajectory_of_summary
+        whole = known is not None and (known.frames or 0) >= frames and _has_trajectory_of_summary(folder.path)
         if known is not None and (whole or frames == 0):
             return known, ""
         record = RunRecord(T_base_cam)
@@ -116,6 +116,12 @@ def results_of_slam(folder: RunFolder, T_base_cam: SE3) -> tuple[Summary, str]:
     if known is None or (known.frames or 0) < frames:
         known = record.counted()
     return known, said or "vslam ended before it had written its results; kept is what its journal knows"
+
+
+def _has_trajectory_of_summary(folder: Path) -> bool:
+    """Whether trajectory.txt is of the same session as summary.json, which is written before it."""
+    trajectory = folder / "trajectory.txt"
+    return trajectory.exists() and trajectory.stat().st_mtime_ns >= (folder / "summary.json").stat().st_mtime_ns
 
 
 def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
