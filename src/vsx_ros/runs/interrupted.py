@@ -11,7 +11,7 @@ from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.limits import DAMAGE
 from vsx_ros.runs.folder import FrameRecord, RunFolder
 from vsx_ros.runs.journal import ClockLine, FrameLine, Line, RunEvent, TruthLine, read_journal, unflat
-from vsx_ros.runs.record import RunRecord
+from vsx_ros.runs.record import RunRecord, counts_all
 
 REASON = "the run has not come to its end: it still runs, or it was killed; vsx explore --resume goes on with it"
 _FACTS = "world", "seed", "planner"
@@ -33,11 +33,11 @@ def unfinished(folder: RunFolder, config: Config, facts: dict[str, Any]) -> Know
     """What the journals know; None if the folder has a summary of all their frames. Raises InputError for damage."""
     if (folder.path / "summary.json").exists():
         try:
-            count = sum(isinstance(line, FrameLine) for line in read_journal(folder.journal))
+            seen = read_journal(folder.journal)
         except InputError:
             return None  # the results need no journal
         told = checked_summary(folder.read_summary(), str(folder.path)).get("frames")
-        if told is None or count <= told:
+        if told is None or counts_all(told, seen):
             return None
     lines = [*read_journal(folder.journal), *read_journal(folder.witness)]
     with explained(InputError, f"the journals in {folder.journal.parent} contradict themselves", "run again", DAMAGE):

@@ -1,6 +1,6 @@
 """Collects the data of a run for its results, and compares its map with the emulated world."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,13 @@ from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import SlamStatistics, TrackingResult, TrackingState
+
+_LATE_FRAMES = 3  # may be tracked while the results are being written
+
+
+def counts_all(frames: int | None, lines: Sequence[Line]) -> bool:
+    """Whether a summary with this number of frames is of all the journal's lines, and not of an earlier session."""
+    return frames is not None and sum(isinstance(line, FrameLine) for line in lines) <= frames + _LATE_FRAMES
 
 
 class RunRecord:

@@ -26,7 +26,7 @@ from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, Journal, Line, RunEvent, TruthLine, read_journal
 from vsx_ros.runs.moments import Moments, MomentWriter
-from vsx_ros.runs.record import RunRecord
+from vsx_ros.runs.record import RunRecord, counts_all
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.state import SlamEvent, TrackingResult
 from vsx_ros.system import SavedSystem
@@ -104,16 +104,15 @@ def results_of_slam(folder: RunFolder, T_base_cam: SE3) -> tuple[Summary, str]:
     known = Summary(**folder.read_summary()) if (folder.path / "summary.json").exists() else None
     try:
         lines = read_journal(folder.journal)
-        frames = sum(isinstance(line, FrameLine) for line in lines)
-        whole = known is not None and (known.frames or 0) >= frames and _has_trajectory_of_summary(folder.path)
-        if known is not None and (whole or frames == 0):
+        is_newest = known is not None and counts_all(known.frames, lines)
+        if known is not None and (not lines or (is_newest and _has_trajectory_of_summary(folder.path))):
             return known, ""
         record = RunRecord(T_base_cam)
         record.restore(lines)
     except InputError as error:
         return known or Summary(), str(error)
     said = folder.write_what_fits(*record.writes(folder))
-    if known is None or (known.frames or 0) < frames:
+    if known is None or not is_newest:
         known = record.counted()
     return known, said or "vslam ended before it had written its results; kept is what its journal knows"
 
