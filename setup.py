@@ -18,7 +18,13 @@ setup(
     package_dir={"vsx_ros": "src/vsx_ros", "vsx_hw": "hw/vsx_hw"},
     packages=find_packages("src") + find_packages("hw", include=["vsx_hw*"]),
     package_data={
-        "vsx_ros": ["version.txt", "py.typed", "ros/dashboard/page.html", "ros/python_logging.conf"],
+        "vsx_ros": [
+            "version.txt",
+            "py.typed",
+            "evaluation/scrubber.html",
+            "ros/dashboard/page/*",
+            "ros/python_logging.conf",
+        ],
         "vsx_hw": ["py.typed"],
     },
     entry_points={"console_scripts": ["vsx=vsx_ros.cli.main:main"]},
@@ -37,6 +43,7 @@ setup(
         "shtab>=1.7",
         "pycollada>=0.8",
         "trimesh>=4",
+        "charset-normalizer>=3",
         "Pillow>=10",
     ],
     extras_require={"sweep": ["distributed>=2024.1"]},

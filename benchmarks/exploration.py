@@ -8,7 +8,8 @@ or with the mission. Each run is a separate process and writes a row to ``--out`
 code, configuration and limits are not repeated, so an interrupted benchmark continues.
 ``--noise`` draws other noise for the same world; ``--pictures`` stores the last maps, drawn over the truth.
 ``--strategy nearest`` chooses goals like explore_lite, with the same worlds, sensor, map and planner. ``--live`` is
-``vsx explore``, one run at a time without an operator. ``benchmarks/tables.py render`` makes the tables.
+``vsx explore``, one run at a time without an operator; ``--keep`` keeps its run folders. ``benchmarks/tables.py
+render`` makes the tables.
 """
 
 import argparse
@@ -92,10 +93,10 @@ def explored(task: Exploration, pictures: Path | None = None) -> dict[str, objec
     }  # fmt: skip
 
 
-def explored_live(task: Exploration) -> dict[str, object]:
-    """One run of ``vsx explore``, each node a process, without an operator."""
+def explored_live(task: Exploration, keep: Path | None = None) -> dict[str, object]:
+    """One run of ``vsx explore``, each node a process, without an operator. keep: where the run's folder stays."""
     with tempfile.TemporaryDirectory(prefix="vsx-live-") as folder:
-        out = Path(folder) / "run"
+        out = (keep or Path(folder)) / f"{task.world}_{task.seed}"
         words = ["--world", task.world, "--seed", task.seed, "--until", task.until, "--time", task.time_s]
         began_s = time.perf_counter()
         code, said = vsx_explore([*map(str, words), "--headless", "--out", str(out)])
@@ -173,6 +174,7 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path, help="folder for a picture of each last map, over the truth")
     parser.add_argument("--jobs", type=int, default=1, help="runs at once, in lock-step")
     parser.add_argument("--live", action="store_true", help="through the real nodes, by the clock")
+    parser.add_argument("--keep", type=Path, help="with --live: where the run folders stay")
     parser.add_argument("--out", type=Path, help="default: benchmarks/results/exploration.jsonl, or exploration_live")
     args = parser.parse_args()
     name = "exploration_live" if args.live else "exploration"
@@ -186,7 +188,7 @@ def main() -> None:
         parser.error(
             "--live is the robot as it is, one run at a time; leave out --noise, --strategy, --pictures, --jobs"
         )
-    work = explored_live if args.live else partial(explored, pictures=args.pictures)
+    work = partial(explored_live, keep=args.keep) if args.live else partial(explored, pictures=args.pictures)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # nodes and runs end with this process
     store = Store(args.out or RESULTS / f"{name}.jsonl", rooms=rooms_of(name))
     run_campaign(tasks, work, store, Engine(args.jobs, apart=not args.live))

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import trimesh
 import yaml
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
@@ -19,12 +20,18 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.map_export import write_ply
+from vsx_ros.io.map_file import map_png
+from vsx_ros.io.room_file import save_rooms
+from vsx_ros.io.zone_file import save_zones
 from vsx_ros.kernels.vision.patches import PATCH
-from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.occupancy.rooms import RoomTracker
+from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import FrameRecord, RunFolder
-from vsx_ros.runs.journal import ClockLine, FrameLine, Journal, RunEvent, TruthLine, flat
+from vsx_ros.runs.journal import ClockLine, FrameLine, Journal, PictureLine, RunEvent, TruthLine, flat
+from vsx_ros.runs.moments import map_line, preview
 from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import SlamMap
@@ -83,6 +90,9 @@ def run_folder(path: Path) -> RunFolder:
     folder.checkpoint.write(CheckpointData(slam_map(), 10**9, state, saved.tree()))
     folder.checkpoint.write_mission(saved.tree(), 10**9)
     journal(folder.journal, poses)
+    picture = np.random.default_rng(0).integers(0, 256, (24, 32), np.uint8)
+    maps = [map_line(k * 10**9, grid(), map_png(grid())) for k in range(2)]
+    Journal(folder.moments, [*(PictureLine(k * 10**9, preview(picture)) for k in range(2)), *maps])
     return folder
 
 
@@ -186,3 +196,41 @@ def picture(path: Path) -> None:
     """A picture of the kind given by its suffix."""
     image = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8), (0, 0), 2.0)
     cv2.imwrite(str(path), image if path.suffix != ".pgm" else image[..., 0])
+
+
+def gazebo_world(path: Path) -> None:
+    """A folder with a world whose things are one mesh of each format, two of them with a picture."""
+    path.mkdir()
+    cv2.imwrite(str(path / "paint.png"), np.full((8, 8, 3), 120, np.uint8))
+    (path / "paint.mtl").write_text("newmtl paint\nKd 0.5 0.6 0.7\nmap_Kd paint.png\n")
+    box = trimesh.creation.box((1.0, 0.5, 0.6))
+    for suffix in ("dae", "stl", "glb"):
+        box.export(path / f"box.{suffix}")
+    corners = "".join(f"v {x} {y} {z}\n" for x, y, z in box.vertices)
+    faces = "".join(f"f {a}/1 {b}/2 {c}/3\n" for a, b, c in box.faces + 1)
+    (path / "box.obj").write_text(f"mtllib paint.mtl\n{corners}vt 0 0\nvt 1 0\nvt 0 1\nusemtl paint\n{faces}")
+    models = "".join(
+        f'<model name="m{i}"><pose>{2 + i} {i - 2} 0.3 0 0 {i}</pose><link name="l">'
+        f'<visual name="v"><geometry><mesh><uri>{file}</uri></mesh></geometry></visual>'
+        f'<collision name="c"><geometry><mesh><uri>{file}</uri></mesh></geometry></collision></link></model>'
+        for i, file in enumerate(("box.dae", "box.stl", "box.glb", "box.obj"))
+    )
+    ground = "<include><uri>model://ground_plane</uri></include>"
+    lamp = '<light name="s" type="point"><pose>0 0 2 0 0 0</pose><diffuse>1 1 1 1</diffuse></light>'
+    (path / "room.world").write_text(f'<sdf version="1.6"><world name="w">{ground}{lamp}{models}</world></sdf>')
+
+
+def zones_yaml(path: Path) -> None:
+    """A zone of each kind."""
+    corners = ((1.0, 2.0), (3.0, 2.0), (3.0, 4.5))
+    kinds = (ZoneKind.NO_GO, ZoneKind.WALL, ZoneKind.ONLY, ZoneKind.SLOW, ZoneKind.LOOK)
+    save_zones([Zone(kind.name.lower(), kind, corners, 0.1 if kind is ZoneKind.SLOW else None) for kind in kinds], path)
+
+
+def rooms_folder(path: Path) -> None:
+    """The rooms of a ground map of two."""
+    path.mkdir()
+    data = np.zeros((60, 120), np.int8)
+    data[:, 58:62], data[25:35, 58:62] = OCCUPIED, FREE
+    ground = OccupancyGrid(np.pad(data, 3, constant_values=OCCUPIED), 0.05, 0.0, 0.0)
+    save_rooms(RoomTracker(Config().rooms).update(ground), path / "map_rooms.json")

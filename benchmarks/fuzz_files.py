@@ -44,15 +44,20 @@ from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.image_encoding import SUPPORTED, decoded, gray_image
 from vsx_ros.io.map_export import read_ply
 from vsx_ros.io.map_file import load_map, load_plan
+from vsx_ros.io.room_file import load_rooms
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory
+from vsx_ros.io.zone_file import load_zones
+from vsx_ros.occupancy.zoned_grid import with_zones
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, read_journal
 from vsx_ros.runs.parameters import load as load_config
 from vsx_ros.runs.parameters import update_robot_file
 from vsx_ros.runs.report import write_report
 from vsx_ros.runs.session import PreviousSessions, end_trail
+from vsx_ros.sim.gazebo_world import load_gazebo
 from vsx_ros.sim.generate import generate_world, world_from_grid
+from vsx_ros.sim.optics import scene_of
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world_file import load_world, save_world
 
@@ -115,6 +120,12 @@ def _world(path: Path) -> None:
     world = load_world(path)
     if (world.bounds[2] - world.bounds[0]) * (world.bounds[3] - world.bounds[1]) < 5000.0:
         ground_truth_grid(world, 0.05, 0.02, 0.45)
+
+
+def _gazebo(path: Path) -> None:
+    world = load_gazebo(path / "room.world", [])
+    ground_truth_grid(world, 0.05, 0.02, 0.45)
+    scene_of(world)
 
 
 def _resume(path: Path) -> None:
@@ -198,7 +209,12 @@ def _any_text(rng: random.Random, data: bytes) -> bytes:
 
 
 def _by_suffix(rng: random.Random, path: Path) -> None:
-    how = {".npy": mutations.array, ".png": mutations.png, ".zip": mutations.sealed, ".pgm": mutations.raw}
+    how = {
+        ".npy": mutations.array,
+        ".png": mutations.png,
+        ".zip": mutations.sealed,
+        **dict.fromkeys((".pgm", ".stl", ".glb"), mutations.raw),
+    }
     path.write_bytes(how.get(path.suffix, _any_text)(rng, path.read_bytes()))
 
 
@@ -239,6 +255,9 @@ READERS = [
     ),
     Reader("tum folder", samples.tum_folder, ("*.*", "rgb/*"), _by_suffix, _recording),
     Reader("world", lambda p: save_world(generate_world("corridor", 0), p), (), _any_text, _world),
+    Reader("gazebo world", samples.gazebo_world, ("*.*",), _by_suffix, _gazebo),
+    Reader("zones", samples.zones_yaml, (), _any_text, lambda p: with_zones(samples.grid(), load_zones(p), 0.1, 0.2)),
+    Reader("rooms", samples.rooms_folder, ("*.*",), _by_suffix, lambda p: load_rooms(p / "map_rooms.json")),
     Reader("map", _map_folder, ("map.yaml", "map.pgm"), _by_suffix, _plan_map),
     Reader("calibration", samples.camera_yaml, (), _any_text, read_calibration),
     Reader("configuration", samples.config_yaml, (), _any_text, lambda p: load_config(p, [])),
@@ -255,7 +274,8 @@ READERS = [
 ]
 SUFFIXES = {
     "slam map": ".vsxmap", "journal": ".jsonl", "world": ".yaml", "calibration": ".yaml", "configuration": ".yaml",
-    "robot file": ".yaml", "campaign": ".jsonl", "png plan": ".png", "point cloud": ".ply", "trajectory": ".txt",
+    "robot file": ".yaml", "zones": ".yaml", "campaign": ".jsonl", "png plan": ".png",
+    "point cloud": ".ply", "trajectory": ".txt",
 }  # fmt: skip
 _BY_PATH = (_by_suffix, _bag2, _raw_image)
 

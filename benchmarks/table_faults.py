@@ -1,6 +1,7 @@
 """Makes tables of faults from their rows: how long the wheels turned."""
 
 import math
+import re
 import statistics
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -27,7 +28,7 @@ def robots(rows: Sequence[Row]) -> list[str]:
     ]
     for (fault,), results in _parts(rows, "fault"):
         said = statistics.mode(f"{result['slam']}; {result['follower']}" for result in results)
-        later = statistics.mode(result["later"].partition(": view at")[0] for result in results)
+        later = statistics.mode(re.sub(r": (view at|driving) .*", "", result["later"]) for result in results)
         lines.append(f"| {fault} | {_turned(results)} | {said} | {later} |")
     return lines
 

@@ -16,26 +16,22 @@ _COLORS = {"without SLAM": "#2563a8", "with SLAM": "#c2571a"}
 
 
 def table(rows: Sequence[Row]) -> list[str]:
-    """One line per bin, and what becomes of things at the robot's height."""
+    """What becomes of things at the robot's height, and one line per bin."""
     groups = _groups(rows)
-    lines = ["| free cells told as | " + " | ".join(f"{name}: cells | told [%] | free [%]" for name in groups) + " |"]
-    lines.append("|" + "---|" * (1 + 3 * len(groups)))
+    lines = ["Cells with something at 0.1 to 0.6 m:", ""]
+    for name, of in groups.items():
+        for kind in ("thin", "others"):
+            counts = np.sum([row.result["things"][kind] for row in of], axis=0)
+            free, occupied, unknown = (f"{100 * share:.0f} %" for share in counts / max(1, counts.sum()))
+            lines.append(f"- {name}, {kind}: {free} free, {occupied} occupied, {unknown} unknown")
+    named = " | ".join(f"{name}: cells | told [%] | free [%]" for name in groups)
+    lines += ["", f"| free cells told as | {named} |", "|" + "---|" * (1 + 3 * len(groups))]
     for k, (low, high) in enumerate(zip(EDGES, EDGES[1:])):
         cells = [_cells(of, [k]) for of in groups.values()]
         lines.append(f"| {_percent(1 - high)} to {_percent(1 - low)} % free | " + " | ".join(cells) + " |")
     chosen = [k for k, edge in enumerate(EDGES[:-1]) if _NINETY_NINE[0] <= edge < _NINETY_NINE[1]]
     cells = [_cells(of, chosen) for of in groups.values()]
     lines.append("| **free with 99 %** (must: within 1, aim: 0.3) | " + " | ".join(cells) + " |")
-    lines += [
-        "",
-        "| cells with something at 0.1 to 0.6 m | free [%] | occupied [%] | unknown [%] |",
-        "|---|---|---|---|",
-    ]
-    for name, of in groups.items():
-        for kind in ("thin", "others"):
-            counts = np.sum([row.result["things"][kind] for row in of], axis=0)
-            shares = " | ".join(f"{100 * share:.0f}" for share in counts / max(1, counts.sum()))
-            lines.append(f"| {name}, {kind} | {shares} |")
     return lines
 
 

@@ -56,6 +56,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
         "src/vsx_ros/io",
         "src/vsx_ros/limits",
         "src/vsx_ros/runs",
+        "src/vsx_ros/sim",
         "benchmarks/file_mutations",
         "benchmarks/file_samples",
         "benchmarks/fuzz_files",

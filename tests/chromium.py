@@ -7,12 +7,15 @@ import json
 import os
 import shutil
 import subprocess
-import time
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from waiting import wait_for
+
 EXECUTABLE = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+_KEY_CODES = {"Enter": 13, "Escape": 27, "Tab": 9, "ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40}
 
 
 class Chromium:
@@ -41,10 +44,12 @@ class Chromium:
         os.close(from_browser)
         self._number, self._buffer, self._session = 0, b"", ""
         self.requested: list[str] = []
+        self.errors: list[str] = []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         self.call("Page.enable")
         self.call("Network.enable")
+        self.call("Runtime.enable")
 
     def __enter__(self) -> Chromium:
         return self
@@ -68,6 +73,8 @@ class Chromium:
             answer = self._message()
             if answer.get("method") == "Network.requestWillBeSent":
                 self.requested.append(str(answer["params"]["request"]["url"]))
+            if answer.get("method") == "Runtime.exceptionThrown":
+                self.errors.append(json.dumps(answer["params"]["exceptionDetails"]))
             if answer.get("id") == self._number:
                 assert "error" not in answer, answer
                 return dict(answer["result"])
@@ -82,16 +89,46 @@ class Chromium:
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
 
-    def wait(self, expression: str, seconds: float = 20.0) -> Any:
+    def wait(self, expression: str) -> Any:
         """The value of an expression once it is true; until the page is there it is not."""
         guarded = f"(() => {{ try {{ return {expression}; }} catch (error) {{ return false; }} }})()"
-        deadline_s = time.monotonic() + seconds
-        while True:
-            value = self.evaluate(guarded)
-            if value:
-                return value
-            assert time.monotonic() < deadline_s, f"waited {seconds:.0f} s for {expression}"
-            time.sleep(0.1)
+        return wait_for(lambda: self.evaluate(guarded), expression, pause_s=0.1)
+
+    def size(self, width: int, height: int) -> None:
+        """Size of the page [CSS pixels]; below 700 as of a phone, with touch."""
+        phone = width < 700
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=phone)
+        self.call("Emulation.setTouchEmulationEnabled", enabled=phone)
+
+    def scheme(self, name: str) -> None:
+        """What the system prefers: light or dark."""
+        self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": name}])
+
+    def mouse(self, kind: str, x: float, y: float, **more: Any) -> None:
+        """An event at a place [CSS pixels]: Pressed, Moved, Released or Wheel (with deltaX, deltaY)."""
+        button = {} if kind == "Wheel" else {"button": "left", "buttons": int(kind != "Released"), "clickCount": 1}
+        self.call("Input.dispatchMouseEvent", type=f"mouse{kind}", x=x, y=y, **button, **more)
+
+    def click(self, selector: str) -> None:
+        """Scroll to an element, and click on its middle with the mouse."""
+        found = f"document.querySelector({selector!r})"
+        self.wait(f"{found} && !{found}.disabled && {found}.getClientRects().length")
+        self.evaluate(f"{found}.scrollIntoView({{block: 'nearest'}})")
+        box = self.evaluate(f"(b => [b.x + b.width / 2, b.y + b.height / 2])({found}.getBoundingClientRect())")
+        self.mouse("Pressed", *box)
+        self.mouse("Released", *box)
+
+    def touch(self, kind: str, *points: tuple[float, float]) -> None:
+        """Start, Move or End of fingers at these places [CSS pixels]."""
+        places = [{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(points)]
+        self.call("Input.dispatchTouchEvent", type=f"touch{kind}", touchPoints=places)
+
+    def key(self, key: str, text: str = "", *, up: bool = True) -> None:
+        """Press a key, by its name in the DOM; and let it go."""
+        named = {"key": key, "windowsVirtualKeyCode": _KEY_CODES.get(key, ord(key[0].upper()))}
+        self.call("Input.dispatchKeyEvent", type="keyDown", text=text, **named)
+        if up:
+            self.call("Input.dispatchKeyEvent", type="keyUp", **named)
 
     def screenshot(self, path: Path) -> None:
         """A picture of the page (PNG)."""

@@ -15,7 +15,7 @@ def test_a_name_that_nobody_added_is_told_with_those_there_are() -> None:
     kinds.add("mine", 3)
     assert kinds["mine"] == 3
     assert list(kinds) == ["kinect", "v4l", "mine"]
-    with pytest.raises(ConfigError, match=r"no camera named 'kinekt'; give one of kinect, v4l, mine"):
+    with pytest.raises(ConfigError, match=r"named 'kinekt' \(did you mean 'kinect'\?\); give one of kinect, v4l, mine"):
         kinds["kinekt"]
     with pytest.raises(ConfigError, match="already"):
         kinds.add("v4l", 4)

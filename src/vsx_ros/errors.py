@@ -2,8 +2,9 @@
 
 Every message names the thing, the value found and the remedy."""
 
+import difflib
 import errno
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeAlias
 
@@ -48,6 +49,12 @@ class MapFileError(VsxError, ValueError):
 
 class PlanningError(VsxError, ValueError):
     """The planner's input makes no sense (NaN pose, phi <= 0)."""
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """The known word that resembles this one most, as a remark in brackets; empty if none does."""
+    near = difflib.get_close_matches(word, list(known), 1)
+    return f" (did you mean {near[0]!r}?)" if near else ""
 
 
 def reason_of(error: Exception) -> str:

@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator
 from typing import TypeVar
 
-from vsx_ros.errors import ConfigError
+from vsx_ros.errors import ConfigError, did_you_mean
 
 PLUGINS = "VSX_PLUGINS"  # Environment variable: modules to import, separated by commas
 
@@ -29,7 +29,8 @@ class Registry(dict[str, T]):
         self[name] = entry
 
     def __missing__(self, name: str) -> T:
-        raise ConfigError(f"there is no {self._what} named {name!r}; give one of {', '.join(self)}")
+        near = did_you_mean(name, self)
+        raise ConfigError(f"there is no {self._what} named {name!r}{near}; give one of {', '.join(self)}")
 
 
 class Kinds:

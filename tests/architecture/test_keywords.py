@@ -70,6 +70,8 @@ _TABLES = {
     ("vsx_ros.kernels.warmup", "Lattice"): "made-up numbers",
     ("vsx_ros.kernels.warmup", "Observations"): "made-up arrays, in the order of their types",
     ("vsx_ros.kernels.warmup", "ObservedPoints"): "made-up arrays, in the order of their types",
+    ("vsx_ros.kernels.warmup", "Scene"): "made-up arrays, in the order of their types",
+    ("vsx_ros.kernels.warmup", "View"): "made-up arrays, in the order of their types",
     ("vsx_ros.kernels.warmup", "Views"): "made-up arrays, in the order of their types",
     ("vsx_ros.ros.planning_thread", "Adjustable"): "a row for each parameter, below one another",
 }

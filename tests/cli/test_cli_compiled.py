@@ -1,51 +1,121 @@
 import os
+from pathlib import Path
 
 import pytest
 
-from vsx_ros.cli.compiled import compile_kernels, compiler, is_compiled
+from vsx_ros.cli import compiled, mapping
+from vsx_ros.cli.compiled import ALL, DRIVE, SLAM, compile_kernels, is_compiled
+from vsx_ros.cli.main import execute
+from vsx_ros.kernels.warmup import GROUPS
+from vsx_ros.runs.process import STOPPED
 
-BY = compiler()
-
-
-def kernels_of(tmp_path, stamp_s, by=BY):
-    """A folder with a kernel of the second 100, compiled in the second given, or never."""
-    kernel = tmp_path / "loop.py"
-    kernel.write_text("")
-    os.utime(kernel, (100, 100))
-    if stamp_s is not None:
-        stamp = tmp_path / "__pycache__" / "warm.stamp"
-        stamp.parent.mkdir()
-        stamp.write_text(by)
-        os.utime(stamp, (stamp_s, stamp_s))
-    return tmp_path
+HALLWAY = Path(__file__).resolve().parents[1] / "data/mononav_hallway/hallway.bag"
 
 
-def test_kernels_are_compiled_when_none_has_changed_since(tmp_path, capsys):
-    folder = kernels_of(tmp_path, 200)
-    assert is_compiled(folder)
-    compile_kernels(folder)
-    assert capsys.readouterr().err == ""
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a kernel, and the groups that were compiled; no compiler is at work."""
+    (tmp_path / "loop.py").write_text("")
+    started = []
+
+    def start(groups):
+        started.extend(groups)
+        good = [group for group in groups if group != "loops" or "broken" not in started]
+        return compiled.subprocess.Popen(["printf", "%s\\n", *good], stdout=compiled.subprocess.PIPE)
+
+    monkeypatch.setattr(compiled, "_started", start)
+    return tmp_path, started
 
 
-@pytest.mark.parametrize(("stamp_s", "by"), [(50, BY), (200, "numba 0.1, Python 3.8.0")])
-def test_after_an_update_it_says_so_and_compiles_once(tmp_path, capfd, stamp_s, by):
-    folder = kernels_of(tmp_path, stamp_s, by)
-    assert not is_compiled(folder)
-    compile_kernels(folder)
-    assert "compiling the kernels" in capfd.readouterr().err
-    assert is_compiled(folder)
+def test_each_group_is_known_to_the_command_and_the_first_drive_needs_some_of_them():
+    assert set(ALL) == set(GROUPS)
+    assert set(SLAM) < set(DRIVE) < set(ALL)
+    assert {"surfaces", "emulation"}.isdisjoint(DRIVE)
 
 
-def test_callers_of_what_has_changed_are_compiled_anew(tmp_path):
-    folder = kernels_of(tmp_path, 50)
-    caller = folder / "__pycache__" / "caller.nbc"
+def test_kernels_are_compiled_once_and_that_is_told(folder, capsys):
+    path, started = folder
+    assert not is_compiled(folder=path)
+    assert compile_kernels(folder=path)
+    said = capsys.readouterr().err
+    assert "compiling the kernels" in said
+    assert f"{len(ALL)} parts" in said
+    assert sorted(started) == sorted(ALL)
+    assert is_compiled(folder=path)
+    assert compile_kernels(folder=path)
+    assert (capsys.readouterr().err, len(started)) == ("", len(ALL))
+
+
+def test_only_what_is_asked_for_is_compiled_and_later_the_rest(folder):
+    path, started = folder
+    assert compile_kernels(*SLAM, folder=path)
+    assert sorted(started) == sorted(SLAM)
+    assert is_compiled(*SLAM, folder=path)
+    assert not is_compiled(*DRIVE, folder=path)
+    code = path / "__pycache__" / "loop.nbc"
+    code.write_bytes(b"machine code")
+    assert compile_kernels(folder=path)
+    assert sorted(started) == sorted(ALL)
+    assert code.exists()
+
+
+@pytest.mark.parametrize("change", ["a source", "the compiler"])
+def test_after_a_change_all_is_compiled_anew_callers_too(folder, monkeypatch, change):
+    path, started = folder
+    compile_kernels(folder=path)
+    caller = path / "__pycache__" / "caller.nbc"
     caller.write_bytes(b"machine code of before")
-    compile_kernels(folder)
+    if change == "a source":
+        os.utime(path / "loop.py", (100, 100))
+    else:
+        monkeypatch.setattr(compiled, "compiler", lambda: "numba 0.1, Python 3.8.0")
+    assert not is_compiled("ground", folder=path)
+    compile_kernels("ground", folder=path)
     assert not caller.exists()
+    assert started[len(ALL) :] == ["ground"]
+    assert not is_compiled(folder=path)
 
 
-def test_a_package_that_no_setup_prepared_is_compiled_too(tmp_path):
-    folder = kernels_of(tmp_path, None)
-    assert not is_compiled(folder)
-    compile_kernels(folder)
-    assert is_compiled(folder)
+def test_what_does_not_compile_is_told_and_tried_again(folder):
+    path, started = folder
+    started.append("broken")
+    assert not compile_kernels(folder=path)
+    assert is_compiled(*SLAM[:2], folder=path)
+    assert not is_compiled("loops", folder=path)
+    started.remove("broken")
+    assert compile_kernels(folder=path)
+    assert started[-1] == "loops"
+
+
+@pytest.mark.parametrize(
+    ("line", "groups"),
+    [
+        (["explore", "--base", "kobuki"], DRIVE),
+        (["explore", "--world", "lab"], (*DRIVE, "emulation")),
+        (["explore", "--fast"], ()),
+        (["replay", "{hallway}"], SLAM),
+        (["replay", "{hallway}", "--map"], (*SLAM, "surfaces")),
+        (["replay", "{hallway}", "--map", "--ros"], SLAM),
+    ],
+)
+def test_a_command_waits_for_what_it_needs(line, groups, monkeypatch):
+    if line[0] == "explore" and "--fast" not in line:
+        pytest.importorskip("rospy")
+    asked = []
+
+    def compile_kernels(*names):
+        asked.append(names)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(mapping, "compile_kernels", compile_kernels)
+    assert execute([word.format(hallway=HALLWAY) for word in line]) == STOPPED
+    assert asked == [groups]
+
+
+@pytest.mark.parametrize("cores", [1, 2, 4, 64])
+def test_the_cores_share_the_work(cores):
+    shares = compiled._shares(list(ALL), cores)
+    assert len(shares) == min(cores, len(ALL))
+    assert sorted(sum(shares, [])) == sorted(ALL)
+    work = [sum(compiled._COSTS[group] for group in share) for share in shares]
+    assert max(work) <= max(1.2 * sum(work) / len(work), max(compiled._COSTS.values()))

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 
 import pytest
+from waiting import PATIENCE_S
 
 from vsx_ros.cli.main import COMMANDS, parser
 from vsx_ros.cli.small_commands import script
@@ -78,5 +79,5 @@ def test_zsh_offers_the_same(line, offered, tmp_path):
     (tmp_path / "telling.zsh").write_text(TELLING)
     command = ["zsh", "-f", "-c", ASK_ZSH, "zsh", str(tmp_path / "vsx.zsh"), str(tmp_path / "telling.zsh"), line]
     there = {**os.environ, "ZDOTDIR": str(tmp_path), "TERM": "dumb"}
-    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60, env=there, cwd=at)
+    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S, env=there, cwd=at)
     assert sorted(said.stdout.split()) == sorted(offered)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from free_ports import free_port
+from waiting import PATIENCE_S
 
 from vsx_hw.bases import base_emulator
 from vsx_ros.cli import check_machine, main
@@ -103,11 +104,11 @@ def test_missing_permissions_name_the_group() -> None:
         port.chmod(0)
         camera.chmod(0)
         with ProcessPoolExecutor(1, get_context("fork"), become_nobody) as child:
-            found = child.submit(found_at, root).result(timeout=60)
+            found = child.submit(found_at, root).result(timeout=PATIENCE_S)
             rules = root / "etc/udev/rules.d"
             rules.mkdir(parents=True)
             shutil.copy(CHECKOUT / "hw/udev/60-vsx.rules", rules)
-            with_rule = child.submit(found_at, root).result(timeout=60)
+            with_rule = child.submit(found_at, root).result(timeout=PATIENCE_S)
     assert [f.level for f in of("base", before) + of("camera", before)] == [OK, OK]
     assert [f.level for f in of("base", found) + of("camera", found)] == [FAIL, FAIL]
     assert "usermod -aG dialout" in of("base", found)[0].remedy
@@ -166,7 +167,7 @@ def test_the_whole_command_on_a_machine_with_a_kinect(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "ROS_HOME": str(tmp_path)}
     environment["ROS_MASTER_URI"] = f"http://localhost:{free_port()}"
     wrapped = ["umockdev-run", "--device", str(tmp_path / "kinect.umockdev"), "--", *command]
-    done = subprocess.run(wrapped, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(wrapped, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     findings = [Finding(**entry) for entry in json.loads(done.stdout)]
     assert done.returncode == int(any(f.level == FAIL for f in findings)), done.stderr
     assert "Kinect A00367A00955107A" in of("camera", findings)[0].text

@@ -10,6 +10,7 @@ from email.utils import formatdate
 
 import pytest
 from free_ports import free_port
+from waiting import wait_for
 
 from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding
 from vsx_ros.cli.doctor import check_network
@@ -27,10 +28,7 @@ def master(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_HOSTNAME": "localhost", "ROS_LOG_DIR": str(folder)}
     command = ["rosmaster", "--core", "-p", str(port)]
     with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        deadline_s = time.monotonic() + 20.0
-        while not rosgraph.is_master_online(uri):
-            assert time.monotonic() < deadline_s
-            time.sleep(0.05)
+        wait_for(lambda: rosgraph.is_master_online(uri), "the master")
         yield uri
         process.terminate()
 

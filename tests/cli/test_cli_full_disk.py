@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE_S
 
 from vsx_ros.cli.main import execute
 from vsx_ros.runs import lockstep
@@ -40,7 +41,7 @@ def explore(out: Path, prepare: Callable[[], None] | None = None) -> subprocess.
         preexec_fn=prepare,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=PATIENCE_S,
         check=False,
     )
 

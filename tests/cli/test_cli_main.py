@@ -1,4 +1,5 @@
 import argparse
+import importlib.util
 import subprocess
 import sys
 
@@ -8,9 +9,10 @@ from vsx_hw import bases
 from vsx_hw.errors import DeviceNotFound
 from vsx_ros import __version__
 from vsx_ros.cli import main, options_runs, options_study
-from vsx_ros.errors import InputError
+from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.runs.process import FAILED
+from vsx_ros.runs.world import check_world
 
 LIGHT = "import sys, vsx_ros.cli.main as m; m.parser(); print([n for n in {heavy!r} if n in sys.modules])"
 
@@ -44,6 +46,10 @@ def test_version(capsys):
     [
         ([], "COMMAND"),
         (["fly"], "'fly'"),
+        (["exlpore"], "(did you mean 'explore'?)"),
+        (["explore", "--wrld", "lab"], "vsx explore: unrecognized arguments: --wrld lab (did you mean '--world'?)"),
+        (["explore", "--base", "kobuky"], "(did you mean 'kobuki'?)"),
+        (["map", "info", "x", "--jsn"], "vsx map info: unrecognized arguments: --jsn (did you mean '--json'?)"),
         (["replay"], "INPUT"),
         (["replay", "x", "--wings"], "--wings"),
         (["explore", "--camera", "v4l"], "write kinect"),
@@ -111,6 +117,49 @@ def test_a_reader_that_leaves_is_no_error():
         assert process.stderr is not None
         assert process.stderr.read() == b""
         assert process.wait() == 0
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (["explore", "--world", "labb"], "or .png (did you mean 'lab'?)"),
+        (
+            ["explore", "--fast", "--set", "limits.v_ms=0.2"],
+            "no parameter 'limits.v_ms' (did you mean 'limits.v_m_s'?)",
+        ),
+        (["explore", "--config", "{config}"], "unknown field `v_ms` - at `$.limits` (did you mean 'v_m_s'?)"),
+        (["replay", "drive.bagg"], "there is no drive.bagg"),
+        (["replay", "drive.bag", "--set", "slam.x=1"], "there is no parameter 'slam.x'"),
+    ],
+)
+def test_what_is_misspelt_is_told_before_anything_is_compiled(line, said, monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr("vsx_ros.cli.mapping.compile_kernels", lambda *_: pytest.fail("compiles"))
+    (tmp_path / "robot.yaml").write_text("limits: {v_ms: 0.2}\n")
+    assert main.execute([word.format(config=tmp_path / "robot.yaml") for word in line]) == FAILED
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_another_world_file_of_the_folder_is_proposed(tmp_path):
+    (tmp_path / "house.world").write_text("")
+    with pytest.raises(ConfigError, match=r"did you mean '.*house\.world'"):
+        check_world(str(tmp_path / "hose.world"))
+
+
+@pytest.mark.parametrize("error", [ModuleNotFoundError("No module named 'cv2'", name="cv2"), AttributeError("no 'x'")])
+def test_a_python_without_the_environment_is_told_whatever_fails_there(error, monkeypatch, capsys):
+    def broken(_):
+        raise error
+
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "numba" else find(name))
+    monkeypatch.setattr(main, "run", broken)
+    assert main.execute(["config"]) == FAILED
+    said = capsys.readouterr().err
+    assert f"is not the Python of this checkout's environment ({error})" in said
+    assert "scripts/vsx" in said
+    assert said.count("\n") == 1
 
 
 def test_another_python_than_the_environment_s_is_told_in_a_sentence(monkeypatch, capsys):

@@ -1,28 +1,28 @@
 """``vsx zone`` and ``vsx room`` beside a saved map: what they print, write and refuse."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from two_rooms import two_rooms
 
 from vsx_ros.cli.main import execute
-from vsx_ros.config import RoomsConfig
+from vsx_ros.config import Config, RoomsConfig
 from vsx_ros.errors import MapFileError
 from vsx_ros.io.map_file import load_map, save_map
 from vsx_ros.io.room_file import load_rooms, room_file, save_rooms
 from vsx_ros.io.zone_file import load_zones, zone_file
-from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.occupancy.grid import FREE
 from vsx_ros.occupancy.rooms import RoomTracker
+from vsx_ros.runs.folder import RunFolder
 
 
 @pytest.fixture
 def map_file(tmp_path: Path) -> Path:
-    """Two rooms with a door between, and their files."""
-    data = np.full((80, 160), OCCUPIED, np.int8)
-    data[1:-1, 1:79] = data[1:-1, 81:-1] = FREE
-    data[30:48, 79:81] = FREE
-    grid = OccupancyGrid(data, 0.05, -1.0, -2.0)
+    """Two rooms and their files."""
+    grid = two_rooms()
     save_map(grid, tmp_path / "flat.yaml")
     save_rooms(RoomTracker(RoomsConfig()).update(grid), room_file(tmp_path / "flat.yaml"))
     return tmp_path / "flat.yaml"
@@ -39,8 +39,8 @@ def test_zones_are_drawn_listed_replaced_and_removed(map_file: Path, capsys: pyt
     capsys.readouterr()
     assert execute(["zone", "list", *beside]) == 0
     assert capsys.readouterr().out.splitlines() == [
-        "hall: slow at most 0.1 m/s, 0.00,0.00 1.00,0.00 1.00,1.00",
-        "rug: wall, 0.00,0.00 1.00,0.00",
+        "hall (slow, at most 0.1 m/s): 0.00,0.00 1.00,0.00 1.00,1.00",
+        "rug (wall): 0.00,0.00 1.00,0.00",
     ]
     assert execute(["zone", "list", "--json", *beside]) == 0
     assert [tree["name"] for tree in json.loads(capsys.readouterr().out)] == ["hall", "rug"]
@@ -82,6 +82,12 @@ def test_rooms_are_listed_and_named(map_file: Path, capsys: pytest.CaptureFixtur
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 2
     assert "bath" in lines[1]
+    map_file.rename(map_file.with_name("map.yaml"))
+    for end in ("json", "pgm"):
+        (map_file.parent / f"flat_rooms.{end}").rename(map_file.parent / f"map_rooms.{end}")
+    assert execute(["room", "list", "--map", str(map_file.parent)]) == 0
+    assert capsys.readouterr().out.splitlines() == lines
+    beside = ["--map", str(map_file.parent)]
     assert "100 % known" in lines[1]
     assert execute(["room", "name", "hall", "kitchen", *beside]) == 1
     assert "the rooms are: 'room 1', 'bath'" in capsys.readouterr().err
@@ -101,3 +107,66 @@ def test_the_room_picture_lies_on_the_map_and_damage_is_told(map_file: Path) -> 
             load_rooms(room_file(map_file))
     room_file(map_file).unlink()
     assert load_rooms(room_file(map_file)) is None
+
+
+AHEAD = """version: 1
+zones:
+- {name: rug, kind: no-go, points: [[0.45, -0.6], [2, -0.6], [2, 0.6], [0.45, 0.6]]}
+"""
+
+
+@pytest.fixture(scope="module")
+def zoned_run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+    """Four seconds with a zone right ahead."""
+    folder = tmp_path_factory.mktemp("zoned")
+    (folder / "mine.yaml").write_text(AHEAD)
+    given = ["--zones", str(folder / "mine.yaml")]
+    assert execute(["explore", "--fast", "--seed", "3", "--time", "4", "--out", str(folder / "run"), *given]) == 0
+    return RunFolder(folder / "run")
+
+
+def test_zones_given_at_the_start_hold_from_the_first_metre(zoned_run: RunFolder) -> None:
+    driven = [pose.T.translation[0] for pose in zoned_run.read_poses("odometry")]
+    assert max(driven) < 0.45 - Config().robot.radius_m
+    assert min(driven) < -0.2
+    given = Path(zoned_run.read_config()[1]["zones"])
+    (written,) = load_zones(zone_file(zoned_run.path / "map.yaml"))
+    assert written.name == "rug"
+    assert np.array(written.points) == pytest.approx(np.array(load_zones(given)[0].points), abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--seed", "3", "--zones", "nowhere.yaml"], "there is no file of zones"),
+        (["--resume", "RUN", "--zones", "nowhere.yaml"], "leave out --zones"),
+    ],
+)
+def test_zones_that_cannot_be_taken_are_told(
+    zoned_run: RunFolder, words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = [str(zoned_run.path) if word == "RUN" else word for word in words]
+    assert execute(["explore", "--fast", *given]) == 1
+    assert says in capsys.readouterr().err
+
+
+def test_zones_and_rooms_go_with_a_map_that_is_saved_and_exported(
+    zoned_run: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    beside, lab = ["--map", str(zoned_run.path / "map.yaml")], tmp_path / "lab.vsxmap"
+    assert execute(["room", "name", "1", "kitchen", *beside]) == 0
+    assert execute(["zone", "add", "door", "wall", "-2,-2 -2,2", *beside]) == 0
+    for words in (["save", str(zoned_run.path), "--out", str(lab)], ["export", str(lab), "--format", "pgm"]):
+        assert execute(["map", *words]) == 0
+    ground = tmp_path / "lab_ground.yaml"
+    for map_file in (lab, ground):
+        rooms = load_rooms(room_file(map_file))
+        assert rooms is not None
+        assert [room.name for room in rooms.rooms] == ["kitchen"]
+        assert [zone.name for zone in load_zones(zone_file(map_file))] == ["rug", "door"]
+    assert rooms.labels.shape == load_map(ground).shape
+    killed = tmp_path / "killed"
+    shutil.copytree(zoned_run.path / "resume", killed / "resume")
+    shutil.copy(zoned_run.path / "config.yaml", killed)
+    assert execute(["map", "save", str(killed), "--out", str(lab)]) == 0
+    assert [zone.name for zone in load_zones(zone_file(lab))] == ["rug"]

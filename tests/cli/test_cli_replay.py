@@ -137,9 +137,9 @@ def test_how_long_points_live_is_kept_for_each_frame_and_ends_at_the_number_of_t
 def test_the_report_needs_nothing_else(replayed, capsys):
     page = (replayed.path / "report.html").read_text()
     assert "the recording was tracked to its end" in page
-    assert page.count("<svg") == page.count("</svg>") == 5
+    assert page.count("<svg") == page.count("</svg>") == 6
     assert "data:image/png;base64," in page
-    for outside in ('src="http', 'href="http', "url(http", "<script"):
+    for outside in ('src="http', 'href="http', "url(http", "<script src"):
         assert outside not in page
     assert execute(["report", str(replayed.path)]) == 0
     assert capsys.readouterr().out.strip() == str(replayed.path / "report.html")
@@ -157,7 +157,7 @@ def test_a_browser_shows_the_report_and_asks_nobody(replayed, tmp_path):
             "const box = picture.getBoundingClientRect(), drawn = picture.getBBox(); "
             "return [box.width, box.height, drawn.width, drawn.height]; })"
         )
-        assert len(boxes) == 5
+        assert len(boxes) == 6
         assert all(length_px > 20.0 for box in boxes for length_px in box), boxes
         pictures = "Promise.all(Array.from(document.querySelectorAll('image')).map(i => i.decode()))"
         assert browser.evaluate(f"{pictures}.then(decoded => decoded.length)") >= 1

@@ -6,13 +6,13 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from datetime import datetime
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from waiting import wait_for
 
 from vsx_ros.cli.main import execute, parse
 from vsx_ros.config import Config
@@ -23,9 +23,11 @@ from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.checkpoint import Checkpoint
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.interrupted import REASON
 from vsx_ros.runs.journal import FrameLine, Journal, read_journal
+from vsx_ros.runs.moments import Moments
 from vsx_ros.runs.session import PreviousSessions
-from vsx_ros.runs.start import begin
+from vsx_ros.runs.start import REMEMBERED, begin
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 SECOND = 1_000_000_000
@@ -38,14 +40,13 @@ def start(*words: str) -> subprocess.Popen[bytes]:
 
 def kill_at(run: subprocess.Popen[bytes], folder: Path, second: float) -> None:
     """kill -9 as soon as the run's journal has come so far."""
-    deadline_s = time.monotonic() + 300.0
-    while True:
-        frames = [line for line in read_journal(folder / "resume/journal.jsonl") if isinstance(line, FrameLine)]
-        if frames and frames[-1].stamp_ns >= second * SECOND:
-            break
+
+    def is_there() -> bool:
         assert run.poll() is None, "the run ended before it could be killed"
-        assert time.monotonic() < deadline_s
-        time.sleep(0.02)
+        frames = [line for line in read_journal(folder / "resume/journal.jsonl") if isinstance(line, FrameLine)]
+        return bool(frames) and frames[-1].stamp_ns >= second * SECOND
+
+    wait_for(is_there, f"second {second}")
     os.kill(run.pid, signal.SIGKILL)
     run.wait()
 
@@ -60,6 +61,9 @@ def resumed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Previo
     before = PreviousSessions.of(RunFolder.open(out))
     assert before is not None
     befores.append(before)
+    assert execute(["report", str(out)]) == 0
+    assert REASON in (out / "report.html").read_text()
+    assert 13 <= len(Moments.read(out / "moments.jsonl").pictures) <= 16
     assert execute(["explore", "--fast", "--resume", str(out)]) == 0
     return out, befores
 
@@ -72,6 +76,18 @@ def test_no_more_than_the_last_seconds_are_lost(resumed):
     keyframes = before.saved.slam_map.view.keyframes
     assert len(keyframes) >= 5
     assert keyframes[-1].data.stamp_ns <= frames[-1].stamp_ns
+
+
+def test_its_report_shows_every_second_of_all_sessions(resumed):
+    out, _ = resumed
+    kept = Moments.read(out / "moments.jsonl")
+    seconds = [line.stamp_ns // SECOND for line in kept.pictures]
+    assert seconds == sorted(seconds)
+    assert set(range(40)) - set(seconds) <= {0, 13, 14}, "the second in which it was killed"
+    assert len(kept.maps) in range(20, 45)
+    page = (out / "report.html").read_text()
+    assert REASON not in page
+    assert "Second by second" in page
 
 
 def test_it_goes_on_in_the_same_map_and_ends_as_a_run_does(resumed):
@@ -111,6 +127,15 @@ def test_what_contradicts_the_run_is_refused(resumed, words, said, capsys):
     out, _ = resumed
     assert execute(["explore", "--resume", str(out), *words]) == 1
     assert said in capsys.readouterr().err
+
+
+def test_a_run_killed_before_it_had_a_map_remembers_every_option(tmp_path):
+    """Among them the room that alone is to be explored: without a checkpoint it is known from nowhere else."""
+    folder, given = RunFolder.create(tmp_path / "run"), parse(["explore", "--load-map", "lab.vsxmap", "--room", "hall"])
+    folder.write_config(Config(), given.line, **{name: getattr(given, name) for name in REMEMBERED})
+    again = parse(["explore", "--resume", str(folder.path)])
+    begin(again)
+    assert (again.load_map, again.room) == ("lab.vsxmap", "hall")
 
 
 def test_a_damaged_checkpoint_is_told(resumed, capsys):

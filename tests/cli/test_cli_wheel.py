@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE_S
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 SOURCES = "src", "hw", "setup.py", "pyproject.toml", "README.md", "LICENSE"
@@ -15,7 +16,9 @@ SOURCES = "src", "hw", "setup.py", "pyproject.toml", "README.md", "LICENSE"
 def python(*arguments: str, cwd: Path, path: str = "") -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": path}
     command = [sys.executable, *arguments]
-    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(
+        command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +52,12 @@ def test_the_command_of_the_wheel_is_the_wheels(site: Path, tmp_path: Path) -> N
     assert where.stdout.count(str(site)) == 2
 
 
-@pytest.mark.parametrize("file", ["dashboard/page.html", "python_logging.conf"])
+PAGE, NOT_MODULES = "ros/dashboard/page", ("ros/python_logging.conf", "evaluation/scrubber.html")
+
+
+@pytest.mark.parametrize("file", [f"{PAGE}/index.html", f"{PAGE}/map.js", *NOT_MODULES])
 def test_it_brings_the_files_that_are_no_modules(site: Path, file: str) -> None:
-    assert (site / "vsx_ros/ros" / file).read_bytes() == (CHECKOUT / "src/vsx_ros/ros" / file).read_bytes()
+    assert (site / "vsx_ros" / file).read_bytes() == (CHECKOUT / "src/vsx_ros" / file).read_bytes()
 
 
 def test_a_live_run_says_that_it_needs_a_checkout(site: Path, tmp_path: Path) -> None:

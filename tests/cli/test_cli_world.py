@@ -59,6 +59,7 @@ def test_a_gazebo_world_is_described_drawn_and_imported(tmp_path: Path, capsys: 
     said = capsys.readouterr()
     assert "room.world" in said.out
     assert "reachable" in said.out
+    assert "0.0 m of solid borders" in said.out
     assert "no_such_model" in said.err
     view, out = tmp_path / "v.png", tmp_path / "room.yaml"
     assert run("render", str(ROOM), "--start", "0,5,180", "--out", str(view)) == 0

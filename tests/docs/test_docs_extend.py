@@ -3,12 +3,12 @@
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from waiting import PATIENCE_S
 
 from vsx_ros.registry import PLUGINS
 
@@ -35,7 +35,7 @@ def test_there_is_one_of_each_kind_and_each_is_short() -> None:
 def in_a_program(plugins: Path, program: str) -> str:
     """What a Python of its own prints: what is added to a registry stays for the whole process."""
     done = subprocess.run(
-        [sys.executable, "-c", program], cwd=plugins, capture_output=True, text=True, check=False, timeout=60
+        [sys.executable, "-c", program], cwd=plugins, capture_output=True, text=True, check=False, timeout=PATIENCE_S
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
@@ -100,7 +100,7 @@ def test_a_planner(plugins: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(PLUGINS, "my_planner")
     words = ["plan", "--planner", "gentle", "--start", "0,0,0", "--goal", "3,1,0", "--json"]
     command = [sys.executable, "-m", "vsx_ros.cli.main", *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr
     assert '"planner": "gentle"' in done.stdout
 
@@ -108,10 +108,8 @@ def test_a_planner(plugins: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_module_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(PLUGINS, "my_base_misspelt")
     words = ["explore", "--fast", "--time", "1"]
-    began_s = time.monotonic()
     done = subprocess.run(
         [sys.executable, "-m", "vsx_ros.cli.main", *words], capture_output=True, text=True, check=False
     )
     assert done.returncode == 1
     assert "'my_base_misspelt' named in VSX_PLUGINS cannot be imported" in done.stderr
-    assert time.monotonic() - began_s < 60.0

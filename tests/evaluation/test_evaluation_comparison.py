@@ -9,7 +9,7 @@ import pytest
 from vsx_ros.evaluation.comparison import change, compare
 from vsx_ros.evaluation.page import Section, figures, interval, page, table
 from vsx_ros.evaluation.paired import Interval
-from vsx_ros.evaluation.report import ReportData
+from vsx_ros.evaluation.report_data import ReportData
 from vsx_ros.evaluation.svg import map_view, plot, window_around, window_of
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from vsx_ros.evaluation import svg
-from vsx_ros.evaluation.report import ReportData, render
+from vsx_ros.evaluation.report import render
+from vsx_ros.evaluation.report_data import ReportData
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.evaluation.svg import map_view, window_around
 from vsx_ros.geometry.se3 import SE3, StampedPose, so3_exp
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.rooms import Room
 
 SECOND = 10**9
 
@@ -111,6 +113,12 @@ def test_the_ending_is_coloured_by_how_it_was_and_not_by_its_words(well, kind):
 def test_the_truth_is_laid_over_the_estimate():
     lines = {line.get("class"): line.get("points") for line in drawings(page())[0].iter("polyline")}
     assert lines["truth"] == lines["estimate"]
+
+
+def test_how_much_of_each_room_is_known_is_told():
+    kitchen = Room(3, "kitchen & bar", area_m2=12.34, known_ratio=0.876, place=(0.0, 0.0), outline=())
+    assert "<td>3</td><td>kitchen &amp; bar</td><td>12.3 m2</td><td>88 %</td>" in page(rooms=[kitchen])
+    assert "<h2>Rooms" not in page()
 
 
 def test_a_run_that_never_began_still_has_a_page():

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ros.drive_bag import write_drive
+from waiting import PATIENCE_S
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -15,7 +16,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 def run(name, *words):
     shell = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     command = [sys.executable, str(EXAMPLES / name), *map(str, words)]
-    done = subprocess.run(command, env=shell, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(command, env=shell, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -7,12 +7,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 from free_ports import free_port
+from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.experiments.campaign import Engine, run_campaign
@@ -170,16 +170,9 @@ def test_processes_end_with_the_campaign_however_that_ends(tmp_path, end):
     )
     wait_for(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text())
     campaign.send_signal(end)
-    campaign.wait(30.0)
+    campaign.wait(PATIENCE_S)
     wait_for(lambda: is_over(int((tmp_path / "pid").read_text())))
     assert not (tmp_path / "r.jsonl").exists()
-
-
-def wait_for(condition: Callable[[], object]) -> None:
-    deadline_s = time.monotonic() + 50.0
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.1)
 
 
 def test_without_dask_the_remedy_is_told(tmp_path, monkeypatch):

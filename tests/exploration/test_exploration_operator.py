@@ -137,6 +137,7 @@ def test_a_goal_in_the_map_is_given_up_when_the_camera_stays_lost():
     assert states[4] is MissionState.USER_GOAL
     assert states[-1] is MissionState.RECOVERING
     assert any("given up: dark" in event.reason for event in mission.drain_events())
+    assert mission.claim.given_up == GOAL.identity, "whoever drives there must end it"
 
 
 def test_goals_of_others_are_told_from_ours():
@@ -187,3 +188,19 @@ def test_the_newer_of_two_goals_counts():
     goals.told(2, {"/me-1": over, "/you-1": live})
     assert goals.current is not None
     assert goals.current.client == "/you"
+
+
+def test_each_goal_and_each_hold_gives_a_lost_camera_its_time():
+    """What an earlier goal, or the wheels held meanwhile, took of it does not count."""
+    mission, wait_ns = mapping_mission(), 5 * SECOND
+    lost, other = situation(slam_state=TrackingState.LOST), UserGoal("/rviz-2", "/rviz", 60 * SECOND, "map")
+
+    def states(begin_ns, **claim):
+        steps = range(0, wait_ns, SECOND)
+        return {mission.decide(begin_ns + k, lost._replace(**claim)).state for k in steps}
+
+    assert states(10 * SECOND, user_goal=GOAL) == {"user goal"}
+    states(20 * SECOND)
+    assert states(60 * SECOND, user_goal=other) == {"user goal"}
+    assert states(66 * SECOND, user_goal=other, held=TELEOP) == {"held"}
+    assert states(72 * SECOND, user_goal=other) == {"user goal"}

@@ -11,6 +11,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import KeepOut, with_zones
 from vsx_ros.occupancy.zones import Zone, ZoneKind
+from vsx_ros.robot import OperatorHold
 from vsx_ros.slam.state import TrackingState
 
 SECOND, CONFIG = 10**9, Config()
@@ -100,6 +101,18 @@ def test_a_zone_drawn_around_the_robot_stops_it_and_it_drives_out_and_says_so() 
     assert sum("stands in the zone" in reason for reason in reasons) == 1
 
 
+def test_wheels_held_on_the_way_out_of_a_zone_are_no_failure() -> None:
+    mission, _ = under_way()
+    grid = zoned(box(-0.6, -1.0, 0.9, 1.0))
+    mission.decide(2 * SECOND, situation(grid, navigation=NavigationState.ACTIVE))
+    assert mission.decide(4 * SECOND, situation(grid, navigation=NavigationState.ABORTED)).action is Action.GO
+    held = OperatorHold("teleop", 5 * SECOND)
+    mission.decide(5 * SECOND, situation(grid, navigation=NavigationState.ACTIVE)._replace(held=held))
+    again = [mission.decide(k * SECOND, situation(grid, navigation=NavigationState.ABORTED)) for k in (9, 10)]
+    assert "driving out of the zone 'rug'" in again[-1].reason
+    assert not any("still in the zone" in event.reason for event in mission.drain_events())
+
+
 def test_without_a_way_out_it_waits_and_says_so_once() -> None:
     mission, _ = under_way()
     grid = zoned(box(-9.0, -9.0, 9.0, 9.0))
@@ -120,3 +133,18 @@ def test_a_goal_that_a_zone_covers_is_left_without_blame() -> None:
     assert "the goal now lies in the zone 'rug'" in left.reason
     mission.decide(3 * SECOND, situation(grid, navigation=NavigationState.ABORTED, T_map_base=elsewhere))
     assert not mission.view_selector.blacklist.left(3 * SECOND)
+
+
+def test_a_robot_that_teleop_drove_into_a_zone_drives_out_when_the_operator_lets_go() -> None:
+    mission, _ = under_way()
+    grid, inside = zoned(box(-0.6, -1.0, 0.9, 1.0)), SE2(0.2, 0.0, 0.0)
+    for k in range(2, 8):
+        held = situation(grid, T_map_base=inside, T_odom_base=inside, held=OperatorHold("teleop", 2 * SECOND))
+        yielded = mission.decide(k * SECOND, held)
+        assert yielded.action is Action.WAIT
+        assert yielded.state == "held"
+    free = situation(grid, T_map_base=inside, T_odom_base=inside)
+    decided = [mission.decide(k * SECOND, free) for k in range(8, 12)]
+    (out,) = [decision for decision in decided if decision.action is Action.GO][:1]
+    assert "driving out of the zone 'rug'" in out.reason
+    assert not mission.view_selector.blacklist.left(12 * SECOND)

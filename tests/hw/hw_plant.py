@@ -1,9 +1,9 @@
 """What the tests of the drivers share: wheels without a world, a base with its driver above them, and waiting."""
 
+import contextlib
 import queue
-import time
 
-import pytest
+from waiting import wait_for
 
 from vsx_hw.bases import BASES, base_driver, base_emulator
 from vsx_hw.readings import Hazard
@@ -32,15 +32,6 @@ class FreeWheels:
         return PlantState(left, right, (right - left) / self.wheel_base_m, rate, self.hazards)
 
 
-def until(condition, timeout_s=5.0) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(0.005)
-    return False
-
-
 class Rig:
     """An emulated base with its driver; ``twist`` is commanded at every reading while it is set.
 
@@ -61,14 +52,12 @@ class Rig:
             self.driver.drive(*self.twist)
         self.readings.put(reading)
 
-    def wait(self, condition, timeout_s=5.0):
+    def wait(self, condition):
         """The first reading from now on for which the condition holds."""
-        deadline = time.monotonic() + timeout_s
-        while time.monotonic() < deadline:
-            try:
+
+        def next_good():
+            with contextlib.suppress(queue.Empty):
                 reading = self.readings.get(timeout=0.1)
-            except queue.Empty:
-                continue
-            if condition(reading):
-                return reading
-        pytest.fail(f"condition not met; driver says: {self.driver.status()}")
+                return reading if condition(reading) else None
+
+        return wait_for(next_good, "a reading", self.driver.status, 0.0)

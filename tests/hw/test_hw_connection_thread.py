@@ -3,6 +3,7 @@
 import threading
 
 import pytest
+from waiting import PATIENCE_S
 
 from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.errors import DeviceError
@@ -30,7 +31,7 @@ class Told(ConnectionThread):
 
     def _serve(self, _: Port) -> None:
         self.served.set()
-        self.closing.wait(10.0)
+        self.closing.wait(PATIENCE_S)
 
     def fail(self, *_: object) -> None:
         raise self._error(28, "No space left on device")
@@ -39,7 +40,7 @@ class Told(ConnectionThread):
 def test_a_listener_that_fails_leaves_no_device_without_its_driver() -> None:
     told = Told(OSError)
     told.start()
-    assert told.served.wait(10.0)
+    assert told.served.wait(PATIENCE_S)
     assert "nobody could be told" in told.message
     assert told.alive
     assert told.close()

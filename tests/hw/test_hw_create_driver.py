@@ -6,7 +6,8 @@ import math
 import time
 
 import pytest
-from hw_plant import Rig, until
+from hw_plant import Rig
+from waiting import wait_for
 
 from vsx_hw.bases import BASES
 from vsx_hw.create.protocol import Mode
@@ -30,7 +31,7 @@ def test_starts_in_safe_drives_measures_and_stops_without_commands(rig):
         (0.2 - 0.2 * rig.plant.wheel_base_m, 0.2 + 0.2 * rig.plant.wheel_base_m), abs=0.001
     )
     rig.twist = None
-    assert until(lambda: rig.plant.speeds == (0.0, 0.0))
+    wait_for(lambda: rig.plant.speeds == (0.0, 0.0))
     left, right = rig.plant.travel
     slack = 0.05 if rig.kind == "create" else 0.004
     time.sleep(0.2)  # what was measured before standstill has been read by then
@@ -41,29 +42,29 @@ def test_starts_in_safe_drives_measures_and_stops_without_commands(rig):
 
 
 def test_the_camera_is_fed_on_a_turtlebot_1(rig):
-    assert until(lambda: rig.board.outputs == (1 if rig.kind == "create" else 0))
+    wait_for(lambda: rig.board.outputs == (1 if rig.kind == "create" else 0))
 
 
 def test_last_bytes_are_standstill_and_passive(rig):
     rig.twist = (0.2, 0.0)
-    assert until(lambda: rig.plant.speeds[0] > 0.1)
+    wait_for(lambda: rig.plant.speeds[0] > 0.1)
     rig.driver.close()
     end = bytes((145, 0, 0, 0, 0, 128)) + (bytes((173,)) if rig.kind == "create2" else b"")
-    assert until(lambda: bytes(rig.board.log).endswith(end), 1.0)
+    wait_for(lambda: bytes(rig.board.log).endswith(end))
     assert rig.plant.speeds == (0.0, 0.0)
     assert rig.board.mode is Mode.PASSIVE
 
 
 def test_a_cliff_stops_the_robot_until_it_may_reverse(rig):
     rig.twist = (0.2, 0.0)
-    assert until(lambda: rig.plant.speeds[0] > 0.1)
+    wait_for(lambda: rig.plant.speeds[0] > 0.1)
     rig.plant.hazards = Hazard.CLIFF_LEFT
     fallen = rig.wait(lambda r: r.mode == "passive")
     assert fallen.hazards & Hazard.CLIFF_LEFT
     time.sleep(0.2)
     assert rig.plant.speeds == (0.0, 0.0)
     rig.twist = (-0.1, 0.0)
-    assert until(lambda: rig.plant.speeds[0] < -0.05)
+    wait_for(lambda: rig.plant.speeds[0] < -0.05)
 
 
 def test_a_raised_wheel_stops_the_robot_until_it_is_down(rig):
@@ -73,13 +74,13 @@ def test_a_raised_wheel_stops_the_robot_until_it_is_down(rig):
     time.sleep(0.2)
     assert rig.board.mode is Mode.PASSIVE
     rig.plant.hazards = Hazard.NONE
-    assert until(lambda: rig.plant.speeds[0] < -0.05)
+    wait_for(lambda: rig.plant.speeds[0] < -0.05)
 
 
 def test_a_restarted_robot_is_found_again(rig):
     before = rig.wait(lambda r: True)
     rig.emulator.power_cycle()
-    assert until(lambda: rig.driver.status().counters["connections"] == 2, 8.0)
+    wait_for(lambda: rig.driver.status().counters["connections"] == 2)
     after = rig.wait(lambda r: r.mode == "safe")
     assert after.odometry.x_m == pytest.approx(before.odometry.x_m, abs=1e-6)
 
@@ -93,7 +94,7 @@ def test_the_wrong_kind_is_named_with_both_baud_rates(tmp_path):
             running.enter_context(rig.emulator)
             running.enter_context(rig.driver)
         messages = [rig.driver.status for rig in rigs]
-        assert until(lambda: all("57600" in told().message and "115200" in told().message for told in messages), 6.0)
+        wait_for(lambda: all("57600" in told().message and "115200" in told().message for told in messages))
         assert [rig.plant.travel for rig in rigs] == [[0.0, 0.0]] * 6
 
 

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from hw_plant import until
+from waiting import PATIENCE_S, wait_for
 
 from vsx_hw.errors import DeviceNotFound, ProtocolError
 from vsx_hw.kinect import driver as driver_module
@@ -43,7 +43,7 @@ def rig(tmp_path):
     path = str(tmp_path / "kinect")
     images: queue.Queue = queue.Queue()
     with KinectEmulator(path, seed=2) as emulator, KinectCamera(lambda: SocketTransport(path), path, images.put) as cam:
-        assert until(lambda: emulator.streaming)
+        wait_for(lambda: emulator.streaming)
         yield emulator, cam, images
 
 
@@ -72,7 +72,7 @@ def test_images_arrive_byte_for_byte_with_the_stamps_of_the_camera(rig):
         assert emulator.send_frame(image(k), start_ns + k * 33_333_333)
     stamps = []
     for k in range(20):
-        reading = images.get(timeout=5.0)
+        reading = images.get(timeout=PATIENCE_S)
         np.testing.assert_array_equal(reading.image, image(k))
         stamps.append(reading.stamp_ns - start_ns)
     assert max(abs(stamp - k * 33_333_333) for k, stamp in enumerate(stamps)) < 100
@@ -86,7 +86,7 @@ def test_lost_packets_cost_their_frames_only(rig):
         emulator.send_frame(image(k), time.time_ns())
     emulator.drop_rate = 0.0
     emulator.send_frame(image(99), time.time_ns())
-    assert until(lambda: images.qsize() > 0 and np.array_equal(images.queue[-1].image, image(99)))
+    wait_for(lambda: images.qsize() > 0 and np.array_equal(images.queue[-1].image, image(99)))
     counters = camera.status().counters
     assert 10 <= counters["torn_frames"] < 41
     assert all(any(np.array_equal(r.image, image(k)) for k in [*range(40), 99]) for r in list(images.queue)[:5])
@@ -95,12 +95,12 @@ def test_lost_packets_cost_their_frames_only(rig):
 def test_unplugged_camera_is_found_again(rig):
     emulator, camera, images = rig
     assert emulator.send_frame(image(2), time.time_ns())
-    np.testing.assert_array_equal(images.get(timeout=5.0).image, image(2))
+    np.testing.assert_array_equal(images.get(timeout=PATIENCE_S).image, image(2))
     emulator.unplug()
-    assert until(lambda: not emulator.streaming)
-    assert until(lambda: emulator.streaming)
-    assert until(lambda: emulator.send_frame(image(3), time.time_ns()))
-    np.testing.assert_array_equal(images.get(timeout=5.0).image, image(3))
+    wait_for(lambda: not emulator.streaming)
+    wait_for(lambda: emulator.streaming)
+    wait_for(lambda: emulator.send_frame(image(3), time.time_ns()))
+    np.testing.assert_array_equal(images.get(timeout=PATIENCE_S).image, image(3))
     assert camera.status().counters["connections"] == 2
 
 
@@ -108,20 +108,20 @@ def test_a_frozen_camera_is_told_so_and_its_picture_not_delivered(rig):
     emulator, camera, images = rig
     for _ in range(20):
         assert emulator.send_frame(image(1), time.time_ns())
-    assert until(lambda: camera.status().counters["frozen_frames"] == 15)
+    wait_for(lambda: camera.status().counters["frozen_frames"] == 15)
     assert images.qsize() == 5
     assert not camera.status().connected
     assert "same picture" in camera.status().message
     assert emulator.send_frame(image(2), time.time_ns())
-    assert until(lambda: camera.status().message == "streaming")
+    wait_for(lambda: camera.status().message == "streaming")
     np.testing.assert_array_equal(images.queue[-1].image, image(2))
 
 
 def test_a_silent_stream_is_started_again(rig, monkeypatch):
     emulator, camera, _ = rig
     monkeypatch.setattr(driver_module, "REVIVE_AFTER_S", 0.3)
-    assert until(lambda: camera.status().counters["revivals"] >= 1)
-    assert until(lambda: emulator.streaming)
+    wait_for(lambda: camera.status().counters["revivals"] >= 1)
+    wait_for(lambda: emulator.streaming)
 
 
 def test_nobody_there(tmp_path):
@@ -165,7 +165,7 @@ def test_stop_switches_the_stream_off_before_it_cancels():
     log: list[str] = []
     camera = KinectCamera(lambda: ScriptedTransport(log), "scripted", lambda reading: None)
     with camera:
-        assert until(lambda: "47000000" in log)
+        wait_for(lambda: "47000000" in log)
     assert log[0] == "receive"
     assert log[-3:] == ["05000000", "cancel", "close"]
 
@@ -175,7 +175,7 @@ def test_a_hundred_starts_and_stops_leave_nothing_behind(tmp_path):
     for _ in range(100):
         log: list[str] = []
         with KinectCamera(lambda log=log: ScriptedTransport(log), "scripted", lambda reading: None):
-            assert until(lambda log=log: "47000000" in log)
+            wait_for(lambda log=log: "47000000" in log)
         assert log[-1] == "close"
     assert threading.active_count() == before
 
@@ -204,11 +204,11 @@ def test_every_mode_comes_through(tmp_path, mode):
     if mode.pixel_bytes == 2:
         sent[0, :, 1] = 235
     with KinectEmulator(path) as emulator, KinectCamera(lambda: SocketTransport(path), path, images.put, mode):
-        assert until(lambda: emulator.streaming)
+        wait_for(lambda: emulator.streaming)
         assert emulator.board.mode == mode
         assert not emulator.send_frame(np.zeros((2, 2), np.uint8), time.time_ns())
         assert emulator.send_frame(sent, time.time_ns())
-        reading = images.get(timeout=5.0)
+        reading = images.get(timeout=PATIENCE_S)
     assert reading.image.shape == (mode.height_px, mode.width_px)
     if mode is VGA_UYVY:
         assert reading.encoding == "mono8"
@@ -227,7 +227,7 @@ def test_exposure_and_white_balance_are_locked_when_the_picture_has_settled(tmp_
         KinectEmulator(path) as emulator,
         KinectCamera(lambda: SocketTransport(path), path, lambda reading: None, lock_exposure=True) as camera,
     ):
-        assert until(lambda: emulator.streaming)
+        wait_for(lambda: emulator.streaming)
         time.sleep(0.3)
         assert emulator.board.cmos[EXPOSURE_MODES] == 0x708E, "no image yet, nothing has settled"
 
@@ -235,8 +235,8 @@ def test_exposure_and_white_balance_are_locked_when_the_picture_has_settled(tmp_
             emulator.send_frame(image(0), time.time_ns())
             return emulator.board.cmos[EXPOSURE_MODES] == 0x708E & ~0x4002
 
-        assert until(locked)
-        assert until(lambda: camera.status().counters["exposure_locked"] == 1)
+        wait_for(locked)
+        wait_for(lambda: camera.status().counters["exposure_locked"] == 1)
 
 
 def test_a_camera_that_refuses_the_lock_is_not_said_to_be_locked(tmp_path, monkeypatch):
@@ -257,9 +257,9 @@ def test_a_camera_that_refuses_the_lock_is_not_said_to_be_locked(tmp_path, monke
         KinectEmulator(path) as emulator,
         KinectCamera(lambda: SocketTransport(path), path, lambda reading: None, lock_exposure=True) as camera,
     ):
-        assert until(lambda: emulator.streaming)
+        wait_for(lambda: emulator.streaming)
         pictures = (image(k) for k in itertools.count())
-        assert until(lambda: (emulator.send_frame(next(pictures), time.time_ns()), asked)[1])
+        wait_for(lambda: (emulator.send_frame(next(pictures), time.time_ns()), asked)[1])
         time.sleep(0.3)
         assert camera.status().counters["exposure_locked"] == 0
         assert camera.status().connected
@@ -284,7 +284,7 @@ def test_a_fault_in_the_listener_is_not_silent(tmp_path):
         raise ZeroDivisionError("listener")
 
     with KinectEmulator(path) as emulator, KinectCamera(lambda: SocketTransport(path), path, fail) as camera:
-        assert until(lambda: emulator.send_frame(image(0), time.time_ns()))
-        assert until(lambda: "ZeroDivisionError" in camera.status().message)
+        wait_for(lambda: emulator.send_frame(image(0), time.time_ns()))
+        wait_for(lambda: "ZeroDivisionError" in camera.status().message)
         assert not camera.status().connected
-        assert until(lambda: emulator.streaming), "and the camera is tried again"
+        wait_for(lambda: emulator.streaming, "and the camera is tried again")

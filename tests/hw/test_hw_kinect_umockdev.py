@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE_S
 
 pytest.importorskip("gi", reason="needs python3-gi")
 WRAPPER = shutil.which("umockdev-wrapper")
@@ -21,7 +22,7 @@ def run(frames: int, paced: bool = False, unplug_after: int = 0, lose: int = 0, 
     arguments = [str(int(argument)) for argument in (frames, paced, unplug_after, lose, back)]
     command = [str(WRAPPER), sys.executable, str(child), *arguments]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 

@@ -9,7 +9,8 @@ import time
 
 import pytest
 from hw_null_modem import LoopbackTransport
-from hw_plant import FreeWheels, Rig, until
+from hw_plant import FreeWheels, Rig
+from waiting import PATIENCE_S, wait_for
 
 from vsx_hw.base_driver import BaseDriver
 from vsx_hw.bases import base_driver, base_emulator, detect_base
@@ -46,15 +47,15 @@ def test_drives_measures_and_stops_without_commands(rig):
     assert there.odometry.y_m == pytest.approx(0.4 * 0.0311, abs=0.01)
     assert there.battery.voltage_v == pytest.approx(16.2)
     rig.twist = None
-    assert until(lambda: rig.plant.speeds == (0.0, 0.0))
+    wait_for(lambda: rig.plant.speeds == (0.0, 0.0))
     assert rig.driver.status().counters["refused_frames"] == 0
 
 
 def test_close_stops_the_wheels_and_keeps_the_cameras_supply(rig):
     rig.twist = (0.2, 0.0)
-    assert until(lambda: rig.plant.speeds[0] > 0.1)
+    wait_for(lambda: rig.plant.speeds[0] > 0.1)
     rig.driver.close()
-    assert until(lambda: rig.plant.speeds == (0.0, 0.0), 1.0)
+    wait_for(lambda: rig.plant.speeds == (0.0, 0.0))
     assert rig.emulator._board.outputs & 0xF0 == 0xF0
 
 
@@ -63,13 +64,13 @@ def test_unplug_and_replug_without_a_jump_and_without_motion(rig):
     before = rig.wait(lambda r: r.odometry.x_m > 0.05)
     rig.twist = None
     rig.emulator.unplug()
-    assert until(lambda: not rig.driver.status().connected)
+    wait_for(lambda: not rig.driver.status().connected)
     rig.emulator.power_cycle()
     assert rig.plant.speeds == (0.0, 0.0)
     while not rig.readings.empty():
         before = rig.readings.get()
     rig.emulator.replug()
-    assert until(lambda: rig.driver.status().connected)
+    wait_for(lambda: rig.driver.status().connected)
     after = rig.wait(lambda r: True)
     assert after.odometry.x_m == pytest.approx(before.odometry.x_m, abs=0.02)
     assert after.odometry.gaps >= 1
@@ -81,7 +82,7 @@ def test_unplug_and_replug_without_a_jump_and_without_motion(rig):
 def test_damaged_bytes_do_not_move_the_pose(rig):
     rig.emulator.drop_rate = 0.002
     rig.emulator.garbage_rate = 0.002
-    assert until(lambda: rig.driver.status().counters["skipped_bytes"] > 500)
+    wait_for(lambda: rig.driver.status().counters["skipped_bytes"] > 500)
     rig.emulator.drop_rate = rig.emulator.garbage_rate = 0.0
     reading = rig.wait(lambda r: True)
     assert reading.odometry[1:4] == (0.0, 0.0, 0.0)
@@ -114,7 +115,7 @@ class Bench:
         self.driver = BaseDriver(KobukiDialect(), self.open, "bench", lambda reading: None)
 
     def open(self):
-        assert self.allowed.acquire(timeout=10.0)
+        assert self.allowed.acquire(timeout=PATIENCE_S)
         ours, theirs = LoopbackTransport.pair()
         self.ends.put(ours)
         return theirs
@@ -125,19 +126,19 @@ def test_silence_means_standing_still():
     bench = Bench()
     bench.allowed.release()
     with bench.driver:
-        end = bench.ends.get(timeout=5.0)
+        end = bench.ends.get(timeout=PATIENCE_S)
         for k in range(10):
             end.write(bench.board.emit(k * 20_000_000))
             bench.driver.drive(0.2, 0.0)
             bench.board.receive(end.read(0.2), 0)
-        assert until(lambda: (bench.board.receive(end.read(0.05), 0), bench.plant.speeds[0] > 0.1)[1])
+        wait_for(lambda: (bench.board.receive(end.read(0.05), 0), bench.plant.speeds[0] > 0.1)[1])
 
         def still_driving():
             bench.driver.drive(0.2, 0.0)
             bench.board.receive(end.read(0.05), 0)
             return bench.plant.speeds == (0.0, 0.0)
 
-        assert until(still_driving)
+        wait_for(still_driving)
         bench.allowed.release()
 
 
@@ -188,13 +189,13 @@ class Stage:
 def test_a_bumper_ends_the_forward_motion_with_the_next_command():
     stage = Stage()
     with stage.driver:
-        assert until(lambda: any(v > 0.1 for v, _ in stage.exchange(0.2, 0.3)))
+        wait_for(lambda: any(v > 0.1 for v, _ in stage.exchange(0.2, 0.3)))
         stage.board._plant.hazards = Hazard.BUMPER_LEFT
         commands = [command for _ in range(4) for command in stage.exchange(0.2, 0.3)]
         first_still = next(k for k, (v, _) in enumerate(commands) if v == 0.0)
         assert first_still <= 1, "one command may have been on its way"
         assert all(v == 0.0 for v, _ in commands[first_still:])
-        assert until(lambda: any(v < -0.1 for v, _ in stage.exchange(-0.2, 0.0)))
+        wait_for(lambda: any(v < -0.1 for v, _ in stage.exchange(-0.2, 0.0)))
 
 
 def test_an_expired_command_is_never_driven():
@@ -217,7 +218,7 @@ def test_a_flood_of_commands_reaches_the_wire_once_a_report(rig):
     for k in range(1000):
         rig.driver.drive(0.1 + 0.0001 * k, 0.0)
         time.sleep(0.001)
-    assert until(lambda: rig.plant.speeds[0] == 0.0)
+    wait_for(lambda: rig.plant.speeds[0] == 0.0)
     frames = rig.driver.status().counters["frames"] - frames
     assert 20 <= len(heard) <= frames + 5
     speeds = [struct.unpack("<hh", content)[0] for content in heard]
@@ -254,8 +255,8 @@ def test_a_fault_in_the_listener_is_told_and_the_base_stopped(tmp_path):
 
     driver = base_driver("kobuki", port, fail)
     with base_emulator("kobuki", plant, port), driver:
-        assert until(lambda: "ZeroDivisionError" in driver.status().message)
-        assert until(lambda: plant.speeds == (0.0, 0.0))
+        wait_for(lambda: "ZeroDivisionError" in driver.status().message)
+        wait_for(lambda: plant.speeds == (0.0, 0.0))
 
 
 def test_the_gyro_is_told(rig):

@@ -2,7 +2,8 @@
 
 import time
 
-from hw_plant import FreeWheels, until
+from hw_plant import FreeWheels
+from waiting import wait_for
 
 from vsx_hw.bases import base_emulator
 
@@ -27,7 +28,7 @@ def test_what_passed_before_the_start_is_caught_up_with_and_nothing_is_told_befo
     emulator = base_emulator("kobuki", plant, str(tmp_path / "base"), seed=1)
     emulator.start(start_ns)
     try:
-        assert until(lambda: plant.elapsed_ns > 800_000_000)
+        wait_for(lambda: plant.elapsed_ns > 800_000_000)
     finally:
         emulator.close()
     assert plant.behind_ns[0] > 450_000_000

@@ -6,6 +6,7 @@ import time
 import cv2
 import numpy as np
 import pytest
+from waiting import PATIENCE_S
 
 from vsx_hw.errors import DeviceError, DeviceNotFound
 from vsx_hw.v4l import GRBG, MJPG, YUYV, V4lCamera, V4lMode, buffer_ns, grey, lock, open_video, set_up
@@ -40,7 +41,7 @@ def test_bayer_stays_raw_and_colour_becomes_gray():
     images: queue.Queue = queue.Queue()
     camera = V4lCamera(3, images.put, lambda number: capture)
     camera.start()
-    first, second = images.get(timeout=5.0), images.get(timeout=5.0)
+    first, second = images.get(timeout=PATIENCE_S), images.get(timeout=PATIENCE_S)
     camera.close()
     assert (first.encoding, second.encoding) == ("bayer_grbg8", "mono8")
     np.testing.assert_array_equal(first.image, raw)
@@ -61,7 +62,7 @@ def test_a_picture_that_repeats_itself_is_not_delivered():
     images: queue.Queue = queue.Queue()
     camera = V4lCamera(3, images.put, lambda number: ScriptedCapture([still] * 9 + [other]))
     camera.start()
-    delivered = [int(images.get(timeout=5.0).image[0, 0]) for _ in range(6)]
+    delivered = [int(images.get(timeout=PATIENCE_S).image[0, 0]) for _ in range(6)]
     camera.close()
     assert delivered == [7, 7, 7, 7, 7, 8]
     assert camera.status().counters["frozen_frames"] == 4
@@ -119,7 +120,7 @@ def test_stamps_are_the_buffers_less_the_latency(buffered, latency_s):
     before_ns = time.time_ns()
     camera = V4lCamera(3, images.put, lambda number: capture, latency_s=latency_s)
     camera.start()
-    stamp_ns = images.get(timeout=5.0).stamp_ns
+    stamp_ns = images.get(timeout=PATIENCE_S).stamp_ns
     camera.close()
     off_s = (stamp_ns - before_ns) * 1e-9 + latency_s + (0.1 if buffered else 0.0)
     assert -0.01 < off_s < 5.0

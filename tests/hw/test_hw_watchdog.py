@@ -11,7 +11,8 @@ import time
 from pathlib import Path
 
 import pytest
-from hw_plant import FreeWheels, until
+from hw_plant import FreeWheels
+from waiting import PATIENCE_S, wait_for
 
 from vsx_hw.bases import BASES, base_emulator
 from vsx_hw.kobuki.protocol import BAUD, WHEEL_BASE_M
@@ -39,7 +40,7 @@ def driven(tmp_path):
     with base_emulator("kobuki", plant, port):
         process = subprocess.Popen([sys.executable, "-c", DRIVER, port], env=environment)
         try:
-            assert until(lambda: plant.speeds[0] > 0.1, 30.0), "it takes long to start on a busy machine"
+            wait_for(lambda: plant.speeds[0] > 0.1, "it takes long to start on a busy machine")
             time.sleep(0.5)
             assert plant.speeds[0] > 0.1
             yield plant, process
@@ -52,17 +53,17 @@ def test_a_killed_driver_leaves_the_wheels_stopped(driven):
     plant, process = driven
     process.kill()
     process.wait()
-    assert until(lambda: plant.speeds == (0.0, 0.0))
+    wait_for(lambda: plant.speeds == (0.0, 0.0))
 
 
 def test_a_hanging_driver_leaves_the_wheels_stopped_and_may_go_on_later(driven):
     plant, process = driven
     process.send_signal(signal.SIGSTOP)
-    assert until(lambda: plant.speeds == (0.0, 0.0))
+    wait_for(lambda: plant.speeds == (0.0, 0.0))
     time.sleep(0.3)
     assert plant.speeds == (0.0, 0.0)
     process.send_signal(signal.SIGCONT)
-    assert until(lambda: plant.speeds[0] > 0.1)
+    wait_for(lambda: plant.speeds[0] > 0.1)
 
 
 @pytest.mark.parametrize("driver_end", [signal.SIGKILL, signal.SIGSTOP])
@@ -83,7 +84,7 @@ def test_whoever_is_killed_or_hangs_beside_the_driver_the_last_one_stops_the_whe
         assert plant.speeds[0] > 0.1
         began_s = time.monotonic()
         os.kill(process.pid, driver_end)
-        assert until(lambda: plant.speeds == (0.0, 0.0))
+        wait_for(lambda: plant.speeds == (0.0, 0.0))
         print(f"the wheels turned {time.monotonic() - began_s:.3f} s")
         time.sleep(0.3)
         assert plant.speeds == (0.0, 0.0)
@@ -97,15 +98,15 @@ def test_a_watchdog_that_cannot_be_killed_is_replaced_and_left(tmp_path, monkeyp
     (first, second), replaced = Watchdogs(str(tmp_path / "none"), BAUD, STOP)._both, threading.Event()
     old = first._process
     try:
-        assert until(lambda: first.answers, 30.0)
+        wait_for(lambda: first.answers)
         old.send_signal(signal.SIGSTOP)
         first.tell(b"s")
         monkeypatch.setattr(old, "kill", lambda: None)
         first._started_s = -math.inf
-        assert until(lambda: not first.answers)
+        wait_for(lambda: not first.answers)
         threading.Thread(target=lambda: (first.revive(), replaced.set()), daemon=True).start()
-        assert replaced.wait(30.0), "the driver waits for it"
-        assert until(lambda: first.answers, 30.0)
+        assert replaced.wait(PATIENCE_S), "the driver waits for it"
+        wait_for(lambda: first.answers)
     finally:
         for process in (old, first._process, second._process):
             os.kill(process.pid, signal.SIGKILL)
@@ -122,7 +123,7 @@ def test_released_watchdogs_do_not_touch_the_port(tmp_path):
         time.sleep(0.05)
         assert plant.speeds == (0.1, 0.1)
         assert take_over(port, BAUD, STOP.farewell)
-        assert until(lambda: plant.speeds == (0.0, 0.0))
+        wait_for(lambda: plant.speeds == (0.0, 0.0))
 
 
 def test_a_driver_that_stands_is_left_alone_by_its_watchdogs(tmp_path):
@@ -135,7 +136,7 @@ def test_a_driver_that_stands_is_left_alone_by_its_watchdogs(tmp_path):
         time.sleep(0.6)
         assert plant.speeds == (0.1, 0.1)
         watchdogs.beat(True)
-        assert until(lambda: plant.speeds == (0.0, 0.0))
+        wait_for(lambda: plant.speeds == (0.0, 0.0))
         watchdogs.release()
 
 
@@ -152,15 +153,15 @@ def test_a_watchdog_that_is_killed_or_hangs_is_missed_and_replaced(tmp_path, mon
     def pids():
         return [watchdog._process.pid for watchdog in watchdogs._both]
 
-    assert until(answer)
+    wait_for(answer)
     before = pids()
     watchdogs.revive()
     assert pids() == before
     hurt = watchdogs._both[which]._process
     hurt.send_signal(end)
-    assert until(lambda: not answer())
+    wait_for(lambda: not answer())
     watchdogs.revive()
-    assert until(answer)
+    wait_for(answer)
     assert [pid in before for pid in pids()] == [which == 1, which == 0]
     assert hurt.poll() is not None
     watchdogs.release()
@@ -173,7 +174,7 @@ def test_a_watchdog_that_is_killed_or_hangs_is_missed_and_replaced(tmp_path, mon
 
 def test_watchdogs_that_nobody_beats_are_well(tmp_path):
     watchdogs = Watchdogs(str(tmp_path / "nothing"), BAUD, STOP)
-    assert until(lambda: watchdogs.answer)
+    wait_for(lambda: watchdogs.answer)
     time.sleep(0.4)
     assert watchdogs.answer
     watchdogs.release()
@@ -183,5 +184,6 @@ def test_watchdogs_that_do_not_start_are_none(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", "/bin/false")
     watchdogs = Watchdogs(str(tmp_path / "nothing"), BAUD, STOP)
     watchdogs.beat(False)
-    assert not until(lambda: watchdogs.answer, 0.5)
+    time.sleep(0.5)
+    assert not watchdogs.answer
     watchdogs.release()

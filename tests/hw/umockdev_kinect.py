@@ -15,6 +15,7 @@ from collections import deque
 
 import gi
 import numpy as np
+from waiting import PATIENCE_S, wait_for
 
 gi.require_version("UMockdev", "1.0")
 from gi.repository import GLib, UMockdev  # noqa: E402 - gi wants the version first
@@ -209,9 +210,7 @@ def replug(testbed: UMockdev.Testbed, camera: KinectCamera) -> tuple[Wire, UMock
     """The cable is pulled until the driver has noticed, and put back; what the driver said meanwhile."""
     testbed.detach_ioctl(NODE)
     testbed.remove_device(SYSFS)
-    deadline_s = time.monotonic() + 10.0
-    while "no Kinect" not in camera.status().message and time.monotonic() < deadline_s:
-        time.sleep(0.02)
+    wait_for(lambda: "no Kinect" in camera.status().message, "the driver to notice", camera.status)
     said = camera.status().message
     wire = Wire(paced=True, unplug_after=0, lose=0)
     return wire, plug_in(testbed, wire), said
@@ -228,7 +227,7 @@ def main() -> None:
     camera = KinectCamera(UsbTransport, "kinect", images.put)
     stamps = []
     with camera:
-        deadline_s = time.monotonic() + 25.0
+        deadline_s = time.monotonic() + PATIENCE_S
         while good < count and time.monotonic() < deadline_s:
             if unplug_after and not absent and "unplugged" in camera.status().message:
                 if not back:

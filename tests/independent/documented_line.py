@@ -9,7 +9,7 @@ import termios
 import threading
 import time
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Protocol
 
 _BAUDS = {termios.B19200: 19200, termios.B57600: 57600, termios.B115200: 115200}
@@ -131,11 +131,3 @@ class Line:
                 kind, bytes([byte])
             )
         return bytes(out)
-
-
-def until(condition: Callable[[], object], what: str, timeout_s: float = 30.0) -> None:
-    """Wait until it holds; the limit is for a machine that hangs, not for one that is busy."""
-    deadline_s = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline_s, f"never came: {what}"
-        time.sleep(0.005)

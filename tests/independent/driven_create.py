@@ -3,10 +3,11 @@
 from contextlib import contextmanager
 
 import pytest
-from documented_line import Line, until
+from documented_line import Line
 from documented_oi import OFF, PASSIVE, OpenInterface
 from documented_oi_packets import Generation
 from driving_host import Host
+from waiting import wait_for
 
 CREATE_1, CREATE_2 = Generation.CREATE_1, Generation.CREATE_2
 KIND = {CREATE_1: "create", CREATE_2: "create2"}
@@ -21,7 +22,9 @@ def driven(tmp_path, robot: OpenInterface, garbage: int = 0):
             host.connected()
             yield host
         if line._master >= 0:
-            until(lambda: robot.mode == (OFF if robot.generation is CREATE_2 else PASSIVE), "the mode after the driver")
+            wait_for(
+                lambda: robot.mode == (OFF if robot.generation is CREATE_2 else PASSIVE), "the mode after the driver"
+            )
             assert robot.body.left_m_s == robot.body.right_m_s == 0.0
     assert not robot.violations, f"{len(robot.violations)}: {sorted(set(robot.violations))}"
 
@@ -30,4 +33,4 @@ def drives(host: Host, want: tuple[float, float] = (0.2, 0.0)) -> None:
     """Drive until the body has that speed."""
     host.want = want
     body = host.line.robot.body
-    until(lambda: (body.speed_m_s, body.rate_rad_s) == pytest.approx(want, abs=0.02), f"the speed {want}")
+    wait_for(lambda: (body.speed_m_s, body.rate_rad_s) == pytest.approx(want, abs=0.02), f"the speed {want}")

@@ -3,7 +3,8 @@
 import time
 from collections import deque
 
-from documented_line import Line, until
+from documented_line import Line
+from waiting import wait_for
 
 from vsx_hw.base_driver import BaseDriver
 from vsx_hw.bases import base_driver
@@ -58,11 +59,11 @@ class Host:
     def wait_readings(self, number: int) -> None:
         """Wait for so many more readings."""
         goal = self.count + number
-        until(lambda: self.count >= goal, f"{number} more readings; link {self.links[-3:]}")
+        wait_for(lambda: self.count >= goal, f"{number} more readings; link {self.links[-3:]}")
 
     def settle(self, readings: int = 10) -> None:
         """Stop, and wait until the body stands and the driver has heard of it in so many readings."""
         self.want = (0.0, 0.0)
         body = self.line.robot.body
-        until(lambda: body.left_m_s == body.right_m_s == 0.0, "standstill")
+        wait_for(lambda: body.left_m_s == body.right_m_s == 0.0, "standstill")
         self.wait_readings(readings)

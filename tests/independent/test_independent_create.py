@@ -4,10 +4,11 @@ import math
 from statistics import median
 
 import pytest
-from documented_line import Line, until
+from documented_line import Line
 from documented_oi import OFF, PASSIVE, SAFE, OpenInterface
 from driven_create import CREATE_1, CREATE_2, KIND, both, driven, drives
 from driving_host import Host
+from waiting import wait_for
 
 from vsx_hw.bases import detect_base
 from vsx_hw.readings import Hazard
@@ -24,7 +25,7 @@ def _drive_a_figure(host: Host, readings: int) -> None:
     for leg in [(0.3, 0.0), (0.2, 1.0), (0.2, -1.0), (0.0, 1.2), (0.0, -1.2), (-0.2, -0.8), (-0.3, 0.0)]:
         start = (body.left_m, body.right_m)
         host.want = leg
-        until(lambda: abs(body.left_m - start[0]) + abs(body.right_m - start[1]) > 0.12, f"the leg {leg}")  # noqa: B023 (called at once)
+        wait_for(lambda: abs(body.left_m - start[0]) + abs(body.right_m - start[1]) > 0.12, f"the leg {leg}")  # noqa: B023 (called at once)
     host.settle(readings)
 
 
@@ -50,9 +51,9 @@ def test_create_1_measures_a_figure(tmp_path):
 
 def test_create_1_turns_by_the_gyro_of_the_power_board(tmp_path):
     with driven(tmp_path, OpenInterface(CREATE_1, board_gyro_zero=500)) as host:
-        until(lambda: host.last.gyro is not None, "the gyro's zero, learned while standing")
+        wait_for(lambda: host.last.gyro is not None, "the gyro's zero, learned while standing")
         host.want = (0.0, 1.2)
-        until(lambda: abs(host.line.robot.body.yaw_rad) > 0.8, "the turn")
+        wait_for(lambda: abs(host.line.robot.body.yaw_rad) > 0.8, "the turn")
         host.settle(30)
         stamps_s = [reading.stamp_ns * 1e-9 for reading in host.readings]
         longest_s = max(after - before for before, after in zip(stamps_s, stamps_s[1:]))
@@ -78,7 +79,7 @@ def test_it_starts_from_every_mode(tmp_path, generation, before):
         robot.receive(bytes([opcode]), 0.05 * (step + 1))
     robot.advance(1.0)
     with driven(tmp_path, robot) as host:
-        until(lambda: host.last.mode == "safe", "Safe mode told")
+        wait_for(lambda: host.last.mode == "safe", "Safe mode told")
         assert robot.mode == SAFE
         drives(host)
 
@@ -90,7 +91,7 @@ def test_wheels_stand_when_nobody_commands(tmp_path, generation):
         drives(host)
         host.talks = False
         since_s = robot.now_s
-        until(lambda: robot.body.speed_m_s == 0.0, "standstill")
+        wait_for(lambda: robot.body.speed_m_s == 0.0, "standstill")
         sent = [(when, data) for when, opcode, data in robot.commands if opcode == 145]
         assert max(when for when, data in sent if any(data)) - since_s < 0.6
         host.wait_readings(10)
@@ -102,7 +103,7 @@ def test_emergency_stop_holds_until_it_is_cleared(tmp_path, generation):
     with driven(tmp_path, OpenInterface(generation)) as host:
         drives(host)
         host.supervisor.emergency_stop(True)
-        until(lambda: host.line.robot.body.speed_m_s == 0.0, "standstill")
+        wait_for(lambda: host.line.robot.body.speed_m_s == 0.0, "standstill")
         host.wait_readings(20)
         assert host.line.robot.body.speed_m_s == 0.0
         host.supervisor.emergency_stop(False)
@@ -130,15 +131,15 @@ def test_each_contact_is_told_and_stops_the_forward_motion(tmp_path, generation)
             drives(host)
             with host.line.held():
                 setattr(robot, field, value)
-            until(lambda: robot.body.speed_m_s == 0.0, f"standstill at {hazard}")  # noqa: B023 (called at once)
-            until(lambda: host.last.hazards == hazard, f"{hazard} told")  # noqa: B023 (called at once)
+            wait_for(lambda: robot.body.speed_m_s == 0.0, f"standstill at {hazard}")  # noqa: B023 (called at once)
+            wait_for(lambda: host.last.hazards == hazard, f"{hazard} told")  # noqa: B023 (called at once)
             host.wait_readings(5)
             assert robot.body.speed_m_s == 0.0
             assert host.last.mode == ("safe" if hazard & Hazard.BUMPER else "passive")
             with host.line.held():
                 setattr(robot, field, (0, 0, 0, 0) if field == "cliffs" else 0)
             host.want = (0.0, 0.0)
-            until(lambda: host.last.hazards == Hazard.NONE, "no contact told")
+            wait_for(lambda: host.last.hazards == Hazard.NONE, "no contact told")
 
 
 @both
@@ -148,13 +149,13 @@ def test_unplugged_and_plugged_in_again_it_waits_for_a_new_command(tmp_path, gen
         drives(host)
         host.talks = False
         host.line.unplug()
-        until(lambda: host.links[-1][0] is False, "the loss told")
+        wait_for(lambda: host.links[-1][0] is False, "the loss told")
         with host.line.held():
             robot.power_cycle()
             robot.left_ticks = 30000
         before = host.last.odometry
         host.line.plug()
-        until(lambda: host.links[-1][0], "connected again")
+        wait_for(lambda: host.links[-1][0], "connected again")
         host.wait_readings(10)
         after = host.last.odometry
         assert math.hypot(after.x_m - before.x_m, after.y_m - before.y_m) < 1e-3
@@ -170,8 +171,8 @@ def test_a_robot_that_was_switched_off_and_on_is_started_again(tmp_path):
         drives(host)
         with host.line.held():
             robot.power_cycle()
-        until(lambda: host.links[-1][0] is False, "the loss told")
-        until(lambda: host.links[-1][0], "connected again")
+        wait_for(lambda: host.links[-1][0] is False, "the loss told")
+        wait_for(lambda: host.links[-1][0], "connected again")
         drives(host)
 
 
@@ -180,7 +181,7 @@ def test_damaged_bytes_are_neither_motion_nor_contact(tmp_path, generation):
     robot = OpenInterface(generation, carries_residue=True)
     with driven(tmp_path, robot, garbage=400) as host:
         host.want = (0.2, 0.0)
-        until(lambda: robot.body.x_m > 0.3, "the way")
+        wait_for(lambda: robot.body.x_m > 0.3, "the way")
         host.settle(30)
         assert host.driver.status().counters["refused_frames"] > 0
         assert all(15.5 < reading.battery.voltage_v < 16.5 for reading in host.readings)
@@ -196,7 +197,7 @@ def test_last_bytes_are_standstill_and_a_mode_that_charges(tmp_path, generation)
         with Host(KIND[generation], line) as host:
             host.connected()
             drives(host)
-        until(lambda: robot.mode in (OFF, PASSIVE), "the mode after the driver")
+        wait_for(lambda: robot.mode in (OFF, PASSIVE), "the mode after the driver")
         assert line.last_bytes.endswith(bytes([145, 0, 0, 0, 0, 128] + [173] * (generation is CREATE_2)))
     assert robot.violations == []
 

@@ -5,9 +5,9 @@ command for another one ("Hacking Roomba" p. 45); Safe begins with all lamps off
 """
 
 import pytest
-from documented_line import until
 from documented_oi import FULL, PASSIVE, SAFE, OpenInterface
 from driven_create import CREATE_1, both, driven, drives
+from waiting import wait_for
 
 
 @both
@@ -22,7 +22,7 @@ def test_it_backs_off_from_a_cliff_and_a_bumper_but_not_with_a_wheel_in_the_air(
             drives(host)
             with host.line.held():
                 setattr(robot, field, value)
-            until(lambda: robot.body.speed_m_s == 0.0, "standstill")
+            wait_for(lambda: robot.body.speed_m_s == 0.0, "standstill")
             if may:
                 drives(host, (-0.1, 0.0))
             else:
@@ -42,7 +42,7 @@ def test_plugged_into_the_charger_it_falls_to_passive_and_charges(tmp_path, gene
         drives(host)
         with host.line.held():
             robot.charging_sources = 2
-        until(lambda: host.last.mode == "passive", "Passive told")
+        wait_for(lambda: host.last.mode == "passive", "Passive told")
         host.want = (0.0, 0.0)
         host.wait_readings(5)
         assert robot.body.speed_m_s == 0.0
@@ -67,10 +67,10 @@ def test_plugged_into_the_charger_it_falls_to_passive_and_charges(tmp_path, gene
 def test_it_leaves_the_dock_backwards_in_full_and_is_in_safe_again_behind_it(tmp_path, generation):
     with driven(tmp_path, OpenInterface(generation)) as host:
         robot = host.line.robot
-        until(lambda: robot.mode == SAFE, "Safe")
+        wait_for(lambda: robot.mode == SAFE, "Safe")
         with host.line.held():
             robot.charging_sources = 2
-        until(lambda: host.last.battery.charging, "charging")
+        wait_for(lambda: host.last.battery.charging, "charging")
         host.want = (0.0, 0.5)
         host.wait_readings(40)
         assert (robot.mode, robot.body.rate_rad_s) == (PASSIVE, 0.0), "it stands, whatever else is wanted"
@@ -78,23 +78,23 @@ def test_it_leaves_the_dock_backwards_in_full_and_is_in_safe_again_behind_it(tmp
         assert robot.mode == FULL
         with host.line.held():
             robot.charging_sources = 0
-        until(lambda: robot.mode == SAFE, "Safe")
+        wait_for(lambda: robot.mode == SAFE, "Safe")
         drives(host, (0.0, 0.5))
 
 
 def test_the_cameras_supply_of_a_turtlebot_1_comes_back_with_safe_mode(tmp_path):
     robot = OpenInterface(CREATE_1)
     with driven(tmp_path, robot) as host:
-        until(lambda: robot.digital_outputs == 1, "the camera's supply")
+        wait_for(lambda: robot.digital_outputs == 1, "the camera's supply")
         drives(host)
         with host.line.held():
             robot.cliffs = (1, 0, 0, 0)
-        until(lambda: robot.mode == PASSIVE, "Passive")
+        wait_for(lambda: robot.mode == PASSIVE, "Passive")
         assert robot.digital_outputs == 0
         with host.line.held():
             robot.cliffs = (0, 0, 0, 0)
         drives(host)
-        until(lambda: robot.digital_outputs == 1, "the camera's supply again")
+        wait_for(lambda: robot.digital_outputs == 1, "the camera's supply again")
         assert all(data == b"\x01" for _, opcode, data in robot.commands if opcode == 147)
 
 
@@ -116,18 +116,18 @@ def test_the_lamp_tells_the_state_and_comes_back_with_safe_mode(tmp_path, genera
     """Safe mode begins with all lamps off: what shall be seen must be told again."""
     robot = OpenInterface(generation)
     with driven(tmp_path, robot) as host:
-        until(lambda: robot.lamps == (0, 0, 255), "the green lamp")
+        wait_for(lambda: robot.lamps == (0, 0, 255), "the green lamp")
         drives(host)
         with host.line.held():
             robot.cliffs = (1, 0, 0, 0)
-        until(lambda: robot.mode == PASSIVE, "Passive")
+        wait_for(lambda: robot.mode == PASSIVE, "Passive")
         with host.line.held():
             robot.cliffs = (0, 0, 0, 0)
         drives(host)
         host.wait_readings(40)
         assert robot.lamps == (0, 0, 255)
         host.supervisor.emergency_stop(True)
-        until(lambda: robot.lamps == (0, 255, 255), "the red lamp")
+        wait_for(lambda: robot.lamps == (0, 255, 255), "the red lamp")
         assert any(opcode == 141 for _, opcode, _ in robot.commands)
 
 
@@ -139,7 +139,7 @@ def test_nothing_is_commanded_in_vain(tmp_path, generation):
         drives(host)
         with host.line.held():
             robot.bumps_and_drops = 4
-        until(lambda: robot.mode == PASSIVE, "Passive")
+        wait_for(lambda: robot.mode == PASSIVE, "Passive")
         host.wait_readings(60)
         host.want = (0.0, 0.0)
         with host.line.held():

@@ -66,6 +66,28 @@ def test_a_goal_waits_for_the_operator_and_is_planned_anew_as_often_as_he_likes(
     assert drive.step() == [Done(True, "arrived")]
 
 
+def test_a_hold_between_two_looks_is_noticed_and_blames_no_goal() -> None:
+    """An emergency stop that is set and released at once: the follower has dropped its trajectory, and waits."""
+    drive = GoalDrive()
+    drive.at_full_speed()
+    drive.report = FollowerReport(drive.report.trajectory, FollowStatus.IDLE, "let go", "map")
+    assert drive.step() == []
+    drive.v = 0.0
+    requests = [act for _ in range(40) for act in drive.step(follower_age_s=2.0)]
+    assert [type(act) for act in requests] == [PlanRequest], "planned anew, once"
+
+
+def test_a_trajectory_begins_without_the_end_of_the_one_before() -> None:
+    """What is told between the message and the next step of the control loop."""
+    drive = FollowerDrive()
+    drive.go_on(60.0)
+    assert drive.status is FollowStatus.ARRIVED
+    drive.follower.follow(drive.base.now_ns, ahead(drive.base.pose), "map", 7)
+    drive.follower.take_hazards(drive.base.now_ns, frozenset())
+    assert drive.follower.report.trajectory == 7
+    assert drive.follower.report.status is FollowStatus.FOLLOWING
+
+
 def test_a_client_that_leaves_meanwhile_ends_the_goal() -> None:
     drive = GoalDrive()
     drive.at_full_speed()

@@ -6,13 +6,20 @@ import numpy as np
 import pytest
 from driving import CONFIG, LockStep, open_floor
 
+from vsx_ros.control.localization import UNLOCALIZED
+from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.exploration.view_selector import ViewSelector
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.navigation.follower import FollowerReport
+from vsx_ros.navigation.navigator import GoalPlanner
+from vsx_ros.navigation.way_watch import WayWatch
 from vsx_ros.occupancy.zoned_grid import ZonedGrid, with_zones
 from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.planning.path import Refusal, RefusalKind
 from vsx_ros.planning.planner import Planner
+from vsx_ros.planning.time_scaling import time_scale
+from vsx_ros.robot import Odometry
 from vsx_ros.slam.state import TrackingState
 
 BODY_M, MARGIN_M = CONFIG.robot.radius_m, CONFIG.planner.zone_margin_m
@@ -93,13 +100,14 @@ def test_a_goal_in_a_zone_is_refused_by_the_zones_name() -> None:
 
 def test_a_slow_zone_is_driven_slowly_even_when_drawn_on_the_way() -> None:
     zone = box(2.2, 0.3, 0.4, ZoneKind.SLOW, 0.12)
-    early, late = LockStep(), under_way(3.0)
+    early, meanwhile, late = LockStep(), under_way(1.0 / 15.0), under_way(3.0)
     early.planner.take_grid(zoned(zone), early.base.now_ns)
     early.go(GOAL)
     early.drive(40.0)
-    late.planner.take_grid(zoned(zone), late.base.now_ns)
-    late.drive(40.0)
-    for run in (early, late):
+    for run in (meanwhile, late):  # the first plans when the zone is drawn, the other drives
+        run.planner.take_grid(zoned(zone), run.base.now_ns)
+        run.drive(40.0)
+    for run in (early, meanwhile, late):
         assert run.navigator.state is NavigationState.SUCCEEDED
         rows = np.array(run.base.rows)
         inside = (np.abs(rows[:, 1] - 2.2) < 0.4 + BODY_M) & (np.abs(rows[:, 2] - 0.3) < 0.4 + BODY_M)
@@ -120,6 +128,20 @@ def test_backing_by_odometry_stops_before_a_zone_too() -> None:
     assert run.navigator.state is NavigationState.ABORTED
     assert "the zone 'rug'" in run.navigator.reason
     assert gap_m(run, zone, began_s) > 0.0
+
+
+def test_a_zone_on_the_way_counts_as_soon_as_the_place_is_recognised() -> None:
+    """A robot that looks for a place of a loaded map drives by odometry; the map does not change when it finds one."""
+    grid = zoned(box(1.2, 0.0, 0.4))
+    watch, report = WayWatch(CONFIG), FollowerReport(1, FollowStatus.FOLLOWING, "", "odom")
+    way = time_scale(GoalPlanner(CONFIG, "fov", 0).blind.plan_blind(SE2(), SE2(1.0, 0.0, 0.0)).path, CONFIG.limits)
+    watch.begin(grid)
+    lost = UNLOCALIZED._replace(odometry=Odometry(1, SE2()), slam_state=TrackingState.LOST)
+    assert watch.hindrance(way, "odom", report, grid, lost) is None
+    found = watch.hindrance(way, "odom", report, grid, lost._replace(T_map_base=SE2()))
+    assert found is not None
+    assert "the zone 'rug'" in found.reason
+    assert watch.hindrance(way, "odom", report, grid, lost._replace(T_map_base=SE2())) is None, "judged once"
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.5, 3.0, 4.5])

@@ -6,10 +6,10 @@ import pytest
 from vsx_ros.config import RoomsConfig
 from vsx_ros.errors import InputError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.occupancy.rooms import RoomMap, RoomTracker, right_rooms, split, without_furniture
+from vsx_ros.occupancy.rooms import MOST_ROOMS, RoomMap, RoomTracker, split, without_furniture
 from vsx_ros.runs.rooms import renamed
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.room_truth import room_truth
+from vsx_ros.sim.room_truth import right_rooms, room_truth
 from vsx_ros.sim.truth import ground_truth_grid
 
 CONFIG = RoomsConfig()
@@ -24,14 +24,23 @@ def two_rooms(known_columns: int = 200) -> OccupancyGrid:
     return OccupancyGrid(data, 0.05, 0.0, 0.0)
 
 
-def test_a_door_cuts_and_a_wide_opening_does_not() -> None:
+def test_a_door_cuts() -> None:
     labels = split(two_rooms(), CONFIG)
     assert len(np.unique(labels)) == 3
     assert labels[50, 20] != labels[50, 180]
     assert (labels[1:-1, 1:97] == labels[50, 20]).all()
-    data = two_rooms().data.copy()
-    data[20:80, 99:101] = FREE
-    assert len(np.unique(split(OccupancyGrid(data, 0.05, 0.0, 0.0), CONFIG))) == 2
+
+
+@pytest.mark.parametrize("metres", [2.0, 4.0, 8.0])
+def test_an_opening_divides_by_its_share_of_the_rooms_not_by_its_width(metres: float) -> None:
+    """Rooms of any size, and openings of 65 and 75 % of their width."""
+    n = round(metres / 0.05)
+    for share, parts in ((0.65, 2), (0.75, 1)):
+        data = np.full((n + 2, 2 * n + 4), OCCUPIED, np.int8)
+        data[1:-1, 1 : n + 1] = data[1:-1, n + 3 : -1] = FREE
+        half = round(0.5 * share * n)
+        data[1 + n // 2 - half : 1 + n // 2 + half, n + 1 : n + 3] = FREE
+        assert len(np.unique(split(OccupancyGrid(data, 0.05, 0.0, 0.0), CONFIG))) == 1 + parts
 
 
 def test_furniture_is_no_wall_but_a_wall_between_two_doors_is() -> None:
@@ -74,6 +83,20 @@ def test_rooms_keep_their_numbers_and_names_while_the_map_grows() -> None:
     again = RoomTracker(CONFIG)
     again.resume(grown)
     assert [room.name for room in again.update(two_rooms()).rooms] == ["kitchen", "room 2"]
+
+
+def test_numbers_stay_within_what_a_file_holds() -> None:
+    """Rooms come and go with the map for hours; those that are there, and the named ones, keep their numbers."""
+    tracker, elsewhere = RoomTracker(CONFIG), OccupancyGrid(np.full((9, 9), UNKNOWN, np.int8), 0.05, 0.0, 0.0)
+    tracker.update(two_rooms())
+    tracker.rename(2, "kitchen")
+    for _ in range(200):
+        tracker.update(elsewhere)
+        numbers = [room.number for room in tracker.update(two_rooms()).rooms]
+        assert len(set(numbers)) == 2
+        assert max(numbers) <= MOST_ROOMS
+        assert 2 not in numbers, "its name belongs to a room that is out of sight"
+    assert tracker.update(two_rooms()).rooms[0].number == numbers[0]
 
 
 def test_naming_is_refused_for_what_is_not_there() -> None:

@@ -10,7 +10,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.distance import clearance_field
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import KeepOut, ZonedGrid, speed_limits, with_zones
-from vsx_ros.occupancy.zones import AnchoredZones, Zone, ZoneKind
+from vsx_ros.occupancy.zones import OUTSIDE, AnchoredZones, Zone, ZoneKind, entered, zone_of
 
 BODY_M, MARGIN_M, CELL_M = 0.18, 0.05, 0.05
 DIAGONAL_M = math.sqrt(0.5) * CELL_M
@@ -156,3 +156,35 @@ def test_adding_the_same_name_replaces_and_an_unknown_name_is_told() -> None:
     with pytest.raises(InputError, match="damaged"):
         zones.restore({"zones": np.frombuffer(b"[1", np.uint8), "zone_corners": np.zeros((0, 7))})
     zones.restore({})
+
+
+@pytest.mark.parametrize(
+    ("points", "v_m_s"), [([[10**400, 0], [0, 1]], None), ([[0, 0], [0, 1]], 10**400)], ids=["corner", "speed"]
+)
+def test_numbers_that_no_float_holds_are_refused(points: list[list[int]], v_m_s: int | None) -> None:
+    with pytest.raises(InputError, match="'z'"):
+        zone_of({"name": "z", "kind": "wall", "points": points, "v_m_s": v_m_s})
+
+
+def test_a_body_is_in_a_zone_as_soon_as_it_reaches_into_it() -> None:
+    rug, slow = square(0.5), square(3.0, ZoneKind.SLOW, 0.1)
+    for x, inside in ((0.0, True), (0.5 + BODY_M - 0.01, True), (0.5 + BODY_M + 0.01, False)):
+        assert entered([rug, slow], x, 0.0, BODY_M) == (("no-go",) if inside else ())
+    line = Zone("door", ZoneKind.WALL, ((1.0, -1.0), (1.0, 1.0), (2.0, 1.0)))
+    for x, y, touched in ((1.0 - BODY_M + 0.01, 0.0, True), (1.5, 1.0 + BODY_M + 0.01, False), (1.5, 0.0, False)):
+        assert entered([line], x, y, BODY_M) == (("door",) if touched else ())
+    allowed = [square(1.0, ZoneKind.ONLY), square(1.0, ZoneKind.ONLY, x=3.0)]
+    for x, outside in ((0.0, False), (3.0, False), (1.0 - BODY_M - 0.01, False), (1.0 - BODY_M + 0.01, True)):
+        assert entered(allowed, x, 0.0, BODY_M) == ((OUTSIDE,) if outside else ())
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_body_is_in_a_zone_where_the_grid_says_so(seed: int) -> None:
+    """They may differ by a cell's diagonal at the border."""
+    rng = np.random.default_rng(seed)
+    zone = Zone("rug", ZoneKind.NO_GO, tuple((float(x), float(y)) for x, y in triangle(rng)))
+    keep_out = KeepOut(zoned(zone), BODY_M)
+    for x, y in rng.uniform(-3.5, 3.5, (200, 2)).tolist():
+        for radius_m, least in ((BODY_M - 2.0 * DIAGONAL_M, True), (BODY_M + 2.0 * DIAGONAL_M, False)):
+            if bool(entered([zone], x, y, radius_m)) is least:
+                assert bool(keep_out.zone_at(x, y)) is least

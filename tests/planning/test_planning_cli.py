@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from vsx_ros.cli import main
+from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError, MapFileError, PlanningError
 from vsx_ros.io.map_file import save_map
+from vsx_ros.io.zone_file import save_zones
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
+from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.planning.planners import PLANNERS
 
 
@@ -102,3 +105,32 @@ def test_a_pose_that_cannot_be_stood_at_is_told_without_negative_distances(start
     out = capsys.readouterr().out
     assert said in out
     assert "has -" not in out
+
+
+def test_the_zones_beside_a_map_are_obeyed_told_and_drawn(tmp_path, capsys):
+    save_map(OccupancyGrid(np.zeros((80, 120), np.int8), 0.05, -3.0, -2.0), tmp_path / "room")
+    rug = Zone("rug", ZoneKind.NO_GO, ((-0.4, -0.6), (0.4, -0.6), (0.4, 0.5), (-0.4, 0.5)))
+    hall = Zone("hall", ZoneKind.SLOW, ((-3.0, -2.0), (3.0, -2.0), (3.0, 2.0), (-3.0, 2.0)), 0.1)
+    ask = ("--start", "-1.5,0,0", "--goal", "1.5,0,0", "--map", str(tmp_path / "room.yaml"), "--json")
+
+    def answer(*words: str) -> dict:
+        assert run(*ask, *words) == 0
+        return json.loads(capsys.readouterr().out)
+
+    straight = answer()
+    assert straight["zones"] == []
+    assert straight["path"]["certificate"]["min_clearance_m"] > 1.0
+    save_zones([rug, hall], tmp_path / "room_zones.yaml")
+    around = answer("--plot", str(tmp_path / "plan.png"))
+    assert [zone["name"] for zone in around["zones"]] == ["rug", "hall"]
+    samples = np.array(around["trajectory"]["t_x_y_theta_v_omega"])
+    gaps = np.hypot(np.maximum(np.abs(samples[:, 1]) - 0.4, 0.0), np.maximum(np.abs(samples[:, 2] + 0.05) - 0.55, 0.0))
+    assert Config().robot.radius_m < gaps.min() < 0.6
+    assert 0.08 < np.abs(samples[:, 4]).max() <= 0.101
+    image = cv2.imread(str(tmp_path / "plan.png"))
+    assert image is not None
+    assert 200 < (image == (30, 30, 230)).all(axis=2).sum() < 20_000
+    assert run("--start", "-1.5,0,0", "--goal", "0,0,0", "--map", str(tmp_path / "room.yaml")) == 1
+    told = capsys.readouterr().out
+    assert "inside the zone 'rug'" in told
+    assert "obeyed zone     hall (slow, at most 0.1 m/s)" in told

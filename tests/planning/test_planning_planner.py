@@ -88,7 +88,11 @@ def test_refusals_name_their_reason():
     in_wall = planner.plan(start, SE2(1.98, 1.0, 0.0), closed, rng())
     assert isinstance(in_wall, Refusal)
     assert in_wall.kind is RefusalKind.GOAL_BLOCKED
-    assert "0.18" in in_wall.reason
+    assert "0.07 m inside ground that is not known to be free" in in_wall.reason
+    near_wall = planner.plan(start, SE2(1.82, 1.0, 0.0), closed, rng())
+    assert isinstance(near_wall, Refusal)
+    assert near_wall.kind is RefusalKind.GOAL_BLOCKED
+    assert near_wall.reason.endswith("m to ground that is not known to be free; the base needs 0.18 m")
     outside = planner.plan(SE2(30.0, 1.0, 0.0), goal, closed, rng())
     assert isinstance(outside, Refusal)
     assert outside.kind is RefusalKind.START_BLOCKED

@@ -15,7 +15,10 @@ import pytest
 
 pytest.importorskip("rospy")
 
+from chromium import Chromium
 from ros_ports import HOST, free_port
+from served_page import ServedPage
+from waiting import Lateness, wait_for
 
 from vsx_hw.bases import BASES, base_emulator
 from vsx_ros.config import RobotConfig
@@ -68,6 +71,7 @@ class Stack:
             "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
         }
         self._folder = folder
+        self.lateness = Lateness()
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         world = open_world(WORLD, SEED)
         self.plant = WatchedPlant(world, SEED, RobotConfig(), self._on_step, BASES["kobuki"].wheel_base_m)
@@ -106,7 +110,7 @@ class Stack:
         import rosgraph
 
         self._spawn("rosmaster", ["rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]])
-        self.wait(lambda: rosgraph.is_master_online(), 20.0, "the master")
+        self.wait(lambda: rosgraph.is_master_online(), "the master")
 
     def watch_steps(self, watcher: Callable[[BodyState], None]) -> None:
         """Call it with every step of the emulated body, on the emulator's thread."""
@@ -130,7 +134,7 @@ class Stack:
         (run.checkpoint.path / "mission.json").unlink(missing_ok=True)
         starts = self._explorer_said().count("/explore: ready")
         self.start("explore")
-        self.wait(lambda: self._explorer_said().count("/explore: ready") > starts, 30.0, "another mission")
+        self.wait(lambda: self._explorer_said().count("/explore: ready") > starts, "another mission")
 
     def mission_is_over(self) -> bool:
         """Whether the explorer has said why it ended, and was not started since."""
@@ -160,13 +164,13 @@ class Stack:
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
 
-    def wait(self, condition: Callable[[], Any], seconds: float, what: str) -> None:
-        deadline_s = time.monotonic() + seconds
-        while not condition():
-            if time.monotonic() > deadline_s:
-                said = self._explorer_said().splitlines()[-10:]
-                pytest.fail("\n".join([f"waited {seconds:.0f} s for {what}; the explorer said last:", *said]))
-            time.sleep(0.02)
+    def wait(self, condition: Callable[[], object], what: str, within_s: float | None = None) -> None:
+        """within_s: how soon it must come, on a machine that runs every thread at once."""
+        began_s = time.monotonic()
+        wait_for(condition, what, lambda: "\n".join(["the explorer said", *self._explorer_said().splitlines()[-10:]]))
+        if within_s is not None:
+            took_s, late_s = time.monotonic() - began_s, self.lateness.since(began_s)
+            assert took_s <= within_s + late_s, f"{what} took {took_s:.1f} s, of which {late_s:.1f} s are the machine's"
 
     def wait_until_driving(self) -> None:
         """The wheels turn, and have done so for a moment; what tests before did to the robot may have ended its
@@ -181,7 +185,7 @@ class Stack:
                 time.sleep(0.03)
             return True
 
-        self.wait(driving, 60.0, "the robot to drive")
+        self.wait(driving, "the robot to drive")
 
     def _spawn(self, name: str, command: list[str]) -> None:
         log = (self._folder / f"{name}.txt").open("ab")
@@ -227,3 +231,16 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     finally:
         rospy.signal_shutdown("tests are over")
         running.down()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
+    with Chromium(tmp_path_factory.mktemp("profile")) as chromium:
+        yield chromium
+
+
+@pytest.fixture
+def page(browser: Chromium) -> Iterator[ServedPage]:
+    served = ServedPage(browser)
+    yield served
+    served.close()

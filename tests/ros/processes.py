@@ -5,9 +5,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+
+from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.ros import launch
 
@@ -39,7 +40,7 @@ class Processes:
     def run(self, *command: str, **environment: str) -> subprocess.CompletedProcess[str]:
         variables = {**self.environment, **environment}
         return subprocess.run(
-            [*self._prefix, *command], env=variables, capture_output=True, text=True, timeout=120, check=False
+            [*self._prefix, *command], env=variables, capture_output=True, text=True, timeout=PATIENCE_S, check=False
         )
 
     def vsx(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -49,11 +50,8 @@ class Processes:
         files = sorted(self._folder.glob("*.txt"))
         return "\n".join(f"{file.name}: {file.read_text(errors='replace')[-500:]}" for file in files)
 
-    def wait(self, condition: Callable[[], object], what: str, seconds: float = 60.0) -> None:
-        deadline_s = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < deadline_s, f"waited for {what}\n{self.logs()}"
-            time.sleep(0.1)
+    def wait(self, condition: Callable[[], object], what: str) -> None:
+        wait_for(condition, what, self.logs, 0.1)
 
     def end(self) -> None:
         """Each with all that it started."""

@@ -9,6 +9,7 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+from waiting import PATIENCE_S
 
 EXECUTABLE = shutil.which("Xvfb")
 
@@ -35,7 +36,7 @@ class Screen:
 
     def __exit__(self, *_: object) -> None:
         self._process.terminate()
-        self._process.wait(10.0)
+        self._process.wait(PATIENCE_S)
 
     def pixels(self) -> np.ndarray:
         """(H, W, 3) uint8, red first, of the window dump that the server keeps (X11/XWDFile.h)."""

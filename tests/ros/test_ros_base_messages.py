@@ -1,21 +1,68 @@
 """What a base reports, as messages."""
 
+import json
 import math
 import os
 import subprocess
 import sys
+import time
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rospy")
 
+import rospy
 from sensor_msgs.msg import BatteryState
+from std_msgs.msg import String
 
 from vsx_hw.create.dialect import battery_of
 from vsx_hw.kobuki.feedback import battery_of as kobuki_battery_of
 from vsx_hw.readings import DockBeam, DockSignals, GyroReading, Hazard, OdometryReading, RateSample
-from vsx_ros.ros import base_messages, convert, energy_messages
+from vsx_ros.errors import InputError
+from vsx_ros.ros import base_messages, callbacks, convert, energy_messages, topics
+
+
+class Told(base_messages.BaseTopics):
+    """Without a master; holds: what was told of the operator's."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(rospy, "Publisher", lambda *_, **__: SimpleNamespace(publish=lambda message: None))
+        monkeypatch.setattr(rospy, "get_param", lambda name, default: default)
+        super().__init__("kobuki", 3.0)
+        self.holds: list[tuple[str, int]] = []
+
+    def _tell(self, topic: str, message: Any) -> None:
+        if topic == topics.OPERATOR_HOLD:
+            self.holds.append(tuple(json.loads(message.data).values()))
+
+
+def test_a_clock_set_back_does_not_make_a_hold_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The operator's wheels are free three seconds after the last key, whatever time it is."""
+    hour_ns, second_ns = 3600 * 10**9, 10**9
+    told, clock = Told(monkeypatch), SimpleNamespace(wall_ns=10 * hour_ns, since_boot_ns=second_ns)
+    monkeypatch.setattr(base_messages.headers, "now_ns", lambda: clock.wall_ns)
+    monkeypatch.setattr(time, "monotonic_ns", lambda: clock.since_boot_ns)
+    told.tell_hold(False, "teleop")
+    assert told.holds == [("teleop", 10 * hour_ns)]
+    clock.wall_ns -= hour_ns
+    for k in range(1, 8):
+        clock.since_boot_ns = second_ns + k * second_ns // 2
+        told.tell_hold(False, "")
+        assert len(told.holds) == (1 if k <= 6 else 2), k
+    assert told.holds[-1] == ("", 0)
+
+
+@pytest.mark.parametrize("text", ['{"by": 3, "since_ns": 1}', '{"by": "teleop", "since_ns": "x"}', '{"by": "a"}', "[]"])
+def test_a_hold_that_nobody_tells_so_is_refused_in_words(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    heard: list[Any] = []
+    monkeypatch.setattr(callbacks, "subscribe", lambda topic, kind, take, **_: heard.append(take))
+    callbacks.hear_operator_hold(heard.append)
+    with pytest.raises(InputError):
+        heard[0](String(text))
+    assert len(heard) == 1
 
 
 @pytest.mark.parametrize(

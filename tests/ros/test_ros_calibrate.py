@@ -18,6 +18,7 @@ import numpy as np
 import rosgraph
 from calibration.board_pictures import Photographer, pose, poses
 from ros_ports import HOST, free_port
+from waiting import PATIENCE_S, wait_for
 
 from vsx_hw.kinect.emulator import KinectEmulator
 from vsx_ros.geometry.camera import PinholeCamera
@@ -66,26 +67,25 @@ def environment(tmp_path: Path) -> Iterator[dict[str, str]]:
     own = {"ROS_MASTER_URI": uri, "ROS_HOSTNAME": HOST, "ROS_HOME": str(tmp_path), "PYTHONPATH": path}
     shell = {**os.environ, **own}
     master = subprocess.Popen(["rosmaster", "--core", "-p", uri.rsplit(":", 1)[1]], env=shell)
-    deadline_s = time.monotonic() + 20.0
-    while not rosgraph.is_master_online(uri):
-        assert time.monotonic() < deadline_s, "the master did not come"
-        time.sleep(0.1)
+    wait_for(lambda: rosgraph.is_master_online(uri), "the master")
     device = f"_device:=emulator:{tmp_path / 'kinect'}"
     with Show(str(tmp_path / "kinect")):
         camera = subprocess.Popen([sys.executable, str(CHECKOUT / "scripts/camera"), device], env=shell)
         yield shell
         camera.terminate()
-        camera.wait(20.0)
+        camera.wait(PATIENCE_S)
     master.terminate()
-    master.wait(20.0)
+    master.wait(PATIENCE_S)
 
 
 def test_the_camera_node_gets_and_keeps_its_calibration(environment: dict[str, str], tmp_path: Path) -> None:
     command = [sys.executable, "-m", "vsx_ros.cli.main", "calibrate", "camera", "--live", "--board"]
-    wrong = subprocess.run([*command, "8x6"], env=environment, capture_output=True, text=True, timeout=60, check=False)
+    wrong = subprocess.run(
+        [*command, "8x6"], env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
     assert (wrong.returncode, wrong.stderr.count("\n")) == (1, 1)
     done = subprocess.run(
-        [*command, "8x6x0.03"], env=environment, capture_output=True, text=True, timeout=120, check=False
+        [*command, "8x6x0.03"], env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert done.returncode == 0, done.stderr + done.stdout
     assert "view 1 taken; still wanted: " in done.stderr

@@ -46,7 +46,7 @@ rospy.Subscriber("/tf", TFMessage, remember, moving, queue_size=100)
 rospy.Subscriber("/tf_static", TFMessage, remember, static, queue_size=5)
 rospy.Subscriber("/odom", Odometry, odometry.append, queue_size=50)
 def wait(condition, what):
-    deadline = rospy.get_time() + 100.0
+    deadline = rospy.get_time() + 400.0
     while not condition():
         if rospy.get_time() > deadline:
             sys.exit(f"waited for {what}: {moving} {static} {len(odometry)}")
@@ -117,11 +117,11 @@ def ears(stack: Stack, monkeypatch: pytest.MonkeyPatch) -> Iterator[Ears]:
     """They have heard every topic of ``HEARD``, and a stair beside the base."""
     stack.wait_until_driving()
     listening = Ears()
-    stack.wait(lambda: listening.with_frames >= HEARD - {topics.BUMPER_CLOUD}, 120.0, "every topic with a frame")
-    stack.wait(lambda: any(parent == topics.MAP_FRAME for parent, _ in set(listening.edges)), 30.0, "a map's frame")
+    stack.wait(lambda: listening.with_frames >= HEARD - {topics.BUMPER_CLOUD}, "every topic with a frame")
+    stack.wait(lambda: any(parent == topics.MAP_FRAME for parent, _ in set(listening.edges)), "a map's frame")
     read = stack.plant.read
     monkeypatch.setattr(stack.plant, "read", lambda: read()._replace(hazards=Hazard.CLIFF_LEFT))
-    stack.wait(lambda: topics.BUMPER_CLOUD in listening.with_frames, 10.0, "the stair to be told")
+    stack.wait(lambda: topics.BUMPER_CLOUD in listening.with_frames, "the stair to be told")
     monkeypatch.undo()
     yield listening
     listening.close()

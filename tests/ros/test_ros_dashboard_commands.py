@@ -9,6 +9,8 @@ import pytest
 
 pytest.importorskip("rospy")
 
+from waiting import PATIENCE_S
+
 from vsx_ros.ros.dashboard.commands import commands
 from vsx_ros.ros.dashboard.feed import Board
 from vsx_ros.ros.dashboard.server import TOKEN_HEADER, Answer, ViewServer
@@ -21,7 +23,7 @@ def test_a_text_follows_the_name_of_its_command_and_no_other() -> None:
     thread.start()
 
     def post(path: str) -> tuple[int, str]:
-        connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=60)
+        connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=PATIENCE_S)
         connection.request("POST", path, headers={TOKEN_HEADER: "token", "Host": f"127.0.0.1:{server.server_port}"})
         answer = connection.getresponse()
         return answer.status, json.loads(answer.read())["message"]

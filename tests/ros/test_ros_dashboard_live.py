@@ -8,6 +8,7 @@ import json
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import pytest
 
@@ -20,6 +21,7 @@ import rospy
 from chromium import EXECUTABLE, Chromium
 from ros_ports import free_port
 from std_msgs.msg import String
+from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.ros import launch, topics
 from vsx_ros.ros.dashboard.server import TOKEN_HEADER
@@ -37,26 +39,22 @@ class Viewer:
     """A stream of events, read until something came."""
 
     def __init__(self, port: int) -> None:
-        self._connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+        self._connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
         self._connection.request("GET", "/events")
         self._answer = self._connection.getresponse()
         self.known: dict[str, Any] = {}
 
-    def hear(self, *subjects: str, seconds: float = 60.0) -> None:
-        deadline_s = time.monotonic() + seconds
-        while not self.known.keys() >= set(subjects):
-            self._next(deadline_s)
+    def hear(self, *subjects: str) -> None:
+        wait_for(lambda: self._next() >= set(subjects), "all subjects", lambda: sorted(self.known), 0.0)
 
-    def hear_health_of(self, name: str, seconds: float = 30.0) -> None:
+    def hear_health_of(self, name: str) -> None:
         """Every node tells its own once a second."""
-        deadline_s = time.monotonic() + seconds
-        while name not in self.known.get("health", {}):
-            self._next(deadline_s)
+        wait_for(lambda: self._next() and name in self.known.get("health", {}), f"the health of {name}", pause_s=0.0)
 
-    def _next(self, deadline_s: float) -> None:
-        assert time.monotonic() < deadline_s, f"only {sorted(self.known)}"
+    def _next(self) -> set[str]:
         subject, data, _ = (self._answer.readline().decode().strip() for _ in range(3))
         self.known[subject.removeprefix("event: ")] = json.loads(data.removeprefix("data: "))
+        return set(self.known)
 
     def close(self) -> None:
         self._answer.close()
@@ -69,22 +67,23 @@ def port(stack: Stack) -> int:
     node = launch.view(port=free_port())[0]
     stack.nodes["dashboard"] = node
     stack.start("dashboard")
-    stack.wait(lambda: _answers(node.params["port"]), 30.0, "the view")
+    stack.wait(lambda: _answers(node.params["port"]), "the view")
     return int(node.params["port"])
 
 
 def _answers(port: int) -> bool:
     try:
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
         connection.request("GET", "/")
         return connection.getresponse().status == 200
     except OSError:
         return False
 
 
-def command(port: int, name: str) -> dict[str, Any]:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
-    connection.request("POST", f"/command/{name}", headers={TOKEN_HEADER: SECRET})
+def command(port: int, name: str, value: Any = None) -> dict[str, Any]:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
+    text = "" if value is None else f"?{quote(json.dumps(value))}"
+    connection.request("POST", f"/command/{name}{text}", headers={TOKEN_HEADER: SECRET})
     return dict(json.loads(connection.getresponse().read()))
 
 
@@ -94,7 +93,7 @@ def subscriptions() -> set[str]:
 
 
 def told() -> dict[str, Any]:
-    return dict(json.loads(rospy.wait_for_message(f"/{topics.EXPLORE_STATUS}", String, timeout=30.0).data))
+    return dict(json.loads(rospy.wait_for_message(f"/{topics.EXPLORE_STATUS}", String, timeout=PATIENCE_S).data))
 
 
 def mission() -> str:
@@ -117,21 +116,53 @@ def test_it_listens_to_the_stack_only_while_somebody_looks(stack: Stack, port: i
     assert known["map"]["known_m2"] > 0.0
     assert known["stack"] is True
     assert "mobile_base: safety" in known["health"]
-    stack.wait(lambda: subscriptions() <= {"/clock"}, 20.0, "the view to leave the topics")
+    stack.wait(lambda: subscriptions() <= {"/clock"}, "the view to leave the topics")
 
 
 def test_pause_and_resume_reach_the_mission(stack: Stack, port: int) -> None:
     assert command(port, "pause")["ok"]
-    stack.wait(lambda: mission() == "paused", 20.0, "the pause")
+    stack.wait(lambda: mission() == "paused", "the pause")
     assert command(port, "resume")["ok"]
-    stack.wait(lambda: mission() != "paused", 20.0, "the mission to go on")
+    stack.wait(lambda: mission() != "paused", "the mission to go on")
 
 
 def test_the_emergency_stop_reaches_the_wheels(stack: Stack, port: int) -> None:
     stack.wait_until_driving()
     assert command(port, "estop") == {"ok": True, "message": "the wheels stand until the emergency stop is released"}
-    stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
+    stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
     assert command(port, "release")["ok"]
+    stack.wait_until_driving()
+
+
+def test_a_way_is_told_before_it_is_driven_and_a_drive_can_be_ended(stack: Stack, port: int) -> None:
+    stack.wait_until_driving()
+    home = {"x": 0.0, "y": 0.0}
+    stack.wait(lambda: command(port, "plan", home)["ok"], "a way home")
+    refused = command(port, "plan", {"x": 500.0, "y": 0.0})
+    assert (refused["ok"], "outside the map" in refused["message"]) == (False, True)
+    assert not command(port, "go", {"x": 500.0, "y": 0.0})["ok"]
+    stack.wait(lambda: command(port, "go", home)["ok"], "a way home")
+    stack.wait(lambda: mission() == "user goal", "the drive")
+    assert command(port, "end-drive")["ok"]
+    stack.wait(lambda: mission() != "user goal", "the mission to go on")
+
+
+def test_the_stick_turns_the_wheels_while_it_says_so_and_its_silence_stops_them(stack: Stack, port: int) -> None:
+    stack.wait_until_driving()
+    ticket = 0
+
+    def turns() -> bool:
+        nonlocal ticket
+        ticket = command(port, "drive", {"forward": 0, "left": 1, "ticket": ticket})["data"]["ticket"]
+        left, right = stack.plant.commanded
+        return left < 0.0 < right
+
+    stack.wait(turns, "the wheels to turn")
+    stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
+    ticket = 0
+    stack.wait(turns, "the wheels to turn")
+    assert command(port, "drive", {"forward": 0, "left": 0, "ticket": 0})["ok"]
+    stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
     stack.wait_until_driving()
 
 
@@ -144,10 +175,10 @@ def test_the_buttons_of_the_page_stop_the_wheels_and_let_them_go(stack: Stack, p
             browser.wait(f"$('said').textContent.startsWith('{said}')")
 
         browser.open(f"http://127.0.0.1:{port}/#{SECRET}")
-        browser.wait("frames > 0 && known.pose && known.health && $('release').hidden")
+        browser.wait("known.pictures > 0 && known.pose && known.health && $('release').hidden")
         stack.wait_until_driving()
         press("estop", "The wheels stand")
-        stack.wait(lambda: not stack.plant.moving, 2.0, "the wheels to stand")
+        stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
         try:
             browser.wait("!$('release').hidden")
             stopped_s = stack.plant.stopped_s
@@ -177,12 +208,12 @@ def test_home_and_stop_reach_the_mission(stack: Stack, port: int) -> None:
     stack.wait_until_driving()
     try:
         assert command(port, "home")["ok"]
-        stack.wait(lambda: "driving home" in told()["reason"], 90.0, "the way home")
+        stack.wait(lambda: "driving home" in told()["reason"], "the way home")
         assert command(port, "stop") == {"ok": True, "message": "the exploration ends here"}
-        stack.wait(lambda: mission() == "done", 20.0, "the end")
+        stack.wait(lambda: mission() == "done", "the end")
         said = told()
         assert (said["reason"], said["outcome"]) == ("stopped by the operator", "STOPPED")
-        stack.wait(lambda: not stack.plant.moving, 10.0, "the wheels to stand")
+        stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
     finally:
         stack.another_mission()
-    stack.wait(lambda: mission() != "done", 30.0, "another mission")
+    stack.wait(lambda: mission() != "done", "another mission")

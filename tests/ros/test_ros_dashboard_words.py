@@ -10,8 +10,9 @@ pytest.importorskip("rospy")
 
 import cv2
 import numpy as np
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import Point, PoseArray
 from std_msgs.msg import String
+from visualization_msgs.msg import Marker, MarkerArray
 
 from vsx_ros.errors import InputError
 from vsx_ros.exploration.utility import View
@@ -61,6 +62,12 @@ def test_keyframes_look_where_their_camera_looks(heading: float) -> None:
     assert (x, y) == (1.0, 2.0)
     assert math.cos(looks - heading) == pytest.approx(1.0, abs=1e-4)
     assert feed.keyframes(PoseArray()) == []
+
+
+def test_planes_are_their_corners_from_above() -> None:
+    wall = [Point(x, 2.0, z) for x, z in ((0, 0), (3, 0), (3, 2), (0, 0), (3, 2), (0, 2))]
+    told = feed.planes(MarkerArray([Marker(action=Marker.DELETEALL), Marker(type=Marker.TRIANGLE_LIST, points=wall)]))
+    assert told == [[[0, 2], [3, 2], [3, 2], [0, 2]]]  # a line, there and back
 
 
 def test_frontiers_come_with_their_utility() -> None:

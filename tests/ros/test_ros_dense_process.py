@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from waiting import PATIENCE_S
 
 from vsx_ros.arrays import GrayImage
 from vsx_ros.config import DenseConfig
@@ -86,14 +87,14 @@ def test_when_nobody_asks_any_more_it_ends_without_words(capfd: pytest.CaptureFi
     child = beside._child
     beside._requests.send((dataclasses.replace(seen(3), images=()), dict(enumerate(seen(3).images))))
     del beside  # and with it who would hear the answer
-    assert child.wait(60.0) == 0
+    assert child.wait(PATIENCE_S) == 0
     assert capfd.readouterr() == ("", "")
 
 
 def test_a_process_that_hangs_is_ended_and_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dense_process, "_FIRST_ANSWER_S", 0.5)
     beside = DenseProcess(CAMERA, MOUNT, DenseConfig(), 1)
     os.kill(beside._child.pid, signal.SIGSTOP)
-    monkeypatch.setattr(dense_process, "_ANSWER_S", 0.5)
     with pytest.raises(VsxError, match="has ended"):
         beside.update(seen(3))
-    assert beside._child.wait(10.0) == -signal.SIGKILL
+    assert beside._child.wait(PATIENCE_S) == -signal.SIGKILL

@@ -14,6 +14,7 @@ import pytest
 pytest.importorskip("rospy")
 
 from test_ros_clients import AHEAD_M, base_in, pause, wait_until_standing
+from waiting import PATIENCE_S
 
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.ros import topics
@@ -29,7 +30,9 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "examples/send_a_goal.py"
 def send(stack: Stack, goal: SE2) -> subprocess.CompletedProcess[str]:
     numbers = [f"{goal.x:.3f}", f"{goal.y:.3f}", f"{math.degrees(goal.theta):.2f}"]
     command = [sys.executable, str(EXAMPLE), *numbers]
-    return subprocess.run(command, env=stack.environment, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(
+        command, env=stack.environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
 
 
 def test_a_goal_nearby_is_reached_and_the_exploration_goes_on(stack: Stack) -> None:

@@ -29,7 +29,8 @@ LATCHED = {
     topics.TF_STATIC, topics.SHUTTER, topics.HAZARDS, topics.BUTTONS, topics.MUX_ACTIVE, topics.OPERATOR_HOLD,
     topics.SLAM_STATE, topics.MAP, topics.MAP_METADATA, topics.MAP_POINTS, topics.KEYFRAMES, topics.SLAM_PATH,
     topics.GLOBAL_PLAN, topics.TRAJECTORY, topics.PLAN_MS, topics.FOLLOWER_STATUS,
-    topics.FRONTIERS, topics.EXPLORE_STATUS, topics.COVERAGE,
+    topics.FRONTIERS, topics.EXPLORE_STATUS, topics.COVERAGE, topics.ZONES, topics.ZONE_MARKERS, topics.ROOMS,
+    topics.ROOM_MARKERS,
 }  # fmt: skip
 NOT_ON_A_ROBOT = {"nodes/emulator.py", "player.py"}
 """They stand in for a robot's devices; of what they latch nothing is in the live stack of the tests."""
@@ -53,7 +54,7 @@ def paused(stack: Stack) -> Iterator[Stack]:
     stack.wait_until_driving()
     rospy.wait_for_message(f"/{topics.FRONTIERS}", roslib.message.get_message_class(KINDS[topics.FRONTIERS]), 60.0)
     assert rospy.ServiceProxy(f"/{topics.EXPLORE_PAUSE}", Trigger)().success
-    stack.wait(lambda: not stack.plant.moving, 30.0, "the robot to stand")
+    stack.wait(lambda: not stack.plant.moving, "the robot to stand")
     time.sleep(0.5)
     yield stack
     assert rospy.ServiceProxy(f"/{topics.EXPLORE_RESUME}", Trigger)().success

@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("rospy")
 
 from lone_base import LoneBase
+from waiting import PATIENCE_S
 
 from vsx_ros.config import Config
 from vsx_ros.ros import live_run, topics
@@ -57,7 +58,7 @@ def test_a_launcher_that_hangs_is_left_behind_and_its_nodes_ended(
         run._parent = SimpleNamespace(pm=processes, shutdown=hangs.wait)
         run._end()
         hangs.set()
-        assert node.wait(10.0) == -signal.SIGKILL
+        assert node.wait(PATIENCE_S) == -signal.SIGKILL
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from socketserver import ThreadingMixIn
 from typing import Any
 from xmlrpc.server import SimpleXMLRPCServer
@@ -17,6 +17,7 @@ pytest.importorskip("rospy")
 import rosgraph
 from ros_ports import HOST, free_port
 from rosmaster.master_api import ROSMasterHandler
+from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.ros import master_watch
 from vsx_ros.ros.master_watch import MasterWatch, Offers
@@ -27,13 +28,6 @@ OFFERS = Offers(
     {"/odom": "nav_msgs/Odometry"}, {"/cmd": "geometry_msgs/Twist"}, {"/base/estop": "rosrpc://localhost:1"}
 )  # fmt: skip
 ME = f"http://{HOST}:9/"
-
-
-def wait(condition: Callable[[], bool]) -> bool:
-    deadline = time.monotonic() + 10.0
-    while not condition() and time.monotonic() < deadline:
-        time.sleep(0.005)
-    return condition()
 
 
 class Server(ThreadingMixIn, SimpleXMLRPCServer):
@@ -97,12 +91,12 @@ def test_a_master_that_refuses_is_gone_and_one_that_answers_is_back(port: int, m
     graph = Graph(port)
     try:
         watch = MasterWatch()
-        assert wait(lambda: not watch.trouble)
+        wait_for(lambda: not watch.trouble)
         graph.end()
-        assert wait(lambda: not watch.answers), "refused, and it is said to be there"
+        wait_for(lambda: not watch.answers, "refused, and it is said to be there")
         assert watch.trouble == "the ROS master does not answer; start it again"
         graph = Graph(port)
-        assert wait(lambda: not watch.trouble), "it answers, and it is said to be gone"
+        wait_for(lambda: not watch.trouble, "it answers, and it is said to be gone")
     finally:
         graph.end()
 
@@ -112,40 +106,40 @@ def test_an_answer_that_means_nothing_is_none_and_is_not_the_last(
 ) -> None:
     """Somebody else at the master's port for a while: the watch goes on."""
     watch = MasterWatch()
-    assert wait(lambda: not watch.trouble)
+    wait_for(lambda: not watch.trouble)
     with monkeypatch.context() as babel:
         babel.setattr(graph[0].server, "_marshaled_dispatch", lambda *_, **__: b"<methodResponse><nonsense")
-        assert wait(lambda: not watch.answers), "nonsense, and it is said to be there"
+        wait_for(lambda: not watch.answers, "nonsense, and it is said to be there")
         time.sleep(0.3)
-    assert wait(lambda: not watch.trouble), "it answers, and it is said to be gone"
+    wait_for(lambda: not watch.trouble, "it answers, and it is said to be gone")
 
 
 def test_nothing_may_move_until_a_new_master_knows_all_of_the_node(
     graph: list[Graph], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     watch = MasterWatch()
-    assert wait(lambda: not watch.trouble)
+    wait_for(lambda: not watch.trouble)
     assert graph[0].knows_base()
     held, register = threading.Event(), master_watch.register
 
     def in_time(offers: Offers) -> None:
-        held.wait(10.0)
+        held.wait(PATIENCE_S)
         register(offers)
 
     monkeypatch.setattr(master_watch, "register", in_time)
     graph[0] = graph[0].again()
-    assert wait(lambda: "does not" in watch.trouble)
+    wait_for(lambda: "does not" in watch.trouble)
     time.sleep(0.5)
     assert watch.trouble, "it answers, but knows nobody"
     held.set()
-    assert wait(lambda: not watch.trouble)
+    wait_for(lambda: not watch.trouble)
     assert graph[0].knows_base()
 
 
 @pytest.mark.parametrize("lost", ["service", "publisher", "subscriber"])
 def test_what_a_master_has_lost_of_the_node_is_registered_anew(graph: list[Graph], lost: str) -> None:
     watch = MasterWatch()
-    assert wait(lambda: not watch.trouble)
+    wait_for(lambda: not watch.trouble)
     as_base = rosgraph.Master("/base", graph[0].asked.master_uri)
     if lost == "service":
         as_base.unregisterService("/base/estop", OFFERS.services["/base/estop"])
@@ -154,7 +148,7 @@ def test_what_a_master_has_lost_of_the_node_is_registered_anew(graph: list[Graph
     else:
         as_base.unregisterSubscriber("/cmd", ME)
     assert not graph[0].knows_base()
-    assert wait(graph[0].knows_base)
+    wait_for(graph[0].knows_base)
 
 
 def test_a_new_master_gets_the_parameters_of_the_old_one_but_not_over_newer_ones(graph: list[Graph]) -> None:
@@ -162,7 +156,7 @@ def test_a_new_master_gets_the_parameters_of_the_old_one_but_not_over_newer_ones
         graph[0].asked.setParam(name, value)
     graph[0].asked.setParam("/use_sim_time", True)
     watch = MasterWatch()
-    assert wait(lambda: not watch.trouble)
+    wait_for(lambda: not watch.trouble)
     watch.keep({"~estopped": True})
     assert graph[0].asked.getParam("/base/estopped") is True
     graph[0].asked.setParam("/config/a/b", 2.5)
@@ -170,10 +164,10 @@ def test_a_new_master_gets_the_parameters_of_the_old_one_but_not_over_newer_ones
     time.sleep(1.5)
     watch.remember({"/follower/gain": 2})
     graph[0].end()
-    assert wait(lambda: not watch.answers)
+    wait_for(lambda: not watch.answers)
     graph[0] = Graph(graph[0]._port)
     graph[0].asked.setParam("/base/port", "/dev/two")
-    assert wait(lambda: not watch.trouble)
+    wait_for(lambda: not watch.trouble)
     told = graph[0].asked.getParam("/")
     assert told["base"] == {"port": "/dev/two", "robot_type": "create", "estopped": True}
     assert (told["follower"], told["config"]) == ({"gain": 2}, {"a": {"b": 2.5}})
@@ -183,12 +177,12 @@ def test_a_new_master_gets_the_parameters_of_the_old_one_but_not_over_newer_ones
 def test_what_is_stated_while_no_master_answers_is_written_to_the_next(graph: list[Graph]) -> None:
     graph[0].asked.setParam("/base/estopped", False)
     watch = MasterWatch()
-    assert wait(lambda: not watch.trouble)
+    wait_for(lambda: not watch.trouble)
     graph[0].end()
-    assert wait(lambda: not watch.answers)
+    wait_for(lambda: not watch.answers)
     watch.keep({"~estopped": True})
     graph[0] = Graph(graph[0]._port)
-    assert wait(lambda: not watch.trouble)
+    wait_for(lambda: not watch.trouble)
     assert graph[0].asked.getParam("/base/estopped") is True
 
 
@@ -199,9 +193,9 @@ def test_a_master_where_another_robot_has_the_name_is_left_alone(graph: list[Gra
         stranger = rosgraph.Master("/base" if what == "node" else "/other", graph[0].asked.master_uri)
         before: Any = stranger.registerService("/base/estop", address.replace("http", "rosrpc"), address)
         watch = MasterWatch()
-        assert wait(lambda: "another node" in watch.trouble), "its services would be taken from it"
+        wait_for(lambda: "another node" in watch.trouble, "its services would be taken from it")
         time.sleep(0.5)
         assert graph[0].asked.lookupService("/base/estop") == address.replace("http", "rosrpc"), before
         assert "another node" in watch.trouble
-    assert wait(lambda: not watch.trouble), "it has died"
+    wait_for(lambda: not watch.trouble, "it has died")
     assert graph[0].knows_base()

@@ -89,7 +89,7 @@ def test_the_wheels_stand_until_the_new_master_can_stop_them_and_an_emergency_st
     base.processes.wait(lambda: base.plant.turns, "the hand to drive")
     for _ in range(3):
         base.kill_master()
-        base.processes.wait(lambda: not base.plant.turns, "the wheels to stand", 5.0)
+        base.processes.wait(lambda: not base.plant.turns, "the wheels to stand")
         base.plant.turned_again = lambda: stop_path(base)
         base.start_master()
         base.processes.wait(lambda: base.plant.turns, "the hand to drive again")
@@ -128,7 +128,7 @@ def test_health_is_told_and_watchdogs_are_replaced_while_ros_time_stands(base: L
     assert json.loads(base.processes.run("python3", "-c", LISTEN).stdout) >= 3
     before = children(node.pid)
     os.kill(min(before), 9)
-    base.processes.wait(lambda: len(children(node.pid) - before) == 1, "a new watchdog", 20.0)
+    base.processes.wait(lambda: len(children(node.pid) - before) == 1, "a new watchdog")
     base.kill_master()
     base.start_master()
     base.processes.wait(lambda: stop_path(base), "the stop path")
@@ -141,7 +141,7 @@ def test_what_is_no_master_moves_nothing(base: LoneBase) -> None:
     base.processes.start("hand", "python3", "-c", HAND)
     base.processes.wait(lambda: base.plant.turns, "the hand to drive")
     base.kill_master()
-    base.processes.wait(lambda: not base.plant.turns, "the wheels to stand", 5.0)
+    base.processes.wait(lambda: not base.plant.turns, "the wheels to stand")
     web: subprocess.Popen[bytes] = base.processes.start("web", "python3", "-m", "http.server", base.master_port)
     time.sleep(2.0)
     assert not base.plant.turns

@@ -22,6 +22,7 @@ pytest.importorskip("rospy")
 
 import bag_numbers
 import numpy as np
+from waiting import PATIENCE_S
 
 from vsx_ros.control.keyboard import keys
 from vsx_ros.io.bag import open_recording
@@ -38,7 +39,7 @@ VSX = [sys.executable, "-m", "vsx_ros.cli.main"]
 
 def vsx(stack: Stack, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [*VSX, *words], env=stack.environment, capture_output=True, text=True, timeout=120, check=False
+        [*VSX, *words], env=stack.environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
 
 
@@ -51,7 +52,7 @@ def facts(stack: Stack) -> dict[str, Any]:
 
 def test_status_says_what_the_robot_does(stack: Stack) -> None:
     stack.wait_until_driving()
-    stack.wait(lambda: facts(stack)["slam_state"] == "TRACKING", 60.0, "tracking")
+    stack.wait(lambda: facts(stack)["slam_state"] == "TRACKING", "tracking")
     said = facts(stack)
     assert None not in [said[name] for name in ("state", "reason", "tracked_ratio", "base_reason", "hazards")]
     assert 0.0 < said["tracked_ratio"] <= 1.0
@@ -70,7 +71,7 @@ def test_a_watch_goes_on_until_ctrl_c(stack: Stack) -> None:
         assert watch.stdout is not None
         lines = [json.loads(watch.stdout.readline()) for _ in range(2)]
         watch.send_signal(signal.SIGINT)
-        assert watch.wait(60.0) == DONE
+        assert watch.wait(PATIENCE_S) == DONE
     assert all(line["base_reason"] for line in lines)
 
 
@@ -89,7 +90,7 @@ def test_stop_stands_until_it_is_released(stack: Stack) -> None:
 
 def test_a_namespace_without_a_robot_is_told(stack: Stack) -> None:
     other = {**stack.environment, "ROS_NAMESPACE": "robot9"}
-    done = subprocess.run([*VSX, "stop"], env=other, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run([*VSX, "stop"], env=other, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == FAILED
     assert "/robot9/mobile_base/estop" in done.stderr
     assert done.stderr.count("\n") == 1
@@ -111,16 +112,15 @@ class Keyboard:
         )
         self.said = b""
         threading.Thread(target=self._listen, daemon=True).start()
-        stack.wait(lambda: b"0.50 rad/s" in self.said, 60.0, "teleop to be ready")
+        stack.wait(lambda: b"0.50 rad/s" in self.said, "teleop to be ready")
 
     def _listen(self) -> None:
         with contextlib.suppress(OSError):
             while content := os.read(self.master, 1024):
                 self.said += content
 
-    def hold(self, key: str, seconds: float) -> None:
-        deadline_s = time.monotonic() + seconds
-        while time.monotonic() < deadline_s:
+    def hold(self, key: str, released: threading.Event) -> None:
+        while not released.is_set():
             os.write(self.master, key.encode())
             time.sleep(0.04)
 
@@ -141,20 +141,23 @@ def keyboard(stack: Stack) -> Iterator[Keyboard]:
 
 def test_a_held_key_turns_the_robot_and_a_released_one_stops_it(stack: Stack, keyboard: Keyboard) -> None:
     assert termios.tcgetattr(keyboard.slave) != keyboard.before
-    turning = []
-    holder = threading.Thread(target=keyboard.hold, args=("\x1b[D", 2.5))
-    holder.start()
-    while holder.is_alive():
+    turning, released = [], threading.Event()
+
+    def has_turned() -> bool:
+        """In place, to the left: nothing that the explorer would do for so long with the same speed."""
         left, right = stack.plant.commanded
         turning.append(left < -0.02 and right == pytest.approx(-left, abs=0.003))
-        time.sleep(0.02)
-    assert (
-        sum(turning) > 20
-    )  # in place, to the left: nothing that the explorer would do for so long with the same speed
+        return sum(turning) > 50
+
+    holder = threading.Thread(target=keyboard.hold, args=("\x1b[D", released))
+    holder.start()
+    stack.wait(has_turned, "the robot to turn")
+    released.set()
+    holder.join()
     os.write(keyboard.master, b"\x1b")  # half an arrow key must not keep the robot turning
-    stack.wait(lambda: stack.plant.commanded == (0.0, 0.0) or stack.plant.commanded[0] >= 0.0, 1.5, "the key's release")
+    stack.wait(lambda: stack.plant.commanded == (0.0, 0.0) or stack.plant.commanded[0] >= 0.0, "the key's release", 1.5)
     os.write(keyboard.master, b"q")
-    assert keyboard.process.wait(60.0) == DONE
+    assert keyboard.process.wait(PATIENCE_S) == DONE
     assert termios.tcgetattr(keyboard.slave) == keyboard.before
     assert b"drive" in keyboard.said
 
@@ -163,7 +166,7 @@ def test_a_held_key_turns_the_robot_and_a_released_one_stops_it(stack: Stack, ke
 def test_the_terminal_is_given_back_however_teleop_ends(keyboard: Keyboard, number: int) -> None:
     assert termios.tcgetattr(keyboard.slave) != keyboard.before
     keyboard.process.send_signal(number)
-    keyboard.process.wait(60.0)
+    keyboard.process.wait(PATIENCE_S)
     assert termios.tcgetattr(keyboard.slave) == keyboard.before
 
 
@@ -187,7 +190,7 @@ def test_a_node_ends_in_the_middle_of_a_question_to_the_master(stack: Stack) -> 
         assert node.stdout.readline() == "asks\n"
         node.send_signal(signal.SIGINT)
         try:
-            assert node.wait(60.0) == 0
+            assert node.wait(PATIENCE_S) == 0
         finally:
             node.kill()
 
@@ -223,7 +226,7 @@ def test_a_bag_replays_png_is_the_same_picture_and_jpeg_nearly(stack: Stack, tmp
         timed = vsx(stack, "record", "--images", "png", "--time", "4", "--out", str(png))
         for recorder in recorders:
             recorder.send_signal(signal.SIGINT)
-        said = [recorder.communicate(timeout=60.0) for recorder in recorders]
+        said = [recorder.communicate(timeout=PATIENCE_S) for recorder in recorders]
     assert [process.returncode for process in (*recorders, timed)] == [DONE] * 3, (said, timed.stderr)
     assert f"vsx replay {raw}" in said[0][0]
     pictures = {}
@@ -244,13 +247,15 @@ def test_a_bag_replays_png_is_the_same_picture_and_jpeg_nearly(stack: Stack, tmp
 
 
 def test_a_bag_holds_what_was_asked_for_and_every_number_once(stack: Stack, tmp_path: Path) -> None:
-    stack.wait(lambda: facts(stack)["slam_state"] == "TRACKING", 60.0, "tracking")
+    stack.wait(lambda: facts(stack)["slam_state"] == "TRACKING", "tracking")
     stack.wait_until_driving()
     bag, twice = tmp_path / "a.bag", f"{topics.STATS}/fps"
     asked = ["--topic", topics.JOINT_STATES, "--topic", twice]
     done = vsx(stack, "record", "--images", "jpeg", "--time", "6", "--out", str(bag), *asked)
     assert done.returncode == DONE, done.stderr
-    info = subprocess.run(["rosbag", "info", str(bag)], capture_output=True, text=True, timeout=120, check=True).stdout
+    info = subprocess.run(
+        ["rosbag", "info", str(bag)], capture_output=True, text=True, timeout=PATIENCE_S, check=True
+    ).stdout
     held = {line.split()[0] if not line.startswith("topics:") else line.split()[1]: line for line in info.splitlines()}
     assert "sensor_msgs/JointState" in held[f"/{topics.JOINT_STATES}"]
     assert "nav_msgs/Path" in held[f"/{topics.GLOBAL_PLAN}"]
@@ -280,7 +285,7 @@ def test_the_size_limit_ends_a_recording(stack: Stack, tmp_path: Path) -> None:
 def test_a_recording_without_images_is_no_success(stack: Stack, tmp_path: Path) -> None:
     other = {**stack.environment, "ROS_NAMESPACE": "robot9"}
     command = [*VSX, "record", "--time", "4", "--out", str(tmp_path / "a.bag")]
-    done = subprocess.run(command, env=other, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(command, env=other, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert "/robot9/camera/rgb/image_raw" in done.stderr
     assert done.returncode == FAILED
     assert "no image" in done.stderr

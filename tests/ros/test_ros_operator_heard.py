@@ -19,6 +19,7 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
+from waiting import PATIENCE_S
 
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import EMERGENCY_STOP
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.ros
 
 HELD_S = 12.0  # longer than any goal takes to fail
-PATIENCE_S = 300.0
 
 
 class Ears:
@@ -59,7 +59,7 @@ def ears(stack: Stack) -> Any:
     rospy.wait_for_message(f"/{topics.POSE}", PoseWithCovarianceStamped, timeout=PATIENCE_S)
     stack.wait_until_driving()
     heard = Ears()
-    stack.wait(lambda: heard.status and heard.held, PATIENCE_S, "the explorer's status")
+    stack.wait(lambda: heard.status and heard.held, "the explorer's status")
     yield heard
     heard.close()
 
@@ -74,7 +74,7 @@ def test_an_emergency_stop_holds_the_mission_and_blames_nobody(stack: Stack, ear
     estop = rospy.ServiceProxy(f"/{topics.ESTOP}", SetBool)
     assert estop(True).success
     try:
-        stack.wait(lambda: ears.status["state"] == "held", PATIENCE_S, "the mission to be held")
+        stack.wait(lambda: ears.status["state"] == "held", "the mission to be held")
         assert ears.held["by"] == EMERGENCY_STOP
         goals = sum("driving" in event["reason"] for event in ears.events)
         time.sleep(HELD_S)
@@ -98,7 +98,7 @@ def test_teleop_holds_the_mission_and_it_goes_on_by_itself(stack: Stack, ears: E
         time.sleep(0.05)
     assert ears.status["state"] == "held"
     assert ears.held["by"] == "teleop"
-    stack.wait(lambda: ears.status["state"] != "held", PATIENCE_S, "the exploration to go on")
+    stack.wait(lambda: ears.status["state"] != "held", "the exploration to go on")
     stack.wait_until_driving()
     assert ears.blamed() == []
 
@@ -108,7 +108,7 @@ def test_a_goal_of_an_actionlib_client_is_driven_to_while_exploring(stack: Stack
     assert client.wait_for_server(rospy.Duration(PATIENCE_S))
     goal = convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), pose())
     client.send_goal(MoveBaseGoal(goal))
-    stack.wait(lambda: ears.status["state"] == "user goal", PATIENCE_S, "the explorer to step back")
+    stack.wait(lambda: ears.status["state"] == "user goal", "the explorer to step back")
     assert client.wait_for_result(rospy.Duration(PATIENCE_S))
     assert "cancelled" not in client.get_goal_status_text()
     assert client.get_state() in (GoalStatus.SUCCEEDED, GoalStatus.ABORTED)
@@ -119,11 +119,11 @@ def test_a_goal_of_an_actionlib_client_is_driven_to_while_exploring(stack: Stack
 
 def test_an_arrow_of_rviz_is_driven_to_while_exploring(stack: Stack, ears: Ears) -> None:
     arrow = rospy.Publisher(f"/{topics.SIMPLE_GOAL}", PoseStamped, queue_size=1)
-    stack.wait(arrow.get_num_connections, PATIENCE_S, "move_base to listen")
+    stack.wait(arrow.get_num_connections, "move_base to listen")
     arrow.publish(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), pose()))
-    stack.wait(lambda: ears.status["state"] == "user goal", PATIENCE_S, "the explorer to step back")
+    stack.wait(lambda: ears.status["state"] == "user goal", "the explorer to step back")
     assert "/observer" in ears.status["reason"]
-    stack.wait(lambda: ears.status["state"] != "user goal", PATIENCE_S, "the end of the goal")
+    stack.wait(lambda: ears.status["state"] != "user goal", "the end of the goal")
     stack.wait_until_driving()
 
 

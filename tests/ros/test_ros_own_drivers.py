@@ -67,7 +67,7 @@ def drive():
         rospy.rostime.wallsleep(0.05)
 threading.Thread(target=drive, daemon=True).start()
 def wait(condition, what):
-    for _ in range(1200):
+    for _ in range(8000):
         if condition():
             return
         rospy.rostime.wallsleep(0.05)

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE_S
 
 pytest.importorskip("rospy")
 
@@ -25,7 +26,9 @@ def environment(**changes: str) -> dict[str, str]:
 
 
 def output_of(command: list[str], **changes: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, env=environment(**changes), capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(
+        command, env=environment(**changes), capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
 
 
 def test_rospack_finds_the_checkout() -> None:
@@ -53,6 +56,6 @@ def test_vsx_works_from_any_folder(tmp_path: Path) -> None:
     """Its programs above, too: they are other processes, which must find the packages as it did."""
     vsx = [str(CHECKOUT / "scripts/vsx"), "status"]
     shell = environment(VSX_PYTHON=sys.executable, ROS_MASTER_URI="http://localhost:1")
-    done = subprocess.run(vsx, env=shell, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(vsx, env=shell, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 1
     assert "no ROS master answers" in done.stderr

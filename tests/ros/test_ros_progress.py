@@ -35,3 +35,9 @@ def test_a_long_reason_is_cut_to_a_terminal_and_its_figures_are_left_out():
     assert line.startswith("mapping: driving 3.0 m to look at 4.1 m2")
     assert line.endswith("... | 41 % covered | 0.0 m | 85/300 s")
     assert "U =" not in progress_line(monitor({**status, "reason": "on the way [U = 1]"}), None, 1.0, None)
+
+
+@pytest.mark.parametrize(("left_s", "told"), [(None, "85 s"), (20, "85 s, ~1 min left"), (250, "85 s, ~4 min left")])
+def test_the_time_left_is_told_where_it_is_known(left_s, told):
+    line = progress_line(monitor({"state": "mapping", "reason": "on the way", "left_s": left_s}), 0.41, 85.0, None)
+    assert line == f"mapping: on the way | 41 % covered | 0.0 m | {told}"

@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("rospy")
 
 from rosbags.rosbag1 import Reader
+from waiting import PATIENCE_S
 
 from vsx_ros.cli.option_values import Size
 from vsx_ros.errors import InputError
@@ -65,7 +66,7 @@ def test_a_disk_that_is_full_is_told_and_does_not_hang(
 def test_a_disk_that_hangs_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, waiting: int) -> None:
     writer, taken = BagWriter(tmp_path / "a.bag"), threading.Event()
     monkeypatch.setattr(record, "_STUCK_S", 0.1)
-    monkeypatch.setattr(writer._writer, "write", lambda *_: taken.wait(60.0))
+    monkeypatch.setattr(writer._writer, "write", lambda *_: taken.wait(PATIENCE_S))
     for _ in range(waiting):
         writer.put(message(b"one"))
     closed = threading.Thread(target=writer.close, daemon=True)

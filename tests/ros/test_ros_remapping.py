@@ -32,7 +32,7 @@ hand = rospy.Publisher(teleop, Twist, queue_size=1)
 command = Twist()
 command.linear.x = asked
 def wait(condition, what, act=lambda: None):
-    deadline = rospy.get_time() + 60.0
+    deadline = rospy.get_time() + 400.0
     while not condition():
         if rospy.get_time() > deadline:
             sys.exit(f"waited for {what}: {heard[-1:]}")

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ pytest.importorskip("rospy")
 import cv2
 from drive_bag import AHEAD, START_NS, driver, write_drive
 from ros_ports import free_port
+from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.cli import main
 from vsx_ros.config import Config
@@ -70,7 +70,7 @@ def test_the_nodes_find_what_lock_step_finds(bag: Path, in_lock_step: RunFolder,
     out = tmp_path / "run"
     done = subprocess.run(
         command(bag, "--map", "--rate", rate, "--out", str(out)),
-        env=environment(tmp_path), capture_output=True, text=True, timeout=120, check=False,
+        env=environment(tmp_path), capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
     assert done.returncode == DONE, done.stderr + done.stdout
     assert "the recording was played to its end" in done.stdout
@@ -102,7 +102,7 @@ def test_rosbags_own_player_feeds_the_nodes_too(bag: Path, in_lock_step: RunFold
     done = subprocess.run(
         ["roslaunch", "vsx_ros", "replay.launch", f"bag:={bag}", f"run_dir:={tmp_path / 'run'}", *names],
         env={**environment(tmp_path), "ROS_PACKAGE_PATH": f"{CHECKOUT}:/usr/share", "VSX_PYTHON": sys.executable},
-        capture_output=True, text=True, timeout=120, check=False,
+        capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
     folder = RunFolder(tmp_path / "run")
     assert (folder.path / "summary.json").exists(), done.stdout + done.stderr
@@ -127,7 +127,12 @@ def test_without_odometry_there_is_no_scale_and_no_ground_map(bag: Path, tmp_pat
     write_calibration(tmp_path / "camera.yaml", recording.camera, "emulated")
     words = ["--rate", "0", "--calibration", str(tmp_path / "camera.yaml"), "--out", str(out)]
     done = subprocess.run(
-        command(pictures, *words), env=environment(tmp_path), capture_output=True, text=True, timeout=120, check=False
+        command(pictures, *words),
+        env=environment(tmp_path),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
     )
     assert len(RunFolder.open(out).read_frames()) == 20, done.stdout + done.stderr
     assert RunFolder.open(out).read_map() is None
@@ -140,16 +145,13 @@ def test_ctrl_c_ends_it_and_a_second_replay_is_refused(bag: Path, tmp_path: Path
     ) as first:
         assert first.stderr is not None
         threading.Thread(target=lines.extend, args=(first.stderr,), daemon=True).start()
-        deadline_s = time.monotonic() + 90.0
-        while not any(line.startswith("image ") for line in lines):
-            assert time.monotonic() < deadline_s, lines
-            time.sleep(0.1)
+        wait_for(lambda: any(line.startswith("image ") for line in lines), "an image", lambda: lines)
         refused = subprocess.run(
             command(bag, "--out", str(tmp_path / "other")),
-            env=shared, capture_output=True, text=True, timeout=60, check=False,
+            env=shared, capture_output=True, text=True, timeout=PATIENCE_S, check=False,
         )  # fmt: skip
         first.send_signal(signal.SIGINT)
-        assert first.wait(30.0) == STOPPED
+        assert first.wait(PATIENCE_S) == STOPPED
     assert refused.returncode == FAILED
     assert "already publishes /clock" in refused.stderr
     assert refused.stderr.count("\n") == 1

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,20 +14,13 @@ pytest.importorskip("rospy")
 
 from ros_ports import free_port
 from test_ros_run import environment, run_command
+from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import ClockLine, FrameLine, read_journal
 from vsx_ros.slam.state import TrackingState
 
 pytestmark = pytest.mark.ros
-
-
-def wait_for(condition: Callable[[], bool], run: subprocess.Popen[bytes], seconds: float) -> None:
-    deadline_s = time.monotonic() + seconds
-    while not condition():
-        assert run.poll() is None, "the run ended by itself"
-        assert time.monotonic() < deadline_s
-        time.sleep(0.2)
 
 
 def kill_everything(folder: Path, port: int) -> None:
@@ -48,7 +40,12 @@ def test_killed_and_resumed(tmp_path: Path) -> None:
     command = run_command("--world", "lab", "--seed", "1", "--time", "300", "--headless", "--out", str(out))
     folder = RunFolder(out)
     with subprocess.Popen(command, env=environment(tmp_path, port), **quiet) as run:
-        wait_for(lambda: folder.checkpoint.exists and len(folder.checkpoint.read().slam_map.view.living) >= 8, run, 120)
+
+        def maps() -> bool:
+            assert run.poll() is None, "the run ended by itself"
+            return folder.checkpoint.exists and len(folder.checkpoint.read().slam_map.view.living) >= 8
+
+        wait_for(maps, "a map", pause_s=0.2)
         kill_everything(out, port)
         run.wait()
     assert not (out / "summary.json").exists()
@@ -60,7 +57,7 @@ def test_killed_and_resumed(tmp_path: Path) -> None:
     command = run_command("--resume", str(out), "--time", f"{clock.elapsed_s + 25:.0f}", "--headless")
     port = free_port()
     done = subprocess.run(
-        command, env=environment(tmp_path, port), timeout=150, capture_output=True, text=True, check=False
+        command, env=environment(tmp_path, port), timeout=PATIENCE_S, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))

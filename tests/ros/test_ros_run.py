@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,6 +17,7 @@ import pytest
 pytest.importorskip("rospy")
 
 from ros_ports import free_port
+from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.config import Config
 from vsx_ros.ros.run import Coverage
@@ -50,6 +50,16 @@ def processes_that_name(text: str) -> list[str]:
     return [line for line in lines if text in line]
 
 
+def wait_for_words(run: subprocess.Popen[str], lines: list[str], *words: str) -> None:
+    """Wait for a line with all of these words, while the run lasts."""
+
+    def said() -> bool:
+        assert run.poll() is None, lines
+        return any(all(word in line for word in words) for line in lines)
+
+    wait_for(said, " ".join(words), lambda: lines)
+
+
 @contextlib.contextmanager
 def exploring(tmp_path: Path, port: int, out: Path) -> Iterator[tuple[subprocess.Popen[str], list[str]]]:
     """A run that maps by now, and what it says."""
@@ -60,11 +70,7 @@ def exploring(tmp_path: Path, port: int, out: Path) -> Iterator[tuple[subprocess
     ) as run:
         assert run.stderr is not None
         threading.Thread(target=lines.extend, args=(run.stderr,), daemon=True).start()
-        deadline_s = time.monotonic() + 90.0
-        while not any("mapping: " in line for line in lines):
-            assert time.monotonic() < deadline_s, lines
-            assert run.poll() is None, lines
-            time.sleep(0.1)
+        wait_for_words(run, lines, "mapping: ")
         yield run, lines
 
 
@@ -72,7 +78,7 @@ def test_ctrl_c_stops_the_robot_ends_every_process_and_leaves_a_run_folder(tmp_p
     port, out = free_port(), tmp_path / "run"
     with exploring(tmp_path, port, out) as (run, _):
         run.send_signal(signal.SIGINT)
-        assert run.wait(30.0) == STOPPED
+        assert run.wait(PATIENCE_S) == STOPPED
     assert not processes_that_name(f"-p {port}")
     assert not processes_that_name(str(out))
     folder = RunFolder.open(out)
@@ -97,7 +103,7 @@ def test_a_slam_that_hangs_at_the_end_is_told_and_its_journal_kept(tmp_path: Pat
         os.kill(int(vslam.parent.name), signal.SIGSTOP)
         run.send_signal(signal.SIGINT)
         assert run.stderr is not None
-        assert run.wait(30.0) == STOPPED
+        assert run.wait(PATIENCE_S) == STOPPED
     said = (out / "summary.json").read_text(encoding="utf-8")
     assert json.loads(said)["frames_tracked"] > 0
     assert json.loads(said)["ate_rmse_m"] < 0.1
@@ -119,7 +125,7 @@ def test_a_run_whose_own_master_is_killed_ends_in_one_sentence_with_every_proces
         (master,) = (entry for entry in Path("/proc").glob("[0-9]*/cmdline") if is_master(entry, port))
         os.kill(int(master.parent.name), signal.SIGKILL)
         said = run.stdout.read()
-        assert run.wait(60.0) == FAILED, (said, lines)
+        assert run.wait(PATIENCE_S) == FAILED, (said, lines)
     reason = "the ROS master of this run has ended, so the robot was stopped; explore again"
     assert said.splitlines()[0] == reason, said
     assert not any("Traceback" in line for line in lines)
@@ -140,7 +146,7 @@ def test_each_base_explores_over_its_emulator(tmp_path: Path, base: str) -> None
     out = tmp_path / "run"
     command = run_command("--world", "lab", "--seed", "1", "--base", base, "--time", "10", "--out", str(out))
     done = subprocess.run(
-        command, env=environment(tmp_path, free_port()), capture_output=True, text=True, timeout=120, check=False
+        command, env=environment(tmp_path, free_port()), capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert done.returncode == DONE, done.stderr
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
@@ -160,7 +166,7 @@ def test_a_live_run_whose_files_may_not_grow_ends_in_order_and_keeps_what_fits(t
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000)),
         capture_output=True,
         text=True,
-        timeout=180,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert done.returncode == FAILED, done.stderr
@@ -210,13 +216,9 @@ def test_a_wrong_serial_port_is_named_and_waited_for(tmp_path: Path) -> None:
         assert run.stderr is not None
         reader = threading.Thread(target=lines.extend, args=(run.stderr,), daemon=True)
         reader.start()
-        deadline_s = time.monotonic() + 90.0
-        while not any("waiting for" in line and "mobile_base" in line for line in lines):
-            assert time.monotonic() < deadline_s, lines
-            assert run.poll() is None, lines
-            time.sleep(0.1)
+        wait_for_words(run, lines, "waiting for", "mobile_base")
         run.send_signal(signal.SIGINT)
-        assert run.wait(30.0) == STOPPED
+        assert run.wait(PATIENCE_S) == STOPPED
     told = [line for line in lines if line.startswith("mobile_base: /dev/ttyNONE: no such port; plug the base in")]
     assert len(told) == 1
 
@@ -228,7 +230,7 @@ def test_a_wrong_serial_port_is_named_and_waited_for(tmp_path: Path) -> None:
 def test_mistakes_are_one_sentence_before_anything_starts(tmp_path: Path, words: list[str], sentence: str) -> None:
     command = run_command(*words, "--out", str(tmp_path / "run"))
     done = subprocess.run(
-        command, env=environment(tmp_path, 1), capture_output=True, text=True, timeout=60, check=False
+        command, env=environment(tmp_path, 1), capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert done.returncode == FAILED
     assert sentence in done.stderr

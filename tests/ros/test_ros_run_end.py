@@ -1,7 +1,10 @@
 """The end of a run in the live view: the page outlives the run, with what was reached and what to do with it."""
 
-import argparse
+import http.client
 import json
+import os
+import socket
+import sys
 import threading
 import time
 import urllib.request
@@ -15,14 +18,24 @@ pytest.importorskip("rospy")
 
 from chromium import EXECUTABLE, Chromium
 from free_ports import free_port
+from waiting import PATIENCE_S
 
+from vsx_ros.cli.main import parse
 from vsx_ros.config import Config
+from vsx_ros.errors import VsxError
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.geometry.se3 import SE3, StampedPose
+from vsx_ros.io.zone_file import save_zones, zone_file
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.zones import Zone, ZoneKind
+from vsx_ros.ros import run
+from vsx_ros.ros.dashboard import server
 from vsx_ros.ros.dashboard.ending import Ended, show_end
-from vsx_ros.ros.run import go_on_args
+from vsx_ros.ros.dashboard.feed import Board
+from vsx_ros.ros.dashboard.server import ViewServer
+from vsx_ros.ros.run import go_on_words
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.start import begin
 
 TOKEN = "a-token-of-tests"
 
@@ -30,10 +43,13 @@ TOKEN = "a-token-of-tests"
 @pytest.fixture
 def folder(tmp_path: Path) -> RunFolder:
     made = RunFolder.create(tmp_path / "run")
-    made.write_config(Config(), ["vsx", "explore"], world="lab", seed=1, time=120.0, fast=False)
+    made.write_config(Config(), ["vsx", "explore"], seed=1, time=120.0, until=0.9, fast=False)
     summary = Summary(frames=40, frames_tracked=30, coverage=0.93, stop_reason="time limit of 120 s", duration_s=120.0)
     made.write_summary(summary.as_dict())
     made.write_map(OccupancyGrid(np.array([[0, 0, 100], [0, -1, 100]], np.int8), 0.5, 0.0, 0.0))
+    save_zones(
+        [Zone("carpet", ZoneKind.NO_GO, ((0.0, 0.0), (0.5, 0.0), (0.5, 0.5)))], zone_file(made.path / "map.yaml")
+    )
     made.write_poses("trajectory", [StampedPose(k, SE3(np.eye(3), np.array([0.1 * k, 0.0, 0.3]))) for k in range(20)])
     (made.path / "report.html").write_text("<p>the report</p>", encoding="utf-8")
     return made
@@ -69,7 +85,7 @@ def ask(port: int, path: str, method: str = "GET") -> bytes:
     )
     while True:
         try:
-            with urllib.request.urlopen(request, timeout=60.0) as reply:
+            with urllib.request.urlopen(request, timeout=PATIENCE_S) as reply:
                 return bytes(reply.read())
         except urllib.error.HTTPError as error:
             return bytes(error.read())
@@ -85,6 +101,24 @@ def test_the_report_can_be_opened_and_a_run_without_a_map_cannot_go_on(end: End)
     assert not json.loads(ask(end.port, "/command/save_map", "POST"))["ok"]
 
 
+def test_a_long_report_comes_whole_through_a_slow_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In several times the seconds that an update of the view may take."""
+    monkeypatch.setattr(server, "_SEND_S", 2.0)
+    page = bytes(range(256)) * 100_000
+    served = ViewServer(Board(), {}, lambda count: None, TOKEN, "127.0.0.1", 0)
+    served.report = lambda: page
+    threading.Thread(target=served.serve_forever, daemon=True).start()
+    connection = http.client.HTTPConnection("127.0.0.1", served.server_port, timeout=30)
+    connection.request("GET", "/report")
+    answer, parts = connection.getresponse(), []
+    while part := answer.read(2**20):
+        parts.append(part)
+        time.sleep(0.15)
+    connection.close()
+    served.close()
+    assert b"".join(parts) == page
+
+
 def test_nobody_looks_so_it_ends_by_itself(folder: RunFolder) -> None:
     shown = End(folder)
     shown._thread.join()
@@ -97,28 +131,53 @@ def test_a_taken_port_is_no_failure(folder: RunFolder, end: End) -> None:
 
 
 def test_going_on_means_the_same_run_for_as_long_again(folder: RunFolder) -> None:
-    args = argparse.Namespace(
-        world="lab", seed=1, base="auto", planner="fov", phi=None, load_map=None, config=None, out=folder.path,
-        set=["a=1"], moved=False, resume=None, time=120.0, until=0.9, view=True,
-    )  # fmt: skip
-    again = go_on_args(args, folder)
-    assert (again.resume, again.time, again.until) == (folder.path, 240.0, None)
-    assert (again.world, again.out, again.set, again.view) == (None, None, [], True)
+    words = go_on_words(folder)
+    args = parse(words)
+    assert (args.command, args.resume, args.time, args.view) == ("explore", folder.path.resolve(), 240.0, True)
+    assert args.headless, "the page is open"
+    assert args.until == 1.0, "the share with which it has ended would end it again at once"
+    begun, config, _ = begin(parse(["explore", "--resume", str(folder.path), *words[3:]]))
+    assert begun.path == folder.path
+    assert config == Config()
+
+
+def test_going_on_needs_a_process_of_its_own(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After its shutdown rospy registers nothing any more: a second session would hear no word of its nodes."""
+    sessions, becomes = [0, 0], []
+    monkeypatch.setattr(run, "_explore", lambda args: (folder, 0, sessions.pop() == 0))
+    monkeypatch.setattr(sys, "orig_argv", ["python3", "-X", "dev", "scripts/vsx", "explore", "--view"])
+    monkeypatch.setattr(sys, "argv", ["scripts/vsx", "explore", "--view"])
+    monkeypatch.setattr(os, "execv", lambda program, words: becomes.append((program, words)))
+    run.explore(parse(["explore", "--view"]))
+    assert len(sessions) == 1, "one session in this process"
+    assert becomes == [(sys.executable, [sys.executable, "-X", "dev", "scripts/vsx", *go_on_words(folder)])]
+
+
+def test_results_that_cannot_be_shown_do_not_change_how_the_run_ended(folder: RunFolder) -> None:
+    (folder.path / "map.yaml").write_text("{", encoding="utf-8")
+    port = free_port()
+    with pytest.raises(VsxError):
+        show_end(Ended(folder, folder.read_summary(), ended_well=True), TOKEN, port)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", port))
 
 
 @pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
 def test_the_page_shows_what_was_reached(folder: RunFolder, end: End, tmp_path: Path) -> None:
     with Chromium(tmp_path / "profile") as browser:
         browser.open(f"http://127.0.0.1:{end.port}/#{TOKEN}")
-        browser.wait("known.end && ground !== null && way.length", 300.0)
+        browser.wait("known.end && ground.free !== null && known.way.length")
         assert browser.evaluate("$('endReason').textContent") == "Time limit of 120 s."
         assert "coverage 93 %" in browser.evaluate("$('endFacts').textContent")
         assert browser.evaluate("$('end').hidden || $('endReport').hidden || !$('buttons').hidden") is False
         assert browser.evaluate("$('mission').textContent") == "ENDED"
+        assert "carpet" in browser.evaluate("$('zones').textContent")
+        assert browser.evaluate("$('drawZone').checkVisibility() || $('byHand').checkVisibility()") is False
+        browser.evaluate("($('map').focus(), $('map').dispatchEvent(new KeyboardEvent('keydown', {key: 'Enter'})))")
+        browser.wait("!$('sheet').hidden")  # a place can be looked at, but nobody drives there
+        assert browser.evaluate("$('go') === null && $('sheet').innerText.includes(' m')")
         browser.evaluate("document.querySelector('[data-command=explore_on]').click()")
-        browser.wait(
-            "$('said').textContent.startsWith('Not done: ') && $('said').textContent.includes('no map')", 300.0
-        )
+        browser.wait("$('said').textContent.startsWith('Not done: ') && $('said').textContent.includes('no map')")
         end.stop = True
-        browser.wait("!$('banner').hidden && $('banner').textContent.startsWith('The run is over')", 300.0)
-        assert browser.evaluate("document.body.className") == "old"
+        browser.wait("!$('banner').hidden && $('banner').textContent.startsWith('The run is over')")
+        assert browser.evaluate("document.body.classList.contains('old')")

@@ -14,6 +14,7 @@ from ros_ports import free_port
 from test_ros_run import CHECKOUT, environment, exploring, processes_that_name
 
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.moments import Moments
 
 pytestmark = pytest.mark.ros
 
@@ -40,7 +41,10 @@ def test_roslaunch_leaves_a_whole_folder(tmp_path: Path) -> None:
     assert summary["coverage"] > 0.0
     assert any(event.source == "mission" for event in folder.read_events())
     assert folder.read_map() is not None
-    assert (path / "report.html").exists()
+    kept = Moments.read(folder.moments)
+    assert len(kept.pictures) >= 5, "five seconds and more since there is a map"
+    assert kept.maps
+    assert "Second by second" in (path / "report.html").read_text()
     assert config.exploration.teleop_quiet_s > 0.0
 
 

@@ -17,12 +17,14 @@ from ros_ports import HOST, free_port
 from vsx_ros.config import Config
 from vsx_ros.errors import MapFileError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.robot import Odometry, VelocityCommand
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import Frame, Odometry, VelocityCommand
 from vsx_ros.ros import logs, slam_run
 from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.runs import session
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent
+from vsx_ros.runs.moments import Moments
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
@@ -140,6 +142,20 @@ def test_a_run_that_went_on_in_a_loaded_map_is_gone_on_with_although_that_map_is
         nodes.end()
 
 
+def test_pictures_wait_for_the_writing_thread(driven, tmp_path: Path, monkeypatch) -> None:
+    robot, slam, frames = driven
+    monkeypatch.setattr(slam_run.rospy, "get_param", lambda name, usual: {"~run_dir": str(tmp_path)}.get(name, usual))
+    run, grid = SlamRun(Config()), OccupancyGrid(np.zeros((4, 5)), 0.05, 0.0, 0.0)
+    for result, _ in frames:
+        run.see(Frame(result.stamp_ns, np.zeros((48, 64), np.uint8)), grid)
+    assert Moments.read(tmp_path / "moments.jsonl").pictures == []
+    run.write(GROUND)
+    kept = Moments.read(tmp_path / "moments.jsonl")
+    whole_seconds = {result.stamp_ns // 10**9 for result, _ in frames}
+    assert [line.stamp_ns // 10**9 for line in kept.pictures] == sorted(whole_seconds)
+    assert len(kept.maps) == 1, "it has not changed"
+
+
 def test_a_run_whose_results_cannot_be_written_can_be_gone_on_with(driven, tmp_path: Path, monkeypatch) -> None:
     robot, slam, frames = driven
     monkeypatch.setattr(slam_run.rospy, "get_param", lambda name, usual: {"~run_dir": str(tmp_path)}.get(name, usual))
@@ -153,7 +169,7 @@ def test_a_run_whose_results_cannot_be_written_can_be_gone_on_with(driven, tmp_p
     said: list[str] = []
     monkeypatch.setattr(RunFolder, "write_poses", refuse)
     monkeypatch.setattr(logs.rospy, "logerr", lambda form, error: said.append(form % error))
-    run.end(slam, GROUND, None, None)
+    run.end(slam, GROUND, None, None, lambda *_: None)
     assert len(said) == 1
     assert "trajectory.txt cannot be used" in said[0]
     assert {"summary.json", "frames.csv", "events.jsonl"} <= {path.name for path in tmp_path.iterdir()}
@@ -177,3 +193,19 @@ def test_a_disk_that_takes_nothing_keeps_no_node_from_beginning(driven, tmp_path
     assert "cannot be written" in said[0]
     for result, odometry in frames:
         run.frame(slam, result, odometry, 0.01)
+
+
+def test_a_node_begins_with_the_zones_of_a_file_and_goes_on_with_its_own(driven, tmp_path: Path, monkeypatch) -> None:
+    _, slam, frames = driven
+    (tmp_path / "mine.yaml").write_text(
+        "version: 1\nzones: [{name: rug, kind: wall, points: [[1, 0], [2, 0]]}]\n", encoding="utf-8"
+    )
+    params = {"~run_dir": str(tmp_path / "run"), "~zones": str(tmp_path / "mine.yaml")}
+    monkeypatch.setattr(slam_run.rospy, "get_param", lambda name, usual: params.get(name, usual))
+    run = SlamRun(Config())
+    assert [zone.name for zone in run.session.ground.zones_in(slam.snapshot())] == ["rug"]
+    run.session.ground.zones.remove("rug")
+    for result, odometry in frames:
+        run.frame(slam, result, odometry, 0.01)
+    run.write(run.session.ground.state())
+    assert len(SlamRun(Config()).session.ground.zones) == 0

@@ -104,8 +104,8 @@ def test_rviz_shows_the_running_robot(stack: Stack, manager: dict[str, Any], tmp
             ["rviz", "-d", str(slower)], env={**stack.environment, **display}, stdout=words, stderr=words
         )
         try:
-            stack.wait(listens, 40.0, f"rviz to listen to {wanted}")
-            stack.wait(lambda: is_drawn(shown.pixels()), 60.0, "frontiers on the screen")
+            stack.wait(listens, f"rviz to listen to {wanted}")
+            stack.wait(lambda: is_drawn(shown.pixels()), "frontiers on the screen")
             pixels = shown.pixels()
         finally:
             rviz.kill()

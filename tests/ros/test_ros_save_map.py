@@ -11,6 +11,8 @@ import pytest
 
 pytest.importorskip("rospy")
 
+from waiting import PATIENCE_S
+
 from vsx_ros.io.slam_map_file import load_slam_map
 
 if TYPE_CHECKING:
@@ -27,10 +29,10 @@ def test_the_map_of_a_running_robot_is_saved_where_asked(stack: Stack, tmp_path:
 
     def save(*words: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [*VSX, *words], env=stack.environment, capture_output=True, text=True, timeout=120, check=False
+            [*VSX, *words], env=stack.environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False
         )
 
-    stack.wait(lambda: save("--out", str(path)).returncode == 0, 60.0, "a map to save")
+    stack.wait(lambda: save("--out", str(path)).returncode == 0, "a map to save")
     assert len(load_slam_map(path).view.living) >= 2
     refused = save("--out", str(tmp_path / "none" / "x.vsxmap"))
     assert refused.returncode == 1
@@ -40,6 +42,6 @@ def test_the_map_of_a_running_robot_is_saved_where_asked(stack: Stack, tmp_path:
 
 def test_without_a_robot_it_says_what_to_do(stack: Stack) -> None:
     alone = {**stack.environment, "ROS_MASTER_URI": "http://localhost:1"}
-    done = subprocess.run(VSX, env=alone, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(VSX, env=alone, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 1
     assert "no ROS master answers" in done.stderr

@@ -7,7 +7,8 @@ import pytest
 
 pytest.importorskip("rospy")
 
-from vsx_ros.evaluation.report import ReportData, timeline
+from vsx_ros.evaluation.report import timeline
+from vsx_ros.evaluation.report_data import ReportData
 from vsx_ros.ros.convert import state_msg, tracking_state
 from vsx_ros.slam.state import TrackingState
 

@@ -6,7 +6,6 @@ import pty
 import re
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +15,7 @@ import pytest
 pytest.importorskip("rospy")
 
 from processes import Processes
+from waiting import PATIENCE_S, wait_for
 
 pytestmark = pytest.mark.ros
 
@@ -28,19 +28,19 @@ from vsx_ros.ros import launch
 launch.start(launch.xml(launch.emulation("lab", 1, sys.argv[1]), {}), quiet=True).spin()
 """
 LISTENER = """
-import sys, time, urllib.request
-page = urllib.request.urlopen(sys.argv[1], timeout=20).read().decode()
+import sys, urllib.request
+page = urllib.request.urlopen(sys.argv[1]).read().decode()
 assert "<html" in page
-said, deadline = "", time.time() + 20
-with urllib.request.urlopen(sys.argv[1].partition("#")[0].rstrip("/") + "/events", timeout=20) as events:
-    while "mobile_base: " not in said and time.time() < deadline:
+said = ""
+with urllib.request.urlopen(sys.argv[1].partition("#")[0].rstrip("/") + "/events") as events:
+    while "mobile_base: " not in said:
         said += events.readline().decode()
 print(said)
 """
 
 
 def ip(*words: str) -> None:
-    subprocess.run(["ip", *words], check=True, capture_output=True, text=True, timeout=10)
+    subprocess.run(["ip", *words], check=True, capture_output=True, text=True, timeout=PATIENCE_S)
 
 
 class Machines(NamedTuple):
@@ -94,17 +94,17 @@ def test_the_laptop_watches_and_drives_the_robot(machines: Machines, tmp_path: P
         env=laptop.environment, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True,
     )  # fmt: skip
     try:
-        watch = laptop.start("odom", "rostopic", "echo", "-n", "400", "/odom/twist/twist/linear/x", ROS_IP=LAPTOP)
-        deadline_s = time.monotonic() + 30.0
-        while time.monotonic() < deadline_s and watch.poll() is None:
+        watch = laptop.start("odom", "rostopic", "echo", "/odom/twist/twist/linear/x", ROS_IP=LAPTOP)
+
+        def drives() -> bool:
+            assert watch.poll() is None, laptop.logs()
             os.write(ours, b"\x1b[A")
-            time.sleep(0.05)
             speeds = [float(x) for x in re.findall(r"^-?\d[\d.e-]*$", (tmp_path / "odom.txt").read_text(), re.M)]
-            if speeds and max(speeds) > 0.05:
-                break
+            return max(speeds, default=0.0) > 0.05
+
+        wait_for(drives, "the robot to drive", laptop.logs, 0.05)
     finally:
         teleop.kill()
         teleop.wait()
         os.close(ours)
         os.close(theirs)
-    assert max(speeds) > 0.05, laptop.logs()

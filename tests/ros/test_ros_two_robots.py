@@ -14,6 +14,7 @@ pytest.importorskip("rospy")
 import rosgraph
 from processes import Processes
 from ros_ports import HOST, free_port
+from waiting import PATIENCE_S
 
 from vsx_ros.ros import launch, topics
 from vsx_ros.runs.process import DONE, FAILED, STOPPED
@@ -45,7 +46,7 @@ def on_odometry(msg, robot):
 for robot in speeds:
     rospy.Subscriber(f"/{robot}/odom", Odometry, on_odometry, robot, queue_size=50)
 def wait(condition, what):
-    deadline = rospy.get_time() + 100.0
+    deadline = rospy.get_time() + 400.0
     while not condition():
         if rospy.get_time() > deadline:
             sys.exit(f"waited for {what}: {sorted(edges)} {stamped}")
@@ -141,16 +142,16 @@ def test_two_explorations_share_a_master_and_a_third_of_the_same_name_is_refused
     def state(robot: str) -> str:
         return str(json.loads(processes.vsx("status", "--json", ROS_NAMESPACE=robot).stdout)["state"])
 
-    processes.wait(lambda: all(state(robot) == "mapping" for robot in ROBOTS), "both to map", 120.0)
+    processes.wait(lambda: all(state(robot) == "mapping" for robot in ROBOTS), "both to map")
     refused = processes.run(*explore, "9", "--out", str(tmp_path / "c"), ROS_NAMESPACE="a")
     assert refused.returncode == FAILED
     assert "node /a/mobile_base runs already" in refused.stderr
     assert "ROS_NAMESPACE=" in refused.stderr
     assert not (tmp_path / "c").exists()
-    assert runs["b"].wait(90.0) == DONE, processes.logs()
+    assert runs["b"].wait(PATIENCE_S) == DONE, processes.logs()
     assert state("a") in ("mapping", "recovering"), "the end of b is not a's"
     runs["a"].send_signal(signal.SIGINT)
-    assert runs["a"].wait(30.0) == STOPPED, processes.logs()
+    assert runs["a"].wait(PATIENCE_S) == STOPPED, processes.logs()
     for robot, reason in {"a": "stopped by the operator", "b": "time limit of 45 s"}.items():
         summary = json.loads((tmp_path / robot / "summary.json").read_text(encoding="utf-8"))
         assert summary["stop_reason"] == reason

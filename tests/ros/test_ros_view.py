@@ -4,7 +4,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 import xmlrpc.client
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,6 +14,7 @@ pytest.importorskip("rospy")
 
 from chromium import EXECUTABLE, Chromium
 from ros_ports import HOST, free_port
+from waiting import wait_for
 
 from vsx_ros.cli import main
 
@@ -56,10 +56,7 @@ class Machine:
         return any(node.startswith("/view_") for _, nodes in services for node in nodes)
 
     def wait(self, condition: Callable[[], object], what: str) -> None:
-        deadline_s = time.monotonic() + 40.0
-        while not condition():
-            assert time.monotonic() < deadline_s, f"waited for {what}: {self.log.read_text()}"
-            time.sleep(0.1)
+        wait_for(condition, what, self.log.read_text, 0.1)
 
     def end(self) -> None:
         for process in self._processes:
@@ -89,7 +86,7 @@ def test_it_waits_for_a_stack_and_outlives_it(machine: Machine, tmp_path: Path) 
         browser.wait("$('banner').textContent.includes('master is away')")
         machine.start_master()
         machine.wait(machine.knows_the_view, "the view to join again")
-        browser.wait("known.stack === true && $('banner').hidden", 30.0)
+        browser.wait("known.stack === true && $('banner').hidden")
         # The same token serves; nobody answers behind the button.
         browser.evaluate("document.querySelector('[data-command=pause]').click()")
         browser.wait("$('said').textContent.includes('/explore/pause')")

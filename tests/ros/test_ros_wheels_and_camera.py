@@ -17,6 +17,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, CameraInfo, Image
 from std_msgs.msg import UInt8
 from std_srvs.srv import SetBool
+from waiting import PATIENCE_S
 
 from vsx_hw.readings import Hazard
 from vsx_ros.ros import convert, images, topics
@@ -51,7 +52,7 @@ class Teleop:
 
 @pytest.fixture
 def teleop(stack: Stack) -> Iterator[Teleop]:
-    rospy.wait_for_message(absolute(topics.ODOM), Odometry, timeout=60.0)
+    rospy.wait_for_message(absolute(topics.ODOM), Odometry, timeout=PATIENCE_S)
     hand = Teleop()
     yield hand
     hand.let_go()
@@ -66,7 +67,7 @@ def collect(topic: str, kind: Any, seconds: float) -> list[Any]:
 
 
 def test_images_come_with_the_calibration_of_their_instant(stack: Stack) -> None:
-    rospy.wait_for_message(absolute(topics.IMAGE), Image, timeout=60.0)
+    rospy.wait_for_message(absolute(topics.IMAGE), Image, timeout=PATIENCE_S)
     infos: list[CameraInfo] = []
     subscriber = rospy.Subscriber(absolute(topics.CAMERA_INFO), CameraInfo, infos.append)
     time.sleep(0.3)
@@ -91,7 +92,7 @@ def test_odometry_is_even_and_the_battery_known(stack: Stack) -> None:
     assert len(readings) >= 25
     steps_ms = [(b.header.stamp - a.header.stamp).to_nsec() * 1e-6 for a, b in zip(readings, readings[1:])]
     assert max(abs(step - 20.0) for step in steps_ms if step < 30.0) < 5.0
-    battery = rospy.wait_for_message(absolute(topics.BATTERY), BatteryState, timeout=5.0)
+    battery = rospy.wait_for_message(absolute(topics.BATTERY), BatteryState, timeout=PATIENCE_S)
     assert battery.voltage == pytest.approx(16.2)
     assert math.isnan(battery.current)
 
@@ -99,20 +100,20 @@ def test_odometry_is_even_and_the_battery_known(stack: Stack) -> None:
 def test_emergency_stop_holds_until_it_is_cleared(stack: Stack, teleop: Teleop) -> None:
     estop = rospy.ServiceProxy(absolute(topics.ESTOP), SetBool)
     teleop.drive(-0.05)
-    stack.wait(lambda: stack.plant.commanded[0] < -0.03, 5.0, "teleop to drive")
+    stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive", 5.0)
     assert estop(True).success
-    stack.wait(lambda: not stack.plant.moving, 2.0, "the emergency stop")
+    stack.wait(lambda: not stack.plant.moving, "the emergency stop", 2.0)
     time.sleep(0.5)
     assert not stack.plant.moving
     assert estop(False).success
-    stack.wait(lambda: stack.plant.commanded[0] < -0.03, 2.0, "teleop to drive again")
+    stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive again", 2.0)
 
 
 def test_a_command_that_is_no_number_stops(stack: Stack, teleop: Teleop) -> None:
     teleop.drive(0.0, 0.3)
-    stack.wait(lambda: stack.plant.moving, 5.0, "teleop to turn")
+    stack.wait(lambda: stack.plant.moving, "teleop to turn", 5.0)
     teleop.drive(math.nan, 0.3)
-    stack.wait(lambda: not stack.plant.moving, 2.0, "the refusal")
+    stack.wait(lambda: not stack.plant.moving, "the refusal", 2.0)
 
 
 @pytest.mark.parametrize(
@@ -133,22 +134,22 @@ def test_hazards_are_told_and_obeyed(
     allowed: bool,
 ) -> None:
     teleop.drive(*command)
-    stack.wait(lambda: stack.plant.moving, 5.0, "teleop to drive")
+    stack.wait(lambda: stack.plant.moving, "teleop to drive", 5.0)
     read = stack.plant.read
     monkeypatch.setattr(stack.plant, "read", lambda: read()._replace(hazards=hazard))
     told: list[int] = []
     subscriber = rospy.Subscriber(absolute(topics.HAZARDS), UInt8, lambda msg: told.append(msg.data))
-    stack.wait(lambda: int(hazard) in told, 2.0, "the hazard to be told")
+    stack.wait(lambda: int(hazard) in told, "the hazard to be told", 2.0)
     time.sleep(0.3)
     assert stack.plant.moving == allowed
     assert told.count(int(hazard)) == 1, "an edge is told once"
     monkeypatch.undo()
-    stack.wait(lambda: told[-1] & int(hazard) == 0, 2.0, "the hazard to be over")
+    stack.wait(lambda: told[-1] & int(hazard) == 0, "the hazard to be over", 2.0)
     subscriber.unregister()
     teleop.drive(0.0)
     time.sleep(0.2)
     teleop.drive(*command)
-    stack.wait(lambda: stack.plant.moving, 2.0, "teleop to drive again")
+    stack.wait(lambda: stack.plant.moving, "teleop to drive again", 2.0)
 
 
 def test_a_base_that_is_away_touches_nothing(stack: Stack, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,27 +158,27 @@ def test_a_base_that_is_away_touches_nothing(stack: Stack, monkeypatch: pytest.M
     subscriber = rospy.Subscriber(absolute(topics.HAZARDS), UInt8, lambda msg: told.append(msg.data))
     read = stack.plant.read
     monkeypatch.setattr(stack.plant, "read", lambda: read()._replace(hazards=Hazard.BUMPER_RIGHT))
-    stack.wait(lambda: told and told[-1] == pressed, 5.0, "the bumper to be told")
+    stack.wait(lambda: told and told[-1] == pressed, "the bumper to be told", 5.0)
     stack._base.unplug()
     try:
-        stack.wait(lambda: told[-1] == 0, 10.0, "the bumper to be forgotten")
+        stack.wait(lambda: told[-1] == 0, "the bumper to be forgotten")
     finally:
         stack._base.replug()
-    stack.wait(lambda: told[-1] == pressed, 10.0, "the bumper that is still pressed to be told again")
+    stack.wait(lambda: told[-1] == pressed, "the bumper that is still pressed to be told again")
     monkeypatch.undo()
-    stack.wait(lambda: told[-1] == 0, 5.0, "the bumper to be released")
+    stack.wait(lambda: told[-1] == 0, "the bumper to be released", 5.0)
     subscriber.unregister()
 
 
 def test_a_pressed_button_is_told_once_and_so_is_its_release(stack: Stack, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[int] = []
     subscriber = rospy.Subscriber(absolute(topics.BUTTONS), UInt8, lambda msg: told.append(msg.data))
-    stack.wait(lambda: told == [0], 5.0, "what is pressed to be told")
+    stack.wait(lambda: told == [0], "what is pressed to be told", 5.0)
     read = stack.plant.read
     monkeypatch.setattr(stack.plant, "read", lambda: read()._replace(buttons=2))
-    stack.wait(lambda: told == [0, 2], 2.0, "the button to be told")
+    stack.wait(lambda: told == [0, 2], "the button to be told", 2.0)
     monkeypatch.undo()
-    stack.wait(lambda: told == [0, 2, 0], 2.0, "its release to be told")
+    stack.wait(lambda: told == [0, 2, 0], "its release to be told", 2.0)
     subscriber.unregister()
 
 
@@ -185,10 +186,10 @@ def test_reset_odometry_starts_at_the_origin(stack: Stack, teleop: Teleop) -> No
     from std_srvs.srv import Trigger
 
     teleop.drive(0.0)
-    stack.wait(lambda: not stack.plant.moving, 2.0, "the robot to stand")
+    stack.wait(lambda: not stack.plant.moving, "the robot to stand", 2.0)
     time.sleep(0.5)
     assert rospy.ServiceProxy(absolute(topics.RESET_ODOMETRY), Trigger)().success
     time.sleep(0.1)
-    pose = convert.odometry(rospy.wait_for_message(absolute(topics.ODOM), Odometry, timeout=5.0)).T_odom_base
+    pose = convert.odometry(rospy.wait_for_message(absolute(topics.ODOM), Odometry, timeout=PATIENCE_S)).T_odom_base
     assert math.hypot(pose.x, pose.y) < 0.002
     assert abs(pose.theta) < 0.01

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE_S
 
 FULL = "/dev/full"
 TALKER = """
@@ -29,7 +30,7 @@ sys.exit(process.ended(int(sys.argv[2])))
 def python(*words: str, **streams: object) -> subprocess.CompletedProcess[str]:
     path = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     return subprocess.run(
-        [sys.executable, *words], env={**os.environ, **path}, text=True, timeout=120, check=False, **streams
+        [sys.executable, *words], env={**os.environ, **path}, text=True, timeout=PATIENCE_S, check=False, **streams
     )
 
 

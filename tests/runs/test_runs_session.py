@@ -53,6 +53,28 @@ def test_a_summary_that_is_there_is_taken_as_it_is(tmp_path: Path) -> None:
     assert (summary.frames, said) == (3, "")
 
 
+def test_what_vslam_had_no_time_to_write_comes_from_its_journal(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    Journal(folder.journal).add(*(frame(k, TrackingState.GOOD) for k in range(4)))
+    folder.write_summary({"frames": 4, "keyframes": 2})
+    summary, said = results_of_slam(folder, MOUNT)
+    assert (summary.frames, summary.keyframes) == (4, 2)
+    assert "before it had written its results" in said
+    assert len(folder.read_poses("trajectory")) == 4
+    assert results_of_slam(folder, MOUNT) == (summary, "")
+
+
+def test_results_of_an_earlier_session_are_not_those_of_this_one(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    folder.write_summary({"frames": 2, "keyframes": 2})
+    folder.write_poses("trajectory", [])
+    Journal(folder.journal).add(*(frame(k, TrackingState.GOOD) for k in range(8)))
+    summary, said = results_of_slam(folder, MOUNT)
+    assert (summary.frames, summary.keyframes) == (8, None)
+    assert said
+    assert len(folder.read_poses("trajectory")) == 8
+
+
 def test_poses_of_a_map_that_was_begun_again_are_no_part_of_the_trajectory(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path)
     states = [TrackingState.GOOD, TrackingState.GOOD, TrackingState.NOT_INITIALISED, TrackingState.GOOD]

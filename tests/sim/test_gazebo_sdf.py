@@ -11,6 +11,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.sim.gazebo import geometry
 from vsx_ros.sim.gazebo.paths import ModelFolders, below
 from vsx_ros.sim.gazebo.sdf import Layout, read_layout
+from vsx_ros.sim.gazebo.surfaces import ogre_material
 
 
 def layout_of(path: Path, *folders: Path) -> Layout:
@@ -119,3 +120,20 @@ def test_shapes_have_their_surface_and_face_outwards(triangles: geometry.Triangl
     assert np.linalg.norm(normals, axis=1).sum() == pytest.approx(area, abs=0.08)
     assert ((normals * (a + b + c)).sum(axis=1) >= -1e-9).all()
     assert len(triangles.uv) == len(triangles.corners)
+
+
+@pytest.mark.parametrize(
+    ("diffuse", "colour"),
+    [
+        ("0.2 0.4 0.6", (0.2, 0.4, 0.6)),
+        ("3 -1 5e-1 1", (1.0, 0.0, 0.5)),
+        ("1.2.3 . 0", (1.0, 1.0, 1.0)),
+        ("vertexcolour 0 0", (1.0, 1.0, 1.0)),
+        ("nan 0 0", (1.0, 1.0, 1.0)),
+    ],
+)
+def test_an_ogre_script_with_any_words_gives_a_colour(
+    tmp_path: Path, diffuse: str, colour: tuple[float, float, float]
+) -> None:
+    (tmp_path / "a.material").write_text(f"material Rug\n{{\n technique {{ pass {{ diffuse {diffuse}\n }} }}\n}}\n")
+    assert ogre_material(tmp_path, "Rug", lambda name, file: None) == (colour, None, "")

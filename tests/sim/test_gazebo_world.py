@@ -12,6 +12,7 @@ from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.gazebo_world import load_gazebo
+from vsx_ros.sim.mesh_hidden import hidden_solids
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.truth import gap_to_walls, ground_truth_grid
 from vsx_ros.sim.world import Start
@@ -65,6 +66,16 @@ def test_a_table_stops_no_low_robot_but_its_legs_do(tmp_path: Path) -> None:
     np.testing.assert_allclose(gaps, [0.25, 0.95], atol=2e-3)
 
 
+def test_solids_that_nothing_shows_are_measured(tmp_path: Path) -> None:
+    cube, post = (f"<geometry><box><size>{x} 0.1 1</size></box></geometry>" for x in (2, 0.1))
+    parts = f'<visual name="v">{post}</visual><collision name="c">{cube}</collision>'  # a post, solid for 2 m
+    frame = f'<model name="frame"><pose>0 0 0.5 0 0 0</pose><link name="l">{parts}</link></model>'
+    pillar = box_model("pillar", "2 1 0.5 0 0 0", "0.4 0.4 1")
+    found = dict(hidden_solids(load_gazebo(write_world(tmp_path, FLOOR, WALLS, frame, pillar), [])))
+    assert list(found) == ["frame"]
+    assert 2 * 1.6 < found["frame"] < 2 * 1.9  # both sides, without 0.3 m around the post; the ends
+
+
 def test_world_yaml_refers_to_the_file_and_keeps_the_start(tmp_path: Path, room: MeshWorld) -> None:
     start = Start(x=1.0, y=5.0, theta_rad=0.5)
     save_world(room.starting_at(start), tmp_path / "world.yaml")
@@ -89,7 +100,8 @@ def triangle_file(path: Path, kind: str) -> None:
     elif kind == "glb":
         trimesh.Trimesh(corners, [[0, 1, 2]]).export(path)
     else:
-        path.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "f 1 2 3\n")
+        lines = "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
+        path.write_text(f"# Tür\n{lines}f 1 2 3\n", encoding="latin-1")  # older exporters know no UTF-8
 
 
 @pytest.mark.parametrize("kind", ["stl", "obj", "glb"])

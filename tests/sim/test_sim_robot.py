@@ -6,6 +6,10 @@ import pytest
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.sim.raycast_cull import plane_forms
+from vsx_ros.kernels.sim.raycast_pixels import expose
+from vsx_ros.kernels.sim.raycast_render import render_tile_rows
+from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.sim.camera import CameraSettings
 from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig, WheelOdometry
@@ -39,6 +43,17 @@ def test_odometry_follows_the_truth_within_its_errors(empty_room: World) -> None
     assert abs(expected.angle_to(seen.odometry.T_odom_base)) < 0.01
     assert seen.odometry.v == pytest.approx(0.2, abs=0.02)
     assert truth.collisions == 0
+
+
+@pytest.mark.compiled
+def test_warm_up_compiles_what_an_emulated_camera_uses(lab: World) -> None:
+    warm_up("emulation")
+    kernels = plane_forms, render_tile_rows, expose
+    before = [len(kernel.signatures) for kernel in kernels]  # type: ignore[attr-defined]  # numba's
+    robot = EmulatedRobot(lab, 1)
+    for _ in range(3):
+        robot.step(VelocityCommand(0.15, 0.2))
+    assert [len(kernel.signatures) for kernel in kernels] == before  # type: ignore[attr-defined]
 
 
 def test_frames_come_at_the_wanted_rate_and_are_8_bit(empty_room: World) -> None:

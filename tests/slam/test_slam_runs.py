@@ -270,6 +270,17 @@ def test_recordings_are_tracked(name, tracked, ate_m):
 
 
 @pytest.mark.data
+@pytest.mark.parametrize("first", [5, 35])
+def test_a_map_keeps_up_with_a_camera_that_turns_at_60_deg_a_second(first):
+    source = recording("new_tsukuba_150")
+    frames, slam = list(source.frames())[first::3], SequentialSlam(source.camera, None, CONFIG, 1)
+    for frame in frames:
+        slam.track(frame)
+    assert slam.statistics().frames_lost == 0
+    assert slam.statistics().frames_tracked >= 0.9 * len(frames)
+
+
+@pytest.mark.data
 def test_a_standing_camera_never_starts():
     source = recording("euroc_v101_stationary")
     slam = SequentialSlam(source.camera, None, CONFIG, 1)

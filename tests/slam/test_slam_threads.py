@@ -4,11 +4,16 @@ import threading
 import time
 
 import pytest
+from waiting import PATIENCE_S
 
 from vsx_ros.config import Config
 from vsx_ros.slam.initialization import TRIED
 from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam
+from vsx_ros.slam.start_watch import GiveUp
 from vsx_ros.slam.state import TrackingState
+from vsx_ros.slam.two_view_reconstruction import InitialPair
+
+SECOND = 10**9
 
 
 @pytest.fixture
@@ -37,12 +42,12 @@ def test_frames_go_on_while_the_map_is_made(slam, arc_drive, monkeypatch):
 
     def slow(pair):
         begun.set()
-        assert release.wait(60)
+        assert release.wait(PATIENCE_S)
         return make(pair)
 
     monkeypatch.setattr(slam._mapper, "start", slow)
     first, result = until_tried(slam, arc_drive.frames)
-    assert begun.wait(60)
+    assert begun.wait(PATIENCE_S)
     for frame, odometry, _ in arc_drive.frames[first + 1 : first + 4]:
         result = slam.track(frame, odometry)
         assert (result.state, result.reason) == (TrackingState.NOT_INITIALISED, TRIED)
@@ -90,3 +95,23 @@ def test_a_camera_found_again_meanwhile_stays_where_it_is(arc_drive, monkeypatch
     frame, odometry, _ = arc_drive.frames[40]
     result = slam.track(frame, odometry)
     assert (result.state, result.map_id) == (TrackingState.GOOD, 0)
+
+
+def test_a_small_map_that_is_not_given_up_is_left_for_a_second_one(arc_drive, monkeypatch):
+    """A loaded map of few keyframes, without wheels, is no start that could be given up: nothing watches it."""
+    slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam, 1)
+    pairs, make = [], slam._mapper.start
+    monkeypatch.setattr(slam._mapper, "start", lambda pair: pairs.append(pair) or make(pair))
+    for frame, odometry, _ in arc_drive.frames[:40]:
+        slam.track(frame, odometry)
+    recovery = slam._front._recovery
+    monkeypatch.setattr(recovery, "search", lambda *_: None)
+    monkeypatch.setattr(recovery, "second_map", lambda *_: pairs[0])
+    monkeypatch.setattr(recovery, "gives_up", lambda data, view: GiveUp(data.stamp_ns, "lost"))
+    frame, _, _ = arc_drive.frames[40]
+    _, work = slam._front.process(frame._replace(image=frame.image[::-1].copy()), None)
+    assert isinstance(work, InitialPair), "claimed, and hence to be returned"
+    _, work = slam._front.process(
+        frame._replace(stamp_ns=frame.stamp_ns + SECOND, image=frame.image[::-1].copy()), None
+    )
+    assert isinstance(work, GiveUp)

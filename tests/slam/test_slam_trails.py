@@ -7,8 +7,6 @@ from textured_planes import CAMERA, SCENE, frame, moved, picture
 from vsx_ros.config import Config
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.initialization import Initializer
-from vsx_ros.slam.local_map import may_grow
-from vsx_ros.slam.map import Map
 from vsx_ros.slam.trails import FEW_TRAILS, REFERENCES, SPACING_NS, Trails
 from vsx_ros.slam.two_view_reconstruction import InitialMap, TwoViewReconstruction
 
@@ -106,12 +104,3 @@ def test_turning_on_the_spot_starts_from_no_reference():
     said = [initializer.add(seen(k, yaw=float(yaw))) for k, yaw in enumerate(yaws)]
     assert all(isinstance(word, str) for word in said)
     assert "turns in place" in said[-1]
-
-
-def test_only_the_third_keyframe_need_not_wait():
-    view = Map().view()
-    for n, at_once in ((2, True), (3, False)):
-        young = view._replace(keyframes=(None,) * n)
-        assert may_grow(Config().slam.keyframes, young, 1, 0.03) is at_once
-        assert may_grow(Config().slam.keyframes, young, Config().slam.keyframes.min_gap_frames, 0.03)
-        assert may_grow(Config().slam.keyframes, young, 1, Config().slam.keyframes.min_gap_s)

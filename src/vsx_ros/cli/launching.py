@@ -43,9 +43,16 @@ def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
         return robot
     return [
         *robot,
-        *launch.exploration(args.planner, args.seed, args.run_dir, args.load_map),
+        *launch.exploration(
+            args.planner, args.seed, args.run_dir, _absolute(args.load_map), args.room, _absolute(args.zones)
+        ),
         *launch.keeping(args.run_dir),
     ]
+
+
+def _absolute(path: str) -> str:
+    """Nodes run in another folder."""
+    return str(Path(path).resolve()) if path else ""
 
 
 def parser(name: str) -> argparse.ArgumentParser:
@@ -83,6 +90,8 @@ def parser(name: str) -> argparse.ArgumentParser:
             help="folder for the results (default: a new one in ~/.ros/runs; none: keep nothing)",
         )
         add("--load-map", default="", help="SLAM map (.vsxmap) to go on in, the robot anywhere in it")
+        add("--room", default="", help="explore only this room of the loaded map")
+        add("--zones", default="", help="YAML with zones to begin with, in the coordinates of the map")
     return options
 
 

@@ -4,9 +4,10 @@ A command's options are a function whose docstring is its help: a line, what the
 codes. Its code is imported when it runs, so that help and usage errors come at once."""
 
 import argparse
-import importlib
+import importlib.util
 import inspect
 import os
+import re
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -14,7 +15,7 @@ from typing import NoReturn
 
 from vsx_ros import __version__
 from vsx_ros.cli import options_places, options_robot, options_runs, options_study
-from vsx_ros.errors import VsxError, disk_trouble
+from vsx_ros.errors import VsxError, did_you_mean, disk_trouble
 from vsx_ros.registry import load_plugins
 from vsx_ros.runs import process
 from vsx_ros.runs.process import FAILED, HARDWARE, INTERNAL, STOPPED
@@ -51,10 +52,26 @@ class _Parser(argparse.ArgumentParser):
     """A parser that reports mistakes in one sentence and ends with the project's exit code."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(FAILED, f"{self.prog}: {message}; '{self.prog} --help' lists what there is\n")
+        self.exit(FAILED, f"{self.prog}: {message}{self._near(message)}; '{self.prog} --help' lists what there is\n")
+
+    def _near(self, message: str) -> str:
+        """The command, choice or option that resembles the one a message complains about, as a remark."""
+        if option := re.search("unrecognized arguments: (-[^ =]+)", message):
+            return did_you_mean(option[1], self._option_string_actions)
+        choice = re.search("invalid choice: '(.*?)'", message)
+        known = [str(each) for action in self._actions for each in action.choices or ()] if choice else []
+        return did_you_mean(choice[1], known) if choice else ""
+
+    def innermost(self, args: argparse.Namespace) -> argparse.ArgumentParser:
+        """The parser of the chosen command, and of its verb if it has some."""
+        for action in self._actions:
+            if isinstance(action, argparse._SubParsersAction) and getattr(args, action.dest, None):
+                chosen = action.choices[getattr(args, action.dest)]
+                return chosen.innermost(args) if isinstance(chosen, _Parser) else chosen
+        return self
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> _Parser:
     """The whole command line."""
     root = _Parser(
         prog="vsx",
@@ -74,7 +91,10 @@ def parser() -> argparse.ArgumentParser:
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """The options of a command line; ``line`` holds the words to repeat it."""
     words = [word for word in arguments if word != "--debug"]
-    args = parser().parse_args(words)
+    root = parser()
+    args, unknown = root.parse_known_args(words)
+    if unknown:
+        root.innermost(args).error(f"unrecognized arguments: {' '.join(unknown)}")
     args.debug, args.line = len(words) < len(arguments), ["vsx", *words]
     return args
 
@@ -102,6 +122,7 @@ def execute(arguments: Sequence[str]) -> int:
 
 def _explained(error: BaseException) -> tuple[str, int]:
     """The error in one sentence, and the exit code."""
+    foreign = any(importlib.util.find_spec(name) is None for name in ("numba", "msgspec"))
     match error:
         case KeyboardInterrupt():
             return "stopped by the operator", STOPPED
@@ -109,14 +130,14 @@ def _explained(error: BaseException) -> tuple[str, int]:
             return str(error), FAILED
         case _ if any(kind.__module__ == "vsx_hw.errors" for kind in type(error).__mro__):
             return str(error), HARDWARE
-        case ModuleNotFoundError():
+        case ModuleNotFoundError() if not foreign:
             remedy = "'vsx doctor' tells what is missing, and what to type"
             return f"there is no Python package {error.name!r} here; {remedy}", FAILED
-        case ImportError():
-            words = f"{sys.executable} is not the Python of this checkout's environment ({error})"
-            return f"{words}; start scripts/vsx, which finds it, or activate it", FAILED
         case OSError() if disk_trouble(error):
             return disk_trouble(error), FAILED
+        case _ if foreign or isinstance(error, ImportError):
+            words = f"{sys.executable} is not the Python of this checkout's environment ({error})"
+            return f"{words}; start scripts/vsx, which finds it (scripts/demo makes it), or activate it", FAILED
     place = traceback.extract_tb(error.__traceback__)[-1]
     where = f"{os.path.basename(place.filename)}, line {place.lineno}"
     what = f"internal error, please report it: {type(error).__name__}: {error} ({where})"

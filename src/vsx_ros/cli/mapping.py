@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from vsx_ros.cli.compiled import compile_kernels
+from vsx_ros.cli.compiled import DRIVE, SLAM, compile_kernels
 from vsx_ros.config import Config
 from vsx_ros.dense.finished_map import FinishedMap
 from vsx_ros.errors import ConfigError, MapFileError
@@ -24,6 +24,7 @@ from vsx_ros.runs.report import tell_the_end, write_report
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import RunWriter
 from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
+from vsx_ros.runs.world import check_world
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.snapshot import SlamMap, snapshot
@@ -40,6 +41,9 @@ def explore(args: argparse.Namespace) -> int:
         known = "how much is right is known of an emulated world and a new map alone"
         raise ConfigError(f"--until {args.until:g}: {known}")
     _refuse_wires(args)
+    load(args.config, args.set)  # all that may be misspelt, before minutes of compiling
+    if args.world is not None:
+        check_world(args.world)
     if args.fast:
         from vsx_ros.runs.lockstep import explore_fast
 
@@ -47,8 +51,8 @@ def explore(args: argparse.Namespace) -> int:
         return explore_fast(args)
     from vsx_ros.ros.launch import package_environment
 
-    package_environment()  # before minutes of compiling
-    compile_kernels()
+    package_environment()
+    compile_kernels(*DRIVE, *(["emulation"] if args.world or args.resume else []))
     from vsx_ros.ros.run import explore
 
     return explore(args)
@@ -71,17 +75,16 @@ def _refuse_wires(args: argparse.Namespace) -> None:
 def replay(args: argparse.Namespace) -> int:
     """Replay, write the run folder, print the result; 3 when tracking was lost for good, 1 when it never began."""
     _refuse_pace(args)
-    compile_kernels()
+    config, recording = load(args.config, args.set), opened_recording(args)
+    compile_kernels(*SLAM, *(["surfaces"] if args.map and not args.ros else []))
     if args.ros:
         from vsx_ros.ros.replay import replay
 
-        return replay(args)
-    config = load(args.config, args.set)
-    recording = opened_recording(args)
+        return replay(args, config, recording)
     T_base_cam = mounted(config.robot.mount)
     session, slam = _slam(recording, config, args)
     folder = replay_folder(args, config)
-    keeper = RunWriter(T_base_cam)
+    keeper = RunWriter(T_base_cam, folder, config=config.runs, resumable=False)
     record, stopped = keeper.record, _track_all(session, slam, recording, keeper)
     continued = str(args.load_map.resolve()) if args.load_map else None
     ending = record.results[-1].state if record.results else TrackingState.NOT_INITIALISED
@@ -133,6 +136,8 @@ def _track_all(session: SlamSession, slam: SequentialSlam, recording: Recording,
             result = session.track(frame, odometry)
             track_s = time.perf_counter() - began
             keeper.frame(result, odometry, track_s, slam.statistics().u2_frames, slam.drain_events())
+            if keeper.see(frame, None):
+                keeper.write_seen()
             if progress.is_due:
                 found = f"{result.found}/{result.searched} points"
                 progress.show(f"frame {number}/{recording.frame_count}  {result.state.word}  {found}")

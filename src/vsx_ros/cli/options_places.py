@@ -49,4 +49,4 @@ def room(parser: argparse.ArgumentParser) -> None:
 
 
 def _map(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--map", type=Path, metavar="FILE", help="a saved map (.vsxmap or .yaml; default: the robot's)")
+    parser.add_argument("--map", type=Path, metavar="FILE|RUN", help="a saved map or a run (default: the robot's map)")

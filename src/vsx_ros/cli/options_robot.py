@@ -30,7 +30,8 @@ def status(parser: argparse.ArgumentParser) -> None:
     """what a running robot does, and why
 
     Listens for two to four seconds and prints state and reason of exploration and SLAM, the ratio of map points found,
-    the camera's rate, who drives the wheels, hazards and battery. Unknown values are shown as -, in JSON as null.
+    the camera's rate, who drives the wheels, hazards, battery, the zones and the room that the robot is in. Unknown
+    values are shown as -, in JSON as null.
 
     exit codes: 0 somebody answers, 1 nobody does"""
     parser.add_argument("--watch", action="store_true", help="print again every second until Ctrl-C")

@@ -46,6 +46,8 @@ def explore(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> N
         what = "go on in a SLAM map (.vsxmap), the robot anywhere in it: 'vsx map save'"
         add("--load-map", metavar="FILE", help=what)
     add("--room", metavar="NAME", help="with a loaded map: explore only this room of it: 'vsx room list'")
+    zones = "zones to begin with (YAML), in the coordinates of the map; a new one begins where the robot stands"
+    add("--zones", metavar="FILE", help=zones)
     add("--fast", action="store_true", help="one process, lock-step, no ROS, deterministic")
     add("--view", action="store_true", help="serve the live view, for a browser on this machine")
     add("--headless", action="store_true", help="open no window and no browser")
@@ -141,9 +143,9 @@ def map(parser: argparse.ArgumentParser) -> None:
         "for MeshLab, CloudCompare, Blender. colmap: a folder with COLMAP's text model (cameras.txt, images.txt, "
         "points3D.txt) and the keyframes' pictures, for COLMAP and what reads it: dense stereo, meshing, splatting. "
         "pgm: the ground map of points, surfaces and the keyframes' places, a picture and a YAML as map_server and "
-        "every ROS navigation stack load them, without odometry in the map's own unit; the map.pgm of a run knows its "
-        "bumps, too. dense: the surfaces as a cloud of points with their grey values (PLY). planes: JSON, of each "
-        "plane the normal, offset, extent, supporting points and standard deviations.",
+        "every ROS navigation stack load them, without odometry in the map's own unit, with zones and rooms beside it; "
+        "the map.pgm of a run knows its bumps, too. dense: the surfaces as a cloud of points with their grey values "
+        "(PLY). planes: JSON, of each plane the normal, offset, extent, supporting points and standard deviations.",
     )
     export.add_argument("file", type=Path, metavar="FILE", help="a .vsxmap")
     export.add_argument("--format", choices=tuple(MAP_FORMATS), required=True, help="what to write")
@@ -157,7 +159,8 @@ def _save_and_load(verbs: Any) -> None:
         "save",
         help="save the map of a running robot, or of a run",
         description="Saves the SLAM map of the robot that runs now, by its service vslam/save_map, or that of a run "
-        "folder, interrupted or not. A second robot is reached with ROS_NAMESPACE=robot1 vsx map save.",
+        "folder, interrupted or not, with zones and rooms. A second robot is reached with ROS_NAMESPACE=robot1 vsx map "
+        "save.",
     )
     save.add_argument("run_folder", type=Path, nargs="?", metavar="RUN", help="a run folder (default: the robot)")
     save.add_argument("--out", type=Path, metavar="FILE", help="default: map.vsxmap in the run folder")

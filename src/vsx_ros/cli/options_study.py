@@ -12,7 +12,8 @@ EXPERIMENTS = ("table1", *(f"fig{k}" for k in range(2, 8)))  # of the paper
 def plan(parser: argparse.ArgumentParser) -> None:
     """plan one motion from pose to pose and prove what it promises
 
-    Plans from pose to pose, in a map or on open floor, and prints the certificate and the time.
+    Plans from pose to pose, in a map or on open floor, and prints the certificate and the time. The zones beside the
+    map (lab_zones.yaml beside lab.yaml) are obeyed as a robot obeys them.
 
     example: vsx plan --start 0,0,0 --goal 2,-1,90 --phi 1 --plot plan.png"""
     # Poses may begin with a minus sign.

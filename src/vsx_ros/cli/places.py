@@ -59,9 +59,7 @@ def _list_zones(args: argparse.Namespace) -> int:
         print(json.dumps([zone.tree() for zone in zones]))
         return DONE
     for zone in zones:
-        speed = f" at most {zone.v_m_s:g} m/s" if zone.v_m_s is not None else ""
-        corners = " ".join(f"{x:.2f},{y:.2f}" for x, y in zone.points)
-        print(f"{zone.name}: {zone.kind.value}{speed}, {corners}")
+        print(f"{zone.words()}: {' '.join(f'{x:.2f},{y:.2f}' for x, y in zone.points)}")
     if not zones:
         print("no zones: the robot may go everywhere")
     return DONE
@@ -86,7 +84,9 @@ def _in_file(map_file: Path, change: Callable[[list[Zone]], list[Zone]], said: s
 
 
 def _existing(map_file: Path) -> Path:
-    """Raises ConfigError without a map there: beside a misspelt one, nothing would read the zones."""
+    """The file, or that of a run folder. Raises ConfigError without a map there: beside a misspelt one, nothing would
+    read the zones."""
+    map_file = map_file / "map.yaml" if map_file.is_dir() else map_file
     if not map_file.is_file():
         raise ConfigError(f"there is no map {map_file}; 'vsx map save' makes one, and each run has a map.yaml")
     return map_file

@@ -4,6 +4,7 @@ change of view below."""
 import argparse
 import json
 import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import cv2
@@ -11,20 +12,27 @@ import numpy as np
 
 from vsx_ros.arrays import ColorImage, FloatArray
 from vsx_ros.config import Config
+from vsx_ros.control.localization import MAP_FRAME
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.map_file import load_map
+from vsx_ros.io.zone_file import load_zones, zone_file
+from vsx_ros.navigation.navigator import GoalPlanner
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.occupancy.zoned_grid import with_zones
+from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.planning.joint_qp import check_question
 from vsx_ros.planning.path import Plan, Refusal, Trajectory
-from vsx_ros.planning.planners import PLANNERS
-from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.process import DONE, FAILED
 from vsx_ros.sim.picture import write_picture
 
 _OPEN_FLOOR_MARGIN_M = 3.0  # around start and goal if no map is given: room for any curve
 _FORWARD, _REVERSE, _INK, _FAINT = (180, 90, 0), (40, 40, 220), (40, 40, 40), (200, 200, 200)  # BGR
+_ZONES = {  # BGR
+    ZoneKind.NO_GO: (30, 30, 230), ZoneKind.WALL: (30, 30, 230), ZoneKind.ONLY: (60, 150, 60),
+    ZoneKind.SLOW: (30, 140, 240), ZoneKind.LOOK: (220, 110, 60),
+}  # fmt: skip
 _LONG_SIDE_PX = 900  # of the picture
 _PROFILE_PX = 220  # height of the curve under it
 _MARGIN_M = 1.0  # around the path in the picture
@@ -37,23 +45,26 @@ def plan(args: argparse.Namespace) -> int:
     start, goal = SE2(*args.start), SE2(*args.goal)
     check_question(start, goal, config.planner.phi_rad_m)
     grid = load_map(args.map) if args.map is not None else _open_floor(start, goal)
-    planner = PLANNERS[args.planner](config.planner, config.robot)
-    plan = planner.plan(start, goal, grid, np.random.default_rng(args.seed))
+    zones = load_zones(zone_file(args.map)) if args.map is not None else []
+    planner = GoalPlanner(config, args.planner, args.seed)
+    planner.take_grid(with_zones(grid, zones, config.planner.zone_margin_m, config.robot.radius_m), 0)
+    timed = planner.timed(start, goal, MAP_FRAME)
     question = {"start": list(args.start), "goal": list(args.goal), "planner": args.planner}
     question |= {"phi_rad_m": config.planner.phi_rad_m, "map": None if args.map is None else str(args.map)}
-    if isinstance(plan, Refusal):
-        tree = {"solved": False, "refusal": {"kind": plan.kind.value, "reason": plan.reason}}
-        words = f"no plan ({plan.kind.value}): {plan.reason}"
+    question |= {"zones": [zone.tree() for zone in zones]}
+    if isinstance(timed, Refusal):
+        tree = {"solved": False, "refusal": {"kind": timed.kind.value, "reason": timed.reason}}
+        words = f"no plan ({timed.kind.value}): {timed.reason}"
     else:
-        trajectory = time_scale(plan.path, config.limits)
-        tree, words = _as_dict(plan, trajectory), _in_words(plan, trajectory, config, args.map is not None)
-    print(json.dumps({**question, **tree}, indent=1, allow_nan=False) if args.json else words)
-    if isinstance(plan, Refusal):
+        tree, words = _as_dict(*timed), _in_words(*timed, config, args.map is not None)
+    obeyed = "".join(f"\nobeyed zone     {zone.words()}" for zone in zones)
+    print(json.dumps({**question, **tree}, indent=1, allow_nan=False) if args.json else words + obeyed)
+    if isinstance(timed, Refusal):
         return FAILED
     if args.plot is not None:
-        rows = plan.path.sample(0.01)
-        picture = np.concatenate([_map(grid, plan, rows, config), _profile(rows, config.planner.phi_rad_m)])
-        write_picture(picture, args.plot)
+        rows = timed.plan.path.sample(0.01)
+        picture = [_map(grid, zones, timed.plan, rows, config), _profile(rows, config.planner.phi_rad_m)]
+        write_picture(np.concatenate(picture), args.plot)
     return DONE
 
 
@@ -95,7 +106,7 @@ def _in_words(plan: Plan, trajectory: Trajectory, config: Config, in_map: bool) 
     ])  # fmt: skip
 
 
-def _map(grid: OccupancyGrid, plan: Plan, rows: FloatArray, config: Config) -> ColorImage:
+def _map(grid: OccupancyGrid, zones: Sequence[Zone], plan: Plan, rows: FloatArray, config: Config) -> ColorImage:
     poses = np.concatenate([rows[:, :2], [[plan.goal.x, plan.goal.y]]])
     low, high = poses.min(axis=0) - _MARGIN_M, poses.max(axis=0) + _MARGIN_M
     scale = _LONG_SIDE_PX / float(max(high - low))
@@ -112,6 +123,7 @@ def _map(grid: OccupancyGrid, plan: Plan, rows: FloatArray, config: Config) -> C
     values[inside] = grid.data[cells[inside, 0], cells[inside, 1]]
     shade = np.where(values == FREE, 255, np.where(values == OCCUPIED, 0, 190)).astype(np.uint8)
     canvas = cv2.cvtColor(shade.reshape(v.shape), cv2.COLOR_GRAY2BGR)
+    _draw_zones(canvas, zones, pixel)
     radius = round(config.robot.radius_m * scale)
     for row in rows[:: max(1, len(rows) // 12)]:
         cv2.circle(canvas, pixel(row[0], row[1]), radius, _FAINT, 1, cv2.LINE_AA)
@@ -125,6 +137,16 @@ def _map(grid: OccupancyGrid, plan: Plan, rows: FloatArray, config: Config) -> C
     text = f"{plan.planner}: {plan.path.length_m:.2f} m, {len(plan.path.cusps)} cusps (red: reverse)"
     cv2.putText(canvas, text, (10, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.55, _INK, 1, cv2.LINE_AA)
     return np.asarray(canvas, np.uint8)
+
+
+def _draw_zones(canvas: ColorImage, zones: Sequence[Zone], pixel: Callable[[float, float], tuple[int, int]]) -> None:
+    """Border and name of each zone."""
+    for zone in zones:
+        corners, colour = np.array([pixel(x, y) for x, y in zone.points], np.int32), _ZONES[zone.kind]
+        cv2.polylines(canvas, [corners], zone.kind is not ZoneKind.WALL, colour, 2, cv2.LINE_AA)
+        x, y = corners.min(axis=0).tolist()
+        place = max(4, x + 4), max(40, y + 16)
+        cv2.putText(canvas, zone.words(), place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA)
 
 
 def _profile(rows: FloatArray, phi: float) -> ColorImage:

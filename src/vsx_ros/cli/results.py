@@ -18,13 +18,12 @@ from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.atomic import write_text
 from vsx_ros.io.map_export import write_colmap, write_planes, write_ply
 from vsx_ros.io.map_file import save_map
-from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
+from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory, write_trajectory
-from vsx_ros.io.zone_file import save_zones, zone_file
-from vsx_ros.occupancy.zones import AnchoredZones
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.report import report_data, write_report
+from vsx_ros.runs.saved_map import copy_places, save_map_of
 from vsx_ros.slam.snapshot import SlamMap, snapshot
 
 _FROM_SUMMARY = (
@@ -104,12 +103,7 @@ def _save(args: argparse.Namespace) -> int:
         return save_map(args.out)
     folder = RunFolder.open(args.run_folder)
     out = args.out or folder.path / "map.vsxmap"
-    saved = folder.checkpoint.read()
-    save_slam_map(saved.slam_map, out)
-    zones = AnchoredZones()
-    zones.restore(saved.state)
-    seen = snapshot(saved.slam_map.view)
-    save_zones(zones.zones(seen.keyframe_ids, seen.T_world_cams), zone_file(out))
+    save_map_of(folder, out)
     print(out)
     return 0
 
@@ -164,7 +158,8 @@ def _export(args: argparse.Namespace) -> int:
 
 def _export_surfaces(args: argparse.Namespace, slam_map: SlamMap, out: Path) -> None:
     """Raises InputError for a map without floor or without surfaces."""
-    finished = finished_map(slam_map, load(args.config, args.set))
+    config = load(args.config, args.set)
+    finished = finished_map(slam_map, config)
     assert finished is not None
     if finished.note:
         print(f"vsx: {args.file} was {finished.note}", file=sys.stderr)
@@ -179,3 +174,4 @@ def _export_surfaces(args: argparse.Namespace, slam_map: SlamMap, out: Path) -> 
         if grid is None:
             raise InputError(f"{args.file} shows no floor to map; export it as tum, ply, dense, planes or colmap")
         save_map(grid, out)
+        copy_places(args.file, grid, out, config)

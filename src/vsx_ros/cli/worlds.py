@@ -12,6 +12,7 @@ from vsx_ros.runs.start import tell_remarks
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.gazebo_world import checked_start
+from vsx_ros.sim.mesh_hidden import hidden_solids
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.picture import BAND_M, first_view, world_picture, write_picture
 from vsx_ros.sim.truth import ground_truth_grid, reachable_area_m2
@@ -61,13 +62,14 @@ def described(world: EmulatedWorld) -> list[str]:
         f"start:      {start.x:.2f}, {start.y:.2f} m, {np.degrees(start.theta_rad):.0f} deg",
     ]
     if isinstance(world, MeshWorld):
-        seen, solids = world.parts.seen, world.parts.solids
-        pictures = len({surface.picture for surface in seen.surfaces} - {None})
+        seen, solids, hidden = world.parts.seen, world.parts.solids, hidden_solids(world)
+        most = "".join(f", {model} {metres:.1f} m" for model, metres in hidden[:3])
         lines += [
             f"file:       {world.file}",
             f"floor:      {world.floor_z_m:.3f} m in the file",
-            f"drawn:      {len(seen.corners)} triangles, {pictures} textures, {len(world.lamps)} lamps",
+            f"drawn:      {len(seen.corners)} triangles, {len(seen.textures.logs)} textures, {len(world.lamps)} lamps",
             f"solid:      {len(solids)} triangles",
+            f"hidden:     {sum(metres for _, metres in hidden):.1f} m of solid borders with nothing drawn there{most}",
             f"missing:    {len(world.parts.remarks)} parts",
         ]
     return lines

@@ -4,6 +4,7 @@ that receive them. ``vsx config`` prints this tree; config/default.yaml is gener
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Annotated, Any
 
@@ -22,7 +23,7 @@ from vsx_ros.config.maps import (
     SlamConfig,
 )
 from vsx_ros.config.running import ComputingConfig, DockingConfig, RunsConfig
-from vsx_ros.errors import ConfigError
+from vsx_ros.errors import ConfigError, did_you_mean
 
 __all__ = [
     "ComputingConfig", "Config", "DenseConfig", "DockingConfig", "ExplorationConfig", "FollowerConfig",
@@ -212,7 +213,10 @@ def _leaves(tree: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]
 
 
 def _given(tree: Any, message: str) -> str:
-    """The value that a message of msgspec is about, e.g. ", not -1"; empty when it is about a whole branch."""
+    """The value that a message of msgspec is about, e.g. ", not -1", or the name that resembles an unknown one; empty
+    when it is about a whole branch."""
+    if unknown := re.search("unknown field `(.*?)`", message):
+        return did_you_mean(unknown[1], {part for name, _ in _leaves(to_dict(Config())) for part in name.split(".")})
     for name in message.rpartition("`$.")[2].rstrip("`").split("."):
         if not isinstance(tree, dict) or name not in tree:
             return ""
@@ -236,6 +240,7 @@ def overridden(config: Config, assignments: dict[str, Any]) -> Config:
         for branch in branches:
             node = node.get(branch, {}) if isinstance(node, dict) else {}
         if not isinstance(node, dict) or leaf not in node:
-            raise ConfigError(f"configuration: there is no parameter {name!r}; 'vsx config' prints every name")
+            near = did_you_mean(name, (known for known, _ in _leaves(tree)))
+            raise ConfigError(f"configuration: there is no parameter {name!r}{near}; 'vsx config' prints every name")
         node[leaf] = value
     return from_dict(tree)

@@ -181,12 +181,11 @@ class GroundMapConfig(Branch, frozen=True):
 
 
 class RoomsConfig(Branch, frozen=True):
-    """Where the ground map is cut into rooms: at passages that are at most widest_door_m wide and at most door_ratio
-    times as wide as both rooms. Obstacles up to furniture_m long that touch no wall do not count. A part below
-    least_room_m2 belongs to the room beside it. Live, rooms are found every_s."""
+    """Where the ground map is cut into rooms: at passages that are less than door_ratio times as wide as both rooms.
+    Obstacles up to furniture_m long that touch no wall do not count. A part below least_room_m2 belongs to the room
+    beside it. Live, rooms are found every_s."""
 
-    widest_door_m: Positive = 1.8
-    door_ratio: Ratio = 0.75
+    door_ratio: Ratio = 0.7
     furniture_m: NonNegative = 1.8
     least_room_m2: Positive = 2.0
     every_s: Positive = 5.0

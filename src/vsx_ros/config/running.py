@@ -32,9 +32,11 @@ class DockingConfig(Branch, frozen=True):
 
 
 class RunsConfig(Branch, frozen=True):
-    """The run folder: how often the map is written, so that an interrupted run can continue."""
+    """The run folder: how often the map is written, so that an interrupted run can continue, and how often a small
+    camera picture and the ground map are kept for the report; 0 keeps none. In a long run they become rarer."""
 
     checkpoint_s: Positive = 5.0
+    moments_s: NonNegative = 1.0
 
 
 class ComputingConfig(Branch, frozen=True):

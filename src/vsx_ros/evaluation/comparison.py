@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from vsx_ros.evaluation.page import document
-from vsx_ros.evaluation.report import STYLE, ReportData, command, map_picture, section, shown, timeline, versions
+from vsx_ros.evaluation.report import STYLE, command, map_picture, section, shown, timeline, versions
+from vsx_ros.evaluation.report_data import ReportData
 
 Named = tuple[str, ReportData]
 

@@ -2,20 +2,20 @@
 
 import html
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray, Points2, Points3
+from vsx_ros.arrays import Points2, Points3
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation import svg
 from vsx_ros.evaluation.events import collapsed, rows
 from vsx_ros.evaluation.page import document, png_figure, table
+from vsx_ros.evaluation.report_data import ReportData
+from vsx_ros.evaluation.scrubber import scrubber
 from vsx_ros.evaluation.svg import map_view, window_around, window_of
 from vsx_ros.evaluation.trajectory import align, associate
-from vsx_ros.geometry.se3 import StampedPose
-from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.rooms import Room
 from vsx_ros.slam.state import TrackingState
 
 _MAX_EVENTS = 400  # rows; the file has all of them
@@ -23,38 +23,17 @@ _FLOOR_M = 0.06  # lower points are floor and hide the map; as ground_map.obstac
 _FASTEST_MS = 0.1  # least of the axis; a quicker frame was refused
 
 
-@dataclass(frozen=True)
-class ReportData:
-    """The data of a run folder. world_is_level: z is up, so the map is drawn along z; else the first camera's x and z.
-    good_ratio, lost_ratio: shares of found points above and below which tracking is good and lost. events: (stamp_ns,
-    source, state, reason). frames: (stamp_ns, value of the state, searched, found, keyframe_added, track_ms, U2 so
-    far). picture_png: what the camera saw last; empty if unknown."""
-
-    summary: Mapping[str, Any]
-    facts: Mapping[str, Any]
-    config_yaml: str
-    events: Sequence[tuple[int, str, str, str]]
-    frames: Sequence[tuple[int, str, int, int, bool, float | None, float | None]]
-    estimate: Sequence[StampedPose]
-    truth: Sequence[StampedPose]
-    grid: OccupancyGrid | None
-    points_world: Points3 = field(default_factory=lambda: np.zeros((0, 3)))
-    world_is_level: bool = True
-    good_ratio: float = 0.3
-    lost_ratio: float = 0.13
-    picture_png: bytes = b""
-
-
 def render(data: ReportData) -> str:
     """The page."""
-    title = str(data.summary.get("world") or "run")
     body = [
-        f"<h1>{html.escape(title)}</h1>",
+        f"<h1>{html.escape(title := str(data.summary.get('world') or 'run'))}</h1>",
         _ending(data.summary),
         _origin(data),
         png_figure("the newest keyframe", data.picture_png),
         _figures(data.summary),
+        section("Second by second", scrubber(data)),
         section("Map and trajectory", map_picture(data)),
+        section("Rooms", room_table(data.rooms)),
         section("Tracking over time", timeline(data)),
         section("Events", _events(data)),
         section("All numbers", _folded("summary.json", data.summary)),
@@ -77,8 +56,8 @@ def _ending(summary: Mapping[str, Any]) -> str:
 def _origin(data: ReportData) -> str:
     """World, seed, date and command."""
     named = [("world", data.summary.get("world")), ("seed", data.summary.get("seed")), ("date", data.facts.get("date"))]
-    known = ", ".join(f"{name} {value}" for name, value in named if value is not None)
-    return f'<p class="legend">{html.escape(known)}</p>{command(data)}'
+    known = html.escape(", ".join(f"{name} {value}" for name, value in named if value is not None))
+    return f'<p class="legend">{known}</p>{command(data)}'
 
 
 def _figures(summary: Mapping[str, Any]) -> str:
@@ -151,6 +130,12 @@ def _truth_in_map(data: ReportData) -> Points3:
     return alignment.apply(np.array([pose.T.translation for pose in data.truth]))
 
 
+def room_table(rooms: Sequence[Room]) -> str:
+    """How much of each room is known."""
+    cells = [(str(r.number), r.name, f"{r.area_m2:.1f} m2", f"{100 * r.known_ratio:.0f} %") for r in rooms]
+    return table(["number", "room", "free ground", "known of its extent"], cells)
+
+
 def timeline(data: ReportData) -> str:
     """States, share of found points, how long points are tracked and time per frame over time."""
     if not data.frames:
@@ -174,7 +159,7 @@ def timeline(data: ReportData) -> str:
         parts.append(svg.plot([("curve", seconds, ratio)], "found / searched", marks=levels))
     if np.isfinite(lives).any():
         parts.append("<h3>frames in which a point was tracked, the mean so far; it ends at U2</h3>")
-        parts.append(svg.plot([("curve", seconds, lives)], "U2 so far [frames]", _top(lives)))
+        parts.append(svg.plot([("curve", seconds, lives)], "U2 so far [frames]", svg.top(lives)))
     if np.isfinite(times).any():
         scale = svg.decades(max(float(np.nanpercentile(times, 1.0)), _FASTEST_MS), float(np.nanmax(times)))
         parts.append("<h3>time per frame [ms]; in lock-step mapping and planning are part of it</h3>")
@@ -182,18 +167,10 @@ def timeline(data: ReportData) -> str:
     return "".join(parts)
 
 
-def _top(values: FloatArray) -> float:
-    """A round upper limit for an axis that shows 99.5 % of the values."""
-    highest = float(np.nanpercentile(values, 99.5)) * 1.1
-    return max(svg.ticks(0.0, highest * 1.25, 5)[-1], 1e-3)
-
-
 def _events(data: ReportData) -> str:
     told = collapsed([event for event in data.events if event[2] != "keyframe"])
-    begins = [frame[0] for frame in data.frames[:1]] + [one.event[0] for one in told[:1]]
-    began = min(begins, default=0)
     more = f"<p>... and {len(told) - _MAX_EVENTS} more in events.jsonl</p>" if len(told) > _MAX_EVENTS else ""
-    return table(["at", "who", "state", "why"], rows(told[:_MAX_EVENTS], began)) + more
+    return table(["at", "who", "state", "why"], rows(told[:_MAX_EVENTS], data.began_ns)) + more
 
 
 def _folded(name: str, values: Mapping[str, Any]) -> str:

@@ -48,6 +48,12 @@ def ticks(low: float, high: float, count: int = 6) -> list[float]:
     return [round(i * step, 10) for i in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
+def top(values: FloatArray) -> float:
+    """A round upper limit for an axis that shows 99.5 % of the values."""
+    highest = float(np.nanpercentile(values, 99.5)) * 1.1
+    return max(ticks(0.0, highest * 1.25, 5)[-1], 1e-3)
+
+
 def decades(low: float, high: float) -> list[float]:
     """The powers of ten from the last one below low to the first one above high (both positive); at least two."""
     first = math.floor(math.log10(low))
@@ -154,11 +160,8 @@ def map_view(
     """A map, north up, with a scale bar. ways: (CSS class, points; None leaves a gap). marks: (CSS class, point).
     views: x, y, heading of short strokes. dots: (N, 2), thinned if there are many. window: lower and upper corner.
     Lengths in ``unit``."""
-    low, high = window
-    sheet = _Sheet(low, high, min(width_px / (high[0] - low[0]), _HIGHEST_PX / (high[1] - low[1])))
-    width, height = (high - low) * sheet.scale
-    parts = [f'<svg class="map" viewBox="0 0 {width:.0f} {height:.0f}" style="max-width:{width:.0f}px" role="img">']
-    parts.append("<title>map from above</title>")
+    sheet = Sheet.fitting(window, width_px)
+    parts = [sheet.begin("map from above")]
     if grid is not None:
         parts.append(sheet.ground(grid))
     if dots is not None and len(dots):
@@ -177,17 +180,31 @@ def map_view(
     return "".join([*parts, sheet.scale_bar(unit), "</svg>"])
 
 
-class _Sheet(NamedTuple):
+class Sheet(NamedTuple):
     """A window between two corners, drawn with ``scale`` pixels per unit of length; x to the right, y up."""
 
     low: FloatArray
     high: FloatArray
     scale: float
 
+    @staticmethod
+    def fitting(window: Window, width_px: float) -> "Sheet":
+        """As large as the width allows, and not too high for a screen."""
+        low, high = window
+        return Sheet(low, high, min(width_px / (high[0] - low[0]), _HIGHEST_PX / (high[1] - low[1])))
+
+    def begin(self, title: str) -> str:
+        """The SVG's opening tag and title."""
+        width, height = (self.high - self.low) * self.scale
+        size = f'viewBox="0 0 {width:.0f} {height:.0f}" style="max-width:{width:.0f}px"'
+        return f'<svg class="map" {size} role="img"><title>{title}</title>'
+
     def place(self, point: Sequence[float]) -> str:
+        """x and y [px] of a point."""
         return f"{(point[0] - self.low[0]) * self.scale:.1f},{(self.high[1] - point[1]) * self.scale:.1f}"
 
     def ground(self, grid: OccupancyGrid) -> str:
+        """The picture of a map."""
         corner, end = window_of(grid)
         x, y = self.place((corner[0], end[1])).split(",")
         size = (end - corner) * self.scale
@@ -197,6 +214,7 @@ class _Sheet(NamedTuple):
         )
 
     def scale_bar(self, unit: str) -> str:
+        """A bar of a round length."""
         width, height = self.high - self.low
         bar = ticks(0.0, float(width), 5)[:2][-1]  # there is one tick only if rounding leaves no width
         bottom = height * self.scale

@@ -53,7 +53,7 @@ class Mission:
         self._recovery = Recovery(exploration, config.robot.radius_m, planner.phi_rad_m)
         self._after_pause = MissionState.STARTING
         self._stay_at_user_goal = exploration.stay_at_user_goal
-        self._claim = OperatorClaim(self._log)
+        self.claim = OperatorClaim(self._log)
 
     @property
     def state(self) -> MissionState:
@@ -138,7 +138,7 @@ class Mission:
             return self._log.answer(Action.FINISH, self._log.reason)
         active = situation.navigation is NavigationState.ACTIVE
         if self.state is MissionState.PAUSED:
-            claim = self._claim.of(now_ns, situation)
+            claim = self.claim.of(now_ns, situation)
             reason = "paused" if claim is None else f"paused; {claim[1]}"
             if claim is not None and self._log.reason != reason:
                 self._log.note(now_ns, reason)
@@ -147,7 +147,7 @@ class Mission:
             return self._log.answer(Action.WAIT, "waiting for odometry")
         if restarted:
             return self._tour.rest(now_ns, active, "odometry restarted: coming to rest")
-        if (claim := self._claim.of(now_ns, situation)) is not None:
+        if (claim := self.claim.of(now_ns, situation)) is not None:
             return self._yield(now_ns, situation, *claim)
         if self.state in _YIELDING:
             return self._take_over(now_ns, situation)
@@ -170,8 +170,7 @@ class Mission:
             self._after_pause = self.state
             since_ns = min(fact.since_ns for fact in (situation.held, situation.user_goal) if fact is not None)
             self.view_selector.blacklist.withdraw(min(since_ns, now_ns) - _RACE_NS)
-            self._tour.forget_goal()
-            self._tour.backing_off = False
+            self._tour.forget_drive()
         if self.state is not state:
             self._log.enter(now_ns, state, reason)
         stop = state is MissionState.HELD and situation.navigation is NavigationState.ACTIVE
@@ -203,7 +202,9 @@ class Mission:
         if now_ns < self._log.wait_until_ns:
             return self._log.answer(Action.WAIT, "waiting for the map to start")
         if self._drives == self._most_drives:
-            return self._log.finish(now_ns, Outcome.NOT_STARTED, f"the map did not start: {situation.slam_reason}")
+            refused = situation.navigation is NavigationState.ABORTED and situation.navigation_reason
+            why = f"{refused}; {situation.slam_reason}" if refused else situation.slam_reason
+            return self._log.finish(now_ns, Outcome.NOT_STARTED, f"the map did not start: {why}")
         self._drives += 1
         self._log.wait_until_ns = now_ns + SECOND_NS
         again = f"another straight drive: {situation.slam_reason}"

@@ -10,6 +10,7 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.config import Config, ExplorationConfig
 from vsx_ros.exploration.decision import SECOND_NS
+from vsx_ros.exploration.time_left import TimeLeft, left_to_see
 from vsx_ros.exploration.utility import RANKERS, Ranking, RankingInput, TravelCostsFrom, View, gain_at, near_poses
 from vsx_ros.exploration.zone_exit import way_out
 from vsx_ros.geometry.se2 import SE2
@@ -56,7 +57,7 @@ def pose_rows(poses: Sequence[SE2]) -> FloatArray:
 
 class ViewSelector:
     """Ranks the views. looked_from: poses from which the camera has looked. blacklist: failed goals. ranking: the last
-    one."""
+    one. time_left: of the exploration, as far as it is known."""
 
     def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:
         self._config, self._travel_costs = config.exploration, travel_costs
@@ -65,7 +66,7 @@ class ViewSelector:
         self.looked_from: list[SE2] = []
         self.blacklist = GoalBlacklist(self._config.blacklist_radius_m, self._config.blacklist_s)
         self._grid: OccupancyGrid | None = None
-        self.ranking = Ranking([], {})
+        self.ranking, self.time_left = Ranking([], {}), TimeLeft()
 
     def look_from(self, T_map_base: SE2) -> None:
         """Remember the pose if it is far enough, in place or heading, from the last one."""
@@ -82,8 +83,9 @@ class ViewSelector:
             looked_from=pose_rows(self.looked_from), travel_costs=self._travel_costs(T_map_base, grid),
             blacklist=lambda poses: self.blacklist.near(now_ns, poses), config=self._config,
         )  # fmt: skip
-        self.ranking = self._rank(asked)
-        return self.ranking
+        self.ranking = ranking = self._rank(asked)
+        self.time_left.add(now_ns, grid.known_area_m2, left_to_see(ranking.views, self._config.sensor_range_m))
+        return ranking
 
     def frontiers(self) -> list[Frontier]:
         """Where the known free ground ends in the last ranked map, for display."""

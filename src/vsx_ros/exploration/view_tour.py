@@ -93,8 +93,7 @@ class ViewTour:
 
     def rest(self, now_ns: int, active: bool, reason: str) -> Decision:
         """Leave the goal without a failure, and come to rest."""
-        self.forget_goal()
-        self.backing_off = False
+        self.forget_drive()
         self._log.wait_until_ns = now_ns + BRAKE_NS
         if reason != self._log.reason:  # the same until the base stands
             self._log.note(now_ns, reason)
@@ -103,6 +102,11 @@ class ViewTour:
     def forget_goal(self) -> None:
         """Forget the goal; the next decision chooses again."""
         self._goal = self._gain = None
+
+    def forget_drive(self) -> None:
+        """Forget whatever the robot drives for: the goal, a step away from something, the way out of a zone."""
+        self.forget_goal()
+        self.backing_off, self._leaving = False, ""
 
     def goal_failed(self, now_ns: int, reason: str) -> None:
         """The present goal, if there is one, has failed."""
@@ -113,8 +117,7 @@ class ViewTour:
             self._log.note(now_ns, f"goal blacklisted for {seconds:.0f} s: {reason}")
         elif self._leaving:
             self._log.note(now_ns, f"still in the zone {self._leaving!r}: {reason}")
-        self.forget_goal()
-        self.backing_off, self._leaving = False, ""
+        self.forget_drive()
 
     def _supervise(self, now_ns: int, situation: Situation) -> Decision:
         if situation.hazard and not self.backing_off:

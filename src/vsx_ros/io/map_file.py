@@ -17,7 +17,9 @@ from vsx_ros.occupancy.grid import FREE, MAX_CELLS, MAX_EXTENT_M, OCCUPIED, UNKN
 _GRAY_OF_FREE, _GRAY_OF_OCCUPIED, _GRAY_OF_UNKNOWN = 254, 0, 205  # as map_server's map_saver writes them
 _DARKEST_FREE = 206
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196  # map_saver's, too
+_USUAL_THRESHOLDS = _FREE_THRESHOLD, _OCCUPIED_THRESHOLD
 _FINEST_M = 1e-3  # per cell; finer is a wrong unit
+_DIGITS = 9  # of the origin [m]: it is counted in cells, which leaves errors of rounding
 _ROWS_AT_ONCE = 64  # to save memory
 _LONGEST_NAME = 1000  # of a file; longer is invalid
 
@@ -27,16 +29,28 @@ def save_map(grid: OccupancyGrid, path: Path) -> None:
     more probable an obstacle is, but always free by the thresholds. Raises MapFileError when they cannot be written."""
     doubt = np.zeros(grid.shape) if grid.probability is None else np.nan_to_num(grid.probability)
     free = np.clip(np.rint(255.0 * (1.0 - doubt)), _DARKEST_FREE, _GRAY_OF_FREE)
-    known = [free, np.full(grid.shape, _GRAY_OF_OCCUPIED)]
-    gray = np.select([grid.data == FREE, grid.data == OCCUPIED], known, _GRAY_OF_UNKNOWN).astype(np.uint8)
     rows, columns = grid.shape
     image, text = path.with_suffix(".pgm"), path.with_suffix(".yaml")
-    origin = [grid.origin_x, grid.origin_y, 0.0]
+    origin = [round(grid.origin_x, _DIGITS), round(grid.origin_y, _DIGITS), 0.0]
     tree = {"image": image.name, "resolution": grid.resolution, "origin": origin, "negate": 0}
     tree |= {"occupied_thresh": _OCCUPIED_THRESHOLD, "free_thresh": _FREE_THRESHOLD}
     with explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError):
-        write_bytes(image, f"P5\n{columns} {rows}\n255\n".encode() + gray[::-1].tobytes())
+        write_bytes(image, f"P5\n{columns} {rows}\n255\n".encode() + _gray(grid, free).tobytes())
         write_text(text, yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
+
+
+def map_png(grid: OccupancyGrid) -> bytes:
+    """The grid as a small PNG, north up: free, occupied and unknown in map_server's greys."""
+    return bytes(cv2.imencode(".png", _gray(grid, np.full(grid.shape, _GRAY_OF_FREE)))[1])
+
+
+def map_of_png(content: bytes, name: str, resolution: float, origin: tuple[float, float]) -> OccupancyGrid:
+    """The grid of ``map_png``. name: for messages. origin: its lower left corner [m]. Raises MapFileError when it is
+    not such a picture."""
+    with explained(MapFileError, f"{name} is no map", "delete the file"):
+        image = picture(content, cv2.IMREAD_UNCHANGED, MAX_CELLS)
+    cells = _cells(image, name, _USUAL_THRESHOLDS, negate=False, raw=False)
+    return OccupancyGrid(cells[::-1], resolution, origin[0], origin[1])
 
 
 def load_map(path: Path) -> OccupancyGrid:
@@ -72,7 +86,8 @@ def load_map(path: Path) -> OccupancyGrid:
             f"map {text}: resolution {resolution}, origin {x}, {y} or thresholds {thresholds} are impossible; "
             "correct it"
         )
-    return OccupancyGrid(_cells(text.parent / name, thresholds, negate=negate, raw=raw)[::-1], resolution, x, y)
+    cells = _cells(*_picture_of(text.parent / name), thresholds, negate=negate, raw=raw)
+    return OccupancyGrid(cells[::-1], resolution, x, y)
 
 
 def is_map_file(path: Path) -> bool:
@@ -84,16 +99,29 @@ def is_map_file(path: Path) -> bool:
 def load_plan(path: Path) -> OccupancyGrid:
     """The grid of an image without a YAML, 5 cm per pixel: bright is free, dark occupied, grey unknown, as map_saver
     draws them. Raises MapFileError when it is not an image."""
-    thresholds = _FREE_THRESHOLD, _OCCUPIED_THRESHOLD
-    return OccupancyGrid(_cells(path, thresholds, negate=False, raw=False)[::-1], 0.05, 0.0, 0.0)
+    return OccupancyGrid(_cells(*_picture_of(path), _USUAL_THRESHOLDS, negate=False, raw=False)[::-1], 0.05, 0.0, 0.0)
 
 
-def _cells(path: Path, thresholds: tuple[float, float], *, negate: bool, raw: bool) -> NDArray[np.int8]:
+def _gray(grid: OccupancyGrid, free: NDArray[Any]) -> NDArray[np.uint8]:
+    """(H, W), top row first. free: (H, W) grey of the free cells."""
+    known = [free, np.full(grid.shape, _GRAY_OF_OCCUPIED)]
+    gray = np.select([grid.data == FREE, grid.data == OCCUPIED], known, _GRAY_OF_UNKNOWN)
+    return np.ascontiguousarray(gray[::-1], np.uint8)
+
+
+def _picture_of(path: Path) -> tuple[NDArray[Any] | None, str]:
+    """The picture of a file, None if damaged, and its name for messages."""
+    name = f"map image {path}"
+    with explained(MapFileError, f"{name} is missing or no map", "give a PGM or PNG"):
+        return picture(file_bytes(path, LOG_BYTES), cv2.IMREAD_UNCHANGED, MAX_CELLS), name
+
+
+def _cells(
+    image: NDArray[Any] | None, name: str, thresholds: tuple[float, float], *, negate: bool, raw: bool
+) -> NDArray[np.int8]:
     """(H, W) cells, top row first. Works on bands of rows: the probabilities need many times the image's memory."""
-    with explained(MapFileError, f"map image {path} is missing or no map", "give a PGM or PNG"):
-        image = picture(file_bytes(path, LOG_BYTES), cv2.IMREAD_UNCHANGED, MAX_CELLS)
     if image is None or image.dtype not in (np.uint8, np.uint16):
-        raise MapFileError(f"map image {path} is no 8 or 16 bit picture; give a PGM or PNG")
+        raise MapFileError(f"{name} is no 8 or 16 bit picture; give a PGM or PNG")
     cells = np.full(image.shape[:2], UNKNOWN, np.int8)
     for top in range(0, len(cells), _ROWS_AT_ONCE):
         band = slice(top, top + _ROWS_AT_ONCE)

@@ -13,9 +13,9 @@ from vsx_ros.io.atomic import write_bytes, write_text
 from vsx_ros.io.image_encoding import picture
 from vsx_ros.limits import DAMAGE, TEXT_BYTES, file_bytes, file_text, json_tree
 from vsx_ros.occupancy.grid import MAX_CELLS, UNKNOWN, OccupancyGrid
-from vsx_ros.occupancy.rooms import Room, RoomMap
+from vsx_ros.occupancy.rooms import MOST_ROOMS, Room, RoomMap
 
-_VERSION, _MOST = 1, 255  # grey values
+_VERSION = 1
 
 
 def room_file(map_file: Path) -> Path:
@@ -32,8 +32,8 @@ def room_tree(rooms: RoomMap) -> dict[str, Any]:
 
 def save_rooms(rooms: RoomMap, path: Path) -> None:
     """Write both files. Raises MapFileError when they cannot be written, or for more than 255 rooms."""
-    if any(room.number > _MOST for room in rooms.rooms):
-        raise MapFileError(f"rooms {path}: a picture has {_MOST} grey values, too few for these rooms; start a new map")
+    if any(room.number > MOST_ROOMS for room in rooms.rooms):
+        raise MapFileError(f"rooms {path}: a picture has {MOST_ROOMS} grey values, too few for these; start a new map")
     rows, columns = rooms.labels.shape
     grey = rooms.labels.astype(np.uint8)
     with explained(MapFileError, f"rooms {path} cannot be written", "choose another folder", OSError):
@@ -49,7 +49,7 @@ def load_rooms(path: Path) -> RoomMap | None:
         tree = json_tree(file_text(path))
         if tree["version"] != _VERSION:
             raise ValueError(f"it has version {tree['version']}, this program reads {_VERSION}")
-        rooms = tuple(_room(entry) for entry in tree["rooms"][: _MOST + 1])
+        rooms = tuple(room_of(entry) for entry in tree["rooms"][: MOST_ROOMS + 1])
         image = picture(file_bytes(path.with_suffix(".pgm"), MAX_CELLS + TEXT_BYTES), cv2.IMREAD_GRAYSCALE)
         if image is None:
             raise ValueError("its picture is none")
@@ -62,12 +62,13 @@ def load_rooms(path: Path) -> RoomMap | None:
     return RoomMap(grid, labels, rooms)
 
 
-def _room(entry: Any) -> Room:
+def room_of(entry: Any) -> Room:
+    """A room of ``room_tree``. Raises one of ``limits.DAMAGE`` for anything else."""
     outline = tuple((float(x), float(y)) for x, y in entry["outline"][:1000])
     x, y = (float(value) for value in entry["place"])
     numbers = [float(entry[name]) for name in ("area_m2", "known_ratio")]
     values = [*numbers, x, y, *(value for point in outline for value in point)]
-    if not np.isfinite(values).all() or not 0 < int(entry["number"]) <= _MOST:
+    if not np.isfinite(values).all() or not 0 < int(entry["number"]) <= MOST_ROOMS:
         raise ValueError(f"{str(entry)[:60]} is no room")
     return Room(
         number=int(entry["number"]), name=str(entry["name"])[:100], area_m2=numbers[0], known_ratio=numbers[1],

@@ -1,4 +1,7 @@
-"""Compile every kernel once, on tiny arrays: at node start, never in a callback."""
+"""Compile kernels once, on tiny arrays: at node start, never in a callback."""
+
+import sys
+from collections.abc import Callable
 
 import numpy as np
 
@@ -7,6 +10,9 @@ from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, s
 from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.kernels.occupancy import basins, clearance, ground_cells, ground_map, visibility
 from vsx_ros.kernels.planning import curves, flood, lattice, motions, reeds_shepp, shortcuts
+from vsx_ros.kernels.sim import raycast_pixels, raycast_render
+from vsx_ros.kernels.sim.raycast_cull import Scene, plane_forms
+from vsx_ros.kernels.sim.raycast_shade import TILE
 from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph
 from vsx_ros.kernels.slam.factors import Factors, no_floor
 from vsx_ros.kernels.slam.schur import Observations
@@ -14,15 +20,12 @@ from vsx_ros.kernels.vision import alignment, search
 from vsx_ros.kernels.vision.patches import Target
 
 
-def warm_up() -> None:
-    """Call all kernels with the argument types they are used with; seconds on a fresh checkout, then from disk."""
-    _tracking()
-    _mapping()
-    _planning()
-    _views()
-    _ground_map()
-    _planes()
-    _surfaces()
+def warm_up(*groups: str) -> None:
+    """Call the kernels of these ``GROUPS``, by default of all, with the argument types they are used with; seconds to a
+    minute on a fresh checkout, then from disk."""
+    for group in groups or GROUPS:
+        for call in GROUPS[group]:
+            call()
 
 
 def _planes() -> None:
@@ -65,7 +68,7 @@ def _ground_map() -> None:
     ground_cells.cover_discs(np.zeros((1, 2)), 0.2, lattice)
     ground_cells.count_free(scans, lattice)
     ground_cells.count_hits(points, one, scans.hit, 3, lattice)
-    basins.flood_basins(np.ones((2, 2)), np.arange(4), 0.9, 0.75)
+    basins.flood_basins(np.ones((2, 2)), np.arange(4), 0.7)
 
 
 def _tracking() -> None:
@@ -103,8 +106,14 @@ def _mapping() -> None:
     factors = Factors(one, one + 1, pair[:1], no_shift, np.eye(6)[None])
     free, points = np.array([-1, 0]), np.array([[0.0, 0.0, 1.0]])
     bundle.adjust(K, pair, way, free, points, seen, factors, no_floor(), 2, 0.4, bundle.START)
-    edges = pose_graph.Edges(one, one + 1, pair[:1], no_shift, np.ones(1), np.eye(pose_graph.NODE_DOF)[None])
+
+
+def _loops() -> None:
+    pair, one = np.array([np.eye(3), np.eye(3)]), np.zeros(1, np.int64)
+    to_each = np.eye(pose_graph.NODE_DOF)[None]
+    edges = pose_graph.Edges(one, one + 1, pair[:1], np.zeros((1, 3)), np.ones(1), to_each)
     pose_graph.optimize_graph(pair, np.zeros((2, 3)), np.ones(2), np.array([True, False]), edges, False, 1)
+    pose_graph.count_shared(one, one + 1, 1)
 
 
 def _planning() -> None:
@@ -145,6 +154,21 @@ def _views() -> None:
     visibility.unknown_area_by_bearing(data, weights, *grid[1:], places, bearings, 4.0, 1.0)
 
 
+def _emulation() -> None:
+    surfaces, places = np.ones((1, 5), np.float32), np.array([[0, 0, 0, 2, 2]], np.int32)
+    tints, texels = np.ones((1, 4), np.float32), np.zeros(4, np.int32)
+    corner, edges = np.array([[-1.0, -1.0, 2.0]]), 2.0 * np.eye(3)[None]
+    scene = Scene(corner, edges[:, 0].copy(), edges[:, 1].copy(), surfaces, places, tints, texels, texels)
+    forms, pool = plane_forms(scene, np.tile(np.eye(3), (1, 2, 1, 1)), np.zeros((1, 2, 3)))
+    rays, picture = np.zeros((TILE + 3, TILE + 3), np.float32), np.zeros((TILE, TILE), np.float32)
+    view = raycast_pixels.View(scene, forms, rays, rays, False)
+    none = np.zeros((0, 0), np.float32)
+    raycast_render.render_tile_rows(0, 1, view, pool, np.zeros((1, 1, 4)), picture, none, none.astype(np.int32))
+    gains = np.float32(1.0), np.float32(0.0), np.float32(0.0)
+    starts, response = np.zeros(TILE, np.int64), np.zeros(4096, np.uint8)
+    raycast_pixels.expose(picture, picture, *gains, rays[0], starts, response, np.zeros((TILE, TILE), np.uint8))
+
+
 def _image() -> Target:
     """A black image without corners."""
     sides = np.array([64, 32, 16, 8])
@@ -153,5 +177,20 @@ def _image() -> Target:
     return Target(pixels, table, np.zeros((0, 2), np.int32), row_table)
 
 
+GROUPS: dict[str, tuple[Callable[[], None], ...]] = {
+    "mapping": (_mapping,),
+    "tracking": (_tracking,),
+    "planning": (_planning,),
+    "surfaces": (_planes, _surfaces),
+    "loops": (_loops,),
+    "emulation": (_emulation,),
+    "ground": (_ground_map, _views),
+}
+"""By what uses the kernels. Groups share some; each compiles all that it needs."""
+
+
 if __name__ == "__main__":
-    warm_up()
+    for name in sys.argv[1:]:
+        warm_up(name)
+        sys.stdout.write(f"{name}\n")
+        sys.stdout.flush()

@@ -71,6 +71,7 @@ class Follower:
         self._begun_ns = now_ns
         if self._following:
             self._tracker.start(trajectory, now_ns)
+            self.result = FollowResult(STOP, FollowStatus.FOLLOWING, "about to drive")
 
     def brake(self, now_ns: int, a_m_s2: float) -> VelocityCommand | None:
         """Come to rest on the path, braking by a_m_s2 [m/s2], or by the present value if that is larger; infinite: as

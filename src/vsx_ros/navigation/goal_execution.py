@@ -98,6 +98,7 @@ class GoalExecution:
         self._number = 0
         self._waits_for_plan = self._start_is_predicted = False
         self._answer: TimedPlan | Refusal | None = None
+        self._asked_in: OccupancyGrid | None = None
         self._driven: Follow | None = None
         self._braking_m_s2 = 0.0
         self._ending = ""
@@ -125,7 +126,7 @@ class GoalExecution:
             return []
         if seen.silent_client:
             return [self._done(False, f"the client {seen.silent_client} is silent")]
-        if seen.follower.status is FollowStatus.HELD and self._phase in (_Phase.PLANNING, _Phase.DRIVING):
+        if self._was_held(seen.follower) and self._phase in (_Phase.PLANNING, _Phase.DRIVING):
             self._driven = None
             self._enter(_Phase.PLANNING, now_ns)
             return []
@@ -137,6 +138,11 @@ class GoalExecution:
         elif self._phase is _Phase.RESTING and not acts and self._has_rested(now_ns, seen):
             acts.append(self._done(False, self._ending))
         return acts
+
+    def _was_held(self, report: FollowerReport) -> bool:
+        """Whether the operator holds the wheels, or did between two steps: our trajectory is dropped, nothing ended."""
+        dropped = self._driven is not None and report.trajectory == self._driven.identity
+        return report.status is FollowStatus.HELD or (dropped and report.status is FollowStatus.IDLE)
 
     def _enter(self, phase: _Phase, now_ns: int) -> None:
         self._phase, self._since_ns = phase, now_ns
@@ -171,13 +177,13 @@ class GoalExecution:
             return [self._done(False, self._answer.reason)]
         self._driven = follow = Follow(now_ns, self._answer, self._frame)
         self._braking_m_s2 = 0.0
-        self._watch.begin(seen.grid)
+        self._watch.begin(self._asked_in)
         self._enter(_Phase.DRIVING, now_ns)
         return [follow]
 
     def _ask(self, now_ns: int, start: SE2, seen: ExecutionInput, *, predicted: bool) -> PlanRequest:
         self._number += 1
-        self._start, self._start_is_predicted = start, predicted
+        self._start, self._start_is_predicted, self._asked_in = start, predicted, seen.grid
         self._waits_for_plan, self._answer, self._since_ns = True, None, now_ns
         return PlanRequest(
             number=self._number, start=start, goal=self._goal, frame=self._frame,

@@ -56,7 +56,7 @@ class GoalPlanner:
         config, grid = self._config, self.grid
         T_map_frame = SE2() if frame == MAP_FRAME else T_map_frame
         try:
-            plan = self.plan(start, goal, frame, T_map_frame)
+            plan = self._plan(start, goal, frame, T_map_frame, grid)
             if isinstance(plan, Refusal):
                 return plan
             slow = blind_spans(plan.blind_spans, config.planner.blind_v_m_s)
@@ -70,7 +70,12 @@ class GoalPlanner:
         odom in the map; if it is known, the way keeps out of zones there, too.
 
         Raises PlanningError for poses that are not finite."""
-        grid = self.grid
+        return self._plan(start, goal, frame, T_map_frame, self.grid)
+
+    def _plan(
+        self, start: SE2, goal: SE2, frame: str, T_map_frame: SE2 | None, grid: OccupancyGrid | None
+    ) -> Plan | Refusal:
+        """grid: one map for the path and its speeds; another thread may take a newer one meanwhile."""
         if frame == ODOM_FRAME:
             return self._outside(self.blind.plan_blind(start, goal), grid, T_map_frame)
         if frame != MAP_FRAME:

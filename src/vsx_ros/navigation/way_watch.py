@@ -13,6 +13,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import ZonedGrid, speed_limits
 from vsx_ros.planning.corridor import obstacle_ahead, zone_ahead
 from vsx_ros.planning.path import Trajectory
+from vsx_ros.slam.state import TrackingState
 
 _FASTER_M_S = 0.01  # rounding of times
 
@@ -34,30 +35,30 @@ class WayWatch:
         self._drawn: int | None = None
 
     def begin(self, grid: OccupancyGrid | None) -> None:
-        """Another way is driven, planned with the zones of this map."""
+        """Another way is driven. grid: the map when its plan was asked for; zones may have been drawn since."""
         self._checked, self._drawn = None, _drawing(grid)
 
     def hindrance(
         self, trajectory: Trajectory, frame: str, report: FollowerReport, grid: OccupancyGrid, where: LocalizationState
     ) -> Hindrance | None:
-        """What is new on the rest of the way; None when nothing is, and for the map judged last."""
-        if grid is self._checked:
+        """What is new on the rest of the way; None when nothing is, for the map judged last, and as long as the frame's
+        place in the map is not known."""
+        T_map_frame = frame_in_map(frame, where)
+        if grid is self._checked or T_map_frame is None:
             return None
         self._checked = grid
-        T_map_frame = frame_in_map(frame, where)
         found = [(math.inf, "")]
         if frame == MAP_FRAME:
             obstacle_m = obstacle_ahead(trajectory, report.at_s, grid, self._radius_m)
             if obstacle_m is not None:
                 found.append((obstacle_m, f"an obstacle has come to light {obstacle_m:.1f} m ahead on the way"))
-        if T_map_frame is not None:
-            zone = zone_ahead(trajectory, report.at_s, grid, self._radius_m, T_map_frame)
-            if zone is not None:
-                found.append((zone.ahead_m, f"the zone {zone.zone!r} lies {zone.ahead_m:.1f} m ahead on the way"))
+        zone = zone_ahead(trajectory, report.at_s, grid, self._radius_m, T_map_frame)
+        if zone is not None:
+            found.append((zone.ahead_m, f"the zone {zone.zone!r} lies {zone.ahead_m:.1f} m ahead on the way"))
         nearest_m, reason = min(found)
         if math.isfinite(nearest_m):
             return Hindrance(nearest_m, reason)
-        if T_map_frame is not None and self._is_too_fast(trajectory, report.at_s, grid, T_map_frame):
+        if self._is_too_fast(trajectory, report.at_s, grid, T_map_frame):
             return Hindrance(None, "a slow zone was drawn on the way")
         return None
 
@@ -73,12 +74,14 @@ class WayWatch:
 
 
 def frame_in_map(frame: str, where: LocalizationState) -> SE2 | None:
-    """T_map_frame for the frames map and odom; None while unknown."""
+    """T_map_frame for the frames map and odom; None while unknown. A new map begins as the odometry frame."""
     if frame == MAP_FRAME:
         return SE2()
     T_frame_base = where.pose(frame)
-    if T_frame_base is None or where.T_map_base is None:
+    if T_frame_base is None:
         return None
+    if where.T_map_base is None:
+        return SE2() if where.slam_state is TrackingState.NOT_INITIALISED else None
     return where.T_map_base @ T_frame_base.inverse()
 
 

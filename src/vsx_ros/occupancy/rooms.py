@@ -17,6 +17,7 @@ from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
 
 _HULL_GROW_M = 0.3  # of a room's outline: its walls, and ground that is seen only at its edge
 _SIMPLE_M = 0.05  # tolerance of outlines
+MOST_ROOMS = 255  # grey values of the picture that they are saved as
 
 
 class Room(NamedTuple):
@@ -44,6 +45,12 @@ class RoomMap(NamedTuple):
         wanted = name.strip().casefold()
         return next((room for room in self.rooms if room.name.casefold() == wanted), None)
 
+    def at(self, x: float, y: float) -> Room | None:
+        """The room of a place [m]; None on ground of no room."""
+        (cell,) = self.grid.cells(np.array([[x, y]]))
+        number = int(self.labels[tuple(cell)]) if self.grid.contains(cell[None])[0] else 0
+        return next((room for room in self.rooms if room.number == number), None)
+
 
 def split(grid: OccupancyGrid, config: RoomsConfig) -> IntArray:
     """(H, W) labels of the rooms of a map from 1, 0 where the ground is not free; in no particular order."""
@@ -55,7 +62,7 @@ def split(grid: OccupancyGrid, config: RoomsConfig) -> IntArray:
     flat = heights.ravel()
     order = np.argsort(-flat, kind="stable")
     order = order[: int(np.count_nonzero(flat > 0.0))].astype(np.int64)
-    labels = flood_basins(heights, order, 0.5 * config.widest_door_m, config.door_ratio)
+    labels = flood_basins(heights, order, config.door_ratio)
     labels = _merge_small(labels, config.least_room_m2 / grid.resolution**2)
     return np.where(free, labels, 0)
 
@@ -160,9 +167,15 @@ class RoomTracker:
         sizes = np.bincount(labels.ravel(), minlength=most + 1)
         for label in np.argsort(-sizes[1:], kind="stable") + 1:
             if sizes[label] and not numbers[label]:
-                self._last_number += 1
-                numbers[label] = self._last_number
+                numbers[label] = self._next_number(numbers)
         return numbers
+
+    def _next_number(self, used: Sequence[int]) -> int:
+        """One that no room has had yet. If a file can hold none of these: one that no room has now, nor a name."""
+        if self._last_number < MOST_ROOMS:
+            self._last_number += 1
+            return self._last_number
+        return min(set(range(1, MOST_ROOMS + len(used) + 1)) - set(used) - self._names.keys())
 
     def _overlaps(self, grid: OccupancyGrid, labels: IntArray) -> list[tuple[bool, int, int, int]]:
         """(whether it has a name, shared cells, label, number) of each pair that shares a quarter of either room."""
@@ -219,23 +232,3 @@ def _outline(grid: OccupancyGrid, hull: IntArray) -> tuple[tuple[float, float], 
     grown: FloatArray = middle + away * (1.0 + _HULL_GROW_M * math.sqrt(2.0) / lengths)
     simple = cv2.approxPolyDP(grown.astype(np.float32), _SIMPLE_M, True).reshape(-1, 2)
     return tuple((round(float(x), 3), round(float(y), 3)) for x, y in simple)
-
-
-def shared_ratio(a: BoolArray, b: BoolArray) -> float:
-    """Intersection over union of two areas (H, W); 0 when both are empty."""
-    union = int(np.count_nonzero(a | b))
-    return float(np.count_nonzero(a & b)) / union if union else 0.0
-
-
-def right_rooms(labels: IntArray, truth: IntArray, least_ratio: float = 0.8) -> tuple[int, int]:
-    """How many rooms of the truth (H, W) have a room of their own with at least this intersection over union, and how
-    many there are. Both count from 1; 0 is no room."""
-    numbers: Sequence[int] = [int(number) for number in np.unique(truth) if number]
-    right = 0
-    for number in numbers:
-        mine = truth == number
-        found = np.bincount(labels[mine].ravel())
-        found[0] = 0
-        best = int(np.argmax(found))
-        right += bool(found[best]) and shared_ratio(mine, labels == best) >= least_ratio
-    return right, len(numbers)

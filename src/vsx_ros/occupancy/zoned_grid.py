@@ -16,9 +16,8 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray, Points2
 from vsx_ros.kernels.occupancy.clearance import DistanceField, signed_distance
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
-from vsx_ros.occupancy.zones import Zone, ZoneKind
+from vsx_ros.occupancy.zones import OUTSIDE, Zone, ZoneKind
 
-OUTSIDE = "only here"  # what cells outside all zones of the kind ONLY are called
 _SUBPIXEL_BITS = 8  # OpenCV's fixed point
 _REACH_M = 1.0  # farther zones do not matter
 _GIVE_M = 0.02  # as in the planner's corridor: interpolation near start and goal; the margin is larger

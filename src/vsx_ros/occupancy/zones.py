@@ -22,6 +22,7 @@ from vsx_ros.limits import json_tree
 from vsx_ros.occupancy.anchored_poses import AnchoredPoses
 
 MAX_ZONES, MAX_CORNERS, MAX_NAME = 100, 200, 40  # a drawing by hand has a few dozen corners
+OUTSIDE = "only here"  # what the ground outside all zones of the kind ONLY is called
 _FAR_M = 1e4  # larger than any building
 _LEAST_M2 = 0.01  # a smaller zone is a slip of the hand
 _SLOW_M_S = (0.03, 0.7)  # what the bases can drive
@@ -52,6 +53,10 @@ class Zone(NamedTuple):
         slow = {} if self.v_m_s is None else {"v_m_s": self.v_m_s}
         return {"name": self.name, "kind": self.kind.value, **slow, "points": [list(point) for point in self.points]}
 
+    def words(self) -> str:
+        """Name and meaning."""
+        return f"{self.name} ({self.kind.value}{'' if self.v_m_s is None else f', at most {self.v_m_s:g} m/s'})"
+
 
 def zone_of(tree: Any) -> Zone:
     """The zone of a tree. Raises InputError for anything else."""
@@ -72,7 +77,7 @@ def zone_of(tree: Any) -> Zone:
 def _points(name: str, given: Any) -> tuple[tuple[float, float], ...]:
     try:
         points = tuple((float(x), float(y)) for x, y in given[: MAX_CORNERS + 1])
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"zone {name!r}: its points are pairs of x and y [m], not {given!r:.60}") from error
     if len(points) > MAX_CORNERS:
         raise InputError(f"zone {name!r} has more than {MAX_CORNERS} corners; draw it simpler")
@@ -87,7 +92,10 @@ def _number(name: str, given: Any) -> float | None:
         return None
     if isinstance(given, bool) or not isinstance(given, (int, float)):
         raise InputError(f"zone {name!r}: its speed v_m_s is a number [m/s], not {given!r:.60}")
-    return float(given)
+    try:
+        return float(given)
+    except OverflowError:
+        raise InputError(f"zone {name!r}: its speed v_m_s is no number of metres per second") from None
 
 
 def _checked(zone: Zone) -> Zone:
@@ -107,6 +115,24 @@ def _checked(zone: Zone) -> Zone:
         low, high = _SLOW_M_S
         raise InputError(f"zone {zone.name!r}: its speed is {zone.v_m_s:g} m/s; give one from {low:g} to {high:g}")
     return zone
+
+
+def entered(zones: Sequence[Zone], x: float, y: float, radius_m: float) -> tuple[str, ...]:
+    """The names of the closed zones that a round body at x, y [m] reaches into, and "only here" if it reaches out of
+    all zones of the kind ONLY."""
+    inside_m = {zone: _depth(zone, x, y) for zone in zones}
+    closed = (ZoneKind.NO_GO, ZoneKind.WALL)
+    names = [zone.name for zone, depth_m in inside_m.items() if zone.kind in closed and depth_m > -radius_m]
+    allowed = [depth_m for zone, depth_m in inside_m.items() if zone.kind is ZoneKind.ONLY]
+    return (*names, *([OUTSIDE] if allowed and max(allowed) < radius_m else []))
+
+
+def _depth(zone: Zone, x: float, y: float) -> float:
+    """How far a place lies inside a polygon [m]; outside, and beside a line, negative."""
+    line = zone.kind is ZoneKind.WALL
+    corners = np.array([*zone.points, *zone.points[-2:0:-1]] if line else zone.points) - [x, y]
+    depth_m = float(cv2.pointPolygonTest(corners.astype(np.float32), (0.0, 0.0), True))
+    return -abs(depth_m) if line else depth_m
 
 
 class AnchoredZones:

@@ -5,6 +5,8 @@ import json
 import math
 import os
 import socket
+import threading
+import time
 from typing import Any
 
 import numpy as np
@@ -107,7 +109,8 @@ class BaseTopics:
 
     def __init__(self, robot_type: str, teleop_quiet_s: float) -> None:
         """teleop_quiet_s: the operator holds the wheels for so long after the last command of teleop [s]."""
-        self._hold = OperatorHoldWatch(teleop_quiet_s)
+        self._hold, self._held = OperatorHoldWatch(teleop_quiet_s), OperatorHold("", 0)
+        self._telling_hold = threading.Lock()
         own_driver = topic_names(robot_type)
         ours = own_driver is None
         renamed = own_driver is not None and rospy.resolve_name(own_driver.odometry) != rospy.resolve_name(topics.ODOM)
@@ -133,10 +136,14 @@ class BaseTopics:
         self._tell_new(topics.MUX_ACTIVE, String("idle"))
 
     def tell_hold(self, estopped: bool, active: str = "") -> None:
-        """Publish whether the operator holds the wheels, when that changes. active: the source of commands."""
-        hold = self._hold.observe(headers.now_ns(), estopped, active)
-        told = hold if hold is not None else OperatorHold("", 0)
-        self._tell_new(topics.OPERATOR_HOLD, String(json.dumps(told._asdict())))
+        """Publish whether the operator holds the wheels, when that changes; any thread. active: the source of commands.
+
+        How long teleop is silent does not depend on a clock that may be set."""
+        with self._telling_hold:
+            before, hold = self._hold.hold, self._hold.observe(time.monotonic_ns(), estopped, active)
+            if hold is not before:
+                self._held = OperatorHold(hold.by, headers.now_ns()) if hold is not None else OperatorHold("", 0)
+            self._tell_new(topics.OPERATOR_HOLD, String(json.dumps(self._held._asdict())))
 
     def tell(self, reading: BaseReading, active: str) -> None:
         """Publish a reading and the active source (empty: none)."""

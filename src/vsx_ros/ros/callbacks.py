@@ -1,6 +1,6 @@
 """Subscribers and services that survive unusable messages, with suitable queue lengths."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import rospy
@@ -55,6 +55,14 @@ def json_object(msg: String, *names: str) -> dict[str, Any]:
     return value
 
 
+def json_number(tree: Mapping[str, Any], name: str, most: float, unit: str) -> float:
+    """The number of this name in a tree of JSON. Raises InputError for anything else, and beyond -most to most."""
+    value = tree[name]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= most:
+        raise InputError(f"{name} is a number from {-most:g} to {most:g} {unit}, not {value!r:.40}")
+    return float(value)
+
+
 def image_subscriber(callback: Callable[[Image], None]) -> rospy.Subscriber:
     """Subscribe to the camera so that the newest image, not a buffered one, arrives."""
     return subscribe(topics.IMAGE, Image, callback, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
@@ -79,7 +87,9 @@ def hear_operator_hold(callback: Callable[[OperatorHold | None], None]) -> rospy
 
     def take(msg: String) -> None:
         told = json_object(msg, "by", "since_ns")
-        callback(OperatorHold(str(told["by"]), int(told["since_ns"])) if told["by"] else None)
+        if not isinstance(told["by"], str) or type(told["since_ns"]) is not int:
+            raise InputError(f"{msg.data[:80]!r} names nobody who holds the wheels; is another node publishing it?")
+        callback(OperatorHold(told["by"], told["since_ns"]) if told["by"] else None)
 
     return subscribe(topics.OPERATOR_HOLD, String, take, queue_size=5, tcp_nodelay=True)
 

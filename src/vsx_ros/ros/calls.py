@@ -6,6 +6,8 @@ import threading
 import xmlrpc.client
 from collections.abc import Callable, Sequence
 from concurrent import futures
+from contextlib import suppress
+from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import urlparse
 
@@ -15,6 +17,7 @@ import rospy
 MASTER_S = 10.0
 """The master may be slow when nodes start on a busy machine. A caller that cannot wait so long uses ``within``."""
 ANSWER_S = 0.35  # A healthy process answers within this time
+_PID_S = 2.0  # for a node to say who it is; nobody waits for the answer
 
 Answer = TypeVar("Answer")
 
@@ -68,6 +71,26 @@ def answers_at(address: str) -> bool:
     except OSError:
         return False
     return True
+
+
+def pid_of(node: str) -> int:
+    """The process of a node; 0 if it does not answer."""
+
+    def ask() -> int:
+        with xmlrpc.client.ServerProxy(rosgraph.Master(rospy.get_name()).lookupNode(rospy.resolve_name(node))) as slave:
+            told: Any = slave.getPid(rospy.get_name())
+            return int(told[2])
+
+    with suppress(OSError, rosgraph.MasterException, rospy.ROSException, xmlrpc.client.Error):
+        return within(_PID_S, ask, node)
+    return 0
+
+
+def is_alive(pid: int) -> bool:
+    """Whether the process runs on this machine; one that only waits to be reaped does not."""
+    with suppress(OSError, IndexError):
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
+    return False
 
 
 def ask_master(questions: Sequence[tuple[Any, ...]], patience_s: float = ANSWER_S) -> list[Any]:

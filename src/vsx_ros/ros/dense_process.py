@@ -1,6 +1,7 @@
 """The densifier in a separate process: parts of it hold Python's global lock and would delay the tracker.
 
-The child answers each request and ends when its pipes close. The first request holds the settings. Each later one holds
+The child compiles the kernels for surfaces, if that is still to be done, while the robot begins to drive. It then
+answers each request and ends when its pipes close. The first request holds the settings. Each later one holds
 a snapshot without images, plus the images that the child lacks, by keyframe. No ROS in here."""
 
 import contextlib
@@ -22,9 +23,11 @@ from vsx_ros.dense.mapped_ground import AnchoredSurface
 from vsx_ros.errors import VsxError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _NICE = 5  # SLAM has priority
+_FIRST_ANSWER_S = 600.0  # It may have to compile
 _ANSWER_S = 60.0  # A map of a large building takes some seconds on a slow machine
 
 
@@ -36,6 +39,7 @@ class DenseProcess:
         requests, self._requests = Pipe(duplex=False)
         self._answers, answers = Pipe(duplex=False)
         self._sent: set[int] = set()
+        self._patience_s = _FIRST_ANSWER_S
         with requests, answers:
             self._requests.send((camera, T_base_cam, config, seed))
             ends = requests.fileno(), answers.fileno()
@@ -47,7 +51,7 @@ class DenseProcess:
         ids = snapshot.keyframe_ids.tolist()
         images = {number: image for number, image in zip(ids, snapshot.images) if number not in self._sent}
         self._sent = set(ids)
-        patience = threading.Timer(_ANSWER_S, self._child.kill)
+        patience = threading.Timer(self._patience_s, self._child.kill)
         patience.daemon = True
         patience.start()
         try:
@@ -60,6 +64,7 @@ class DenseProcess:
             ) from error
         finally:
             patience.cancel()
+        self._patience_s = _ANSWER_S
         return answer
 
 
@@ -67,6 +72,7 @@ def serve(requests: Connection, answers: Connection) -> None:
     """Receive the settings, then answer requests. Raises EOFError or BrokenPipeError when the parent has gone."""
     camera, T_base_cam, config, seed = requests.recv()
     densifier = Densifier(camera, T_base_cam, config, seed)
+    warm_up("surfaces")
     images: dict[int, GrayImage] = {}
     while True:
         without, new = requests.recv()

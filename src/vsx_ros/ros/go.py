@@ -17,6 +17,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import calls, convert, headers, operator_command, topics
 from vsx_ros.ros.callbacks import hear_operator_hold, subscribe
+from vsx_ros.ros.goal_preview import goal_pose
 from vsx_ros.ros.mission_output import is_served
 from vsx_ros.runs.process import DONE, FAILED, Progress
 
@@ -38,11 +39,6 @@ class _Heard:
 
     def _on_hold(self, hold: OperatorHold | None) -> None:
         self.hold = hold
-
-
-def goal_pose(x: float, y: float, heading_rad: float | None, here: SE2) -> SE2:
-    """The goal in the map; without a heading [rad], the robot looks there the way it came from here."""
-    return SE2(x, y, math.atan2(y - here.y, x - here.x) if heading_rad is None else heading_rad)
 
 
 @operator_command.command

@@ -71,12 +71,12 @@ def emulation(
 
 
 def exploration(
-    planner: str = "fov", seed: int = 0, run_dir: str = AUTO, load_map: str = "", room: str = ""
+    planner: str = "fov", seed: int = 0, run_dir: str = AUTO, load_map: str = "", room: str = "", zones: str = ""
 ) -> list[LaunchNode]:
     """All nodes above the robot. run_dir: for results; auto: the parameter of that name in the namespace. load_map: a
-    SLAM map to continue. room: the only one of it to explore."""
+    SLAM map to continue. room: the only one of it to explore. zones: a file of zones to begin with."""
     return [
-        LaunchNode("vslam", {"seed": seed, "run_dir": run_dir, "load_map": load_map, "room": room}),
+        LaunchNode("vslam", {"seed": seed, "run_dir": run_dir, "load_map": load_map, "room": room, "zones": zones}),
         LaunchNode("move_base", {"planner": planner, "seed": seed}, respawn=True),
         LaunchNode("follower", {}, respawn=True),
         LaunchNode("explore", {"run_dir": run_dir}),

@@ -9,13 +9,13 @@ from pathlib import Path
 import actionlib
 import rospy
 from actionlib import CommState
-from actionlib_msgs.msg import GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus
 from geometry_msgs.msg import Point, Vector3
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from std_msgs.msg import ColorRGBA, Float32, String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from vsx_ros.exploration.decision import Action, Decision, MissionEvent, NavigationState, SavedMission
+from vsx_ros.exploration.decision import Action, Decision, MissionEvent, MissionState, NavigationState, SavedMission
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.se2 import SE2
@@ -92,10 +92,15 @@ class MissionTopics:
             "frontiers": len(self._frontiers),
             "views": len(self._mission.view_selector.ranking.views),
             "known_area_m2": grid.known_area_m2 if grid is not None else None,
+            "left_s": self._left_s(decision),
             "elapsed_s": round(time.monotonic() - self._begun_s),
             "driven_m": round(self._driven.distance_m, 1),
         }
         return json.dumps(status)
+
+    def _left_s(self, decision: Decision) -> int | None:
+        left_s = self._mission.view_selector.time_left.at(headers.now_ns())
+        return round(left_s) if left_s is not None and decision.state == MissionState.MAPPING.value else None
 
 
 def frontier_markers(
@@ -172,6 +177,7 @@ class GoalSender:
         self._goal: actionlib.ClientGoalHandle | None = None
         self._sent_s = 0.0
         self._untaken = False
+        self._given_up = ""
 
     @property
     def is_served(self) -> bool:
@@ -211,6 +217,13 @@ class GoalSender:
             return NavigationState.ACTIVE, reason
         arrived = self._goal.get_terminal_state() == GoalStatus.SUCCEEDED
         return NavigationState.SUCCEEDED if arrived else NavigationState.ABORTED, reason
+
+    def give_up(self, identity: str) -> None:
+        """Cancel a goal of somebody else, once; empty: none. Else the robot would drive on to it when the camera is
+        found again, though it was told to stay."""
+        if identity and identity != self._given_up:
+            self._given_up = identity
+            self._client.pub_cancel.publish(GoalID(id=identity))
 
     def cancel_all(self) -> None:
         """Cancel all goals, also those of other clients: nothing may drive."""

@@ -185,7 +185,7 @@ class MonitorJournal:
 
     def __init__(self, folder: RunFolder, mount: MountConfig) -> None:
         """Raises InputError when the folder holds a damaged journal or cannot be written."""
-        path = folder.checkpoint.path / "witness.jsonl"
+        path = folder.witness
         self.T_cam_base = mounted(mount).inverse()
         self.before: Sequence[Line] = read_journal(path) if folder.checkpoint.exists else []
         self._journal = Journal(path, self.before)

@@ -17,7 +17,9 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float32
 
 from vsx_ros.config import Config, overridden
+from vsx_ros.control.localization import MAP_FRAME
 from vsx_ros.errors import ConfigError, VsxError
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.navigation.goal_execution import PlanRequest
 from vsx_ros.navigation.navigator import GoalPlanner
@@ -37,7 +39,7 @@ class PlanningThread:
         """Raises ConfigError for an unknown ~planner."""
         kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
         self._planner, self._diagnostics = GoalPlanner(config, kind, seed), diagnostics
-        warm_up()
+        warm_up("planning")
         self._lock = threading.Lock()
         self._requests: queue.SimpleQueue[PlanRequest] = queue.SimpleQueue()
         self._answers: queue.SimpleQueue[tuple[int, TimedPlan | Refusal]] = queue.SimpleQueue()
@@ -62,6 +64,12 @@ class PlanningThread:
     def answers(self) -> list[tuple[int, TimedPlan | Refusal]]:
         """Results since the last call, each with the number of its request."""
         return [self._answers.get() for _ in range(self._answers.qsize())]
+
+    def way(self, start: SE2, goal: SE2) -> TimedPlan | Refusal:
+        """Plan in the newest map on the caller's thread, for nobody to drive. Raises PlanningError for poses that are
+        not finite."""
+        with self._lock:
+            return self._planner.timed(start, goal, MAP_FRAME)
 
     def _work(self) -> None:
         while not threads.is_ending():

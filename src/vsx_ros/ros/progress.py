@@ -12,13 +12,16 @@ _CUT = "..."
 def progress_line(
     monitor: Monitor, coverage: float | None, elapsed_s: float, limit_s: float | None, missing: Iterable[str] = ()
 ) -> str:
-    """State and reason first, cut to fit; then what is known, the distance driven and the time. missing: nodes that are
+    """State and reason first, cut to fit; then what is known, the distance driven, the time, and the
+    time left if that is known. missing: nodes that are
     known to lack their device."""
     status = monitor.status
     area = monitor.grid.known_area_m2 if monitor.grid is not None else 0.0
     covered = f"{100 * coverage:.0f} % covered" if coverage is not None else f"{area:.1f} m2 known"
     time = f"{elapsed_s:.0f}" + (f"/{limit_s:.0f} s" if limit_s is not None else " s")
-    facts = f" | {covered} | {monitor.distance_m:.1f} m | {time}"
+    left_s = status.get("left_s")
+    left = "" if left_s is None else f", ~{max(1, round(left_s / 60.0))} min left"
+    facts = f" | {covered} | {monitor.distance_m:.1f} m | {time}{left}"
     waiting = f"waiting for {' and '.join(missing) or 'the nodes'}"
     reason = f"{status.get('state', 'starting')}: {without_figures(str(status.get('reason', waiting)))}"
     room = _WIDTH - len(facts)

@@ -20,7 +20,7 @@ import cv2
 import rospy
 from rosbags.rosbag1 import Writer
 from rosbags.rosbag1.writer import WriterError
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from vsx_ros.errors import InputError
 from vsx_ros.ros import headers, images, operator_command, topics
@@ -32,8 +32,7 @@ _TOPICS = (
     topics.BUTTONS, topics.BATTERY, topics.MUX_ACTIVE, topics.OPERATOR_HOLD, topics.COMMAND_SAFETY,
     topics.COMMAND_TELEOP, topics.COMMAND_NAVI, topics.POSE, topics.SLAM_STATE, topics.EXPLORE_STATUS,
     topics.EXPLORE_EVENTS, topics.DIAGNOSTICS, topics.GLOBAL_PLAN, topics.PLAN_MS, topics.COVERAGE, topics.ZONES,
-    topics.ROOMS,
-    *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
+    topics.ROOMS, *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
 )  # fmt: skip
 _NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
 _CAMERA_WAIT_S = 20.0  # for the first image; then recording begins all the same
@@ -193,7 +192,7 @@ def record(args: argparse.Namespace) -> int:
 def _await_camera(ended: SignalFlag, progress: Progress) -> None:
     """Wait for the first image, but not forever: a recording may be of something else."""
     came: list[object] = []
-    listener = rospy.Subscriber(topics.CAMERA_INFO, rospy.AnyMsg, came.append, queue_size=1)
+    listener = rospy.Subscriber(topics.CAMERA_INFO, CameraInfo, came.append, queue_size=1)
     deadline_s = time.monotonic() + _CAMERA_WAIT_S
     while not (came or ended.came or rospy.is_shutdown()) and time.monotonic() < deadline_s:
         time.sleep(_TICK_S)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import rosgraph
 import rospy
 
+from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
@@ -19,18 +20,16 @@ from vsx_ros.ros.live_run import READY_WAIT_S, LiveRun
 from vsx_ros.ros.monitor import Monitor
 from vsx_ros.ros.player import Player
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.parameters import load
 from vsx_ros.runs.process import INTERNAL, STOPPED, ended_well
 from vsx_ros.runs.report import tell_the_end, write_report
 from vsx_ros.runs.session import results_of_slam
-from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
+from vsx_ros.runs.start import replay_code, replay_folder
 from vsx_ros.slam.state import TrackingState
 
 
-def replay(args: argparse.Namespace) -> int:
+def replay(args: argparse.Namespace, config: Config, recording: Recording) -> int:
     """Play everything, write the run folder, print the result; the exit code. args: options of ``vsx replay``."""
     logs.quiet_failures()
-    config, recording = load(args.config, args.set), opened_recording(args)
     _refuse_company()
     folder = replay_folder(args, config)
     slam = _slam(args, recording, folder)

@@ -8,7 +8,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.ros import headers, launch, logs
@@ -64,24 +64,28 @@ class Coverage:
 
 
 def explore(args: argparse.Namespace) -> int:
-    """One live run, or the rest of an interrupted one, and more of it as long as a viewer wants that; returns the exit
-    code. args: the options of ``vsx explore``."""
+    """One live run, or the rest of an interrupted one; returns the exit code. If a viewer wants more of it, this
+    process becomes the next session: rospy cannot begin again where it has ended. args: the options of ``vsx explore``.
+    """
     logs.quiet_failures()
-    while True:
-        folder, code, go_on = _explore(args)
-        if not go_on:
-            return code
-        args = go_on_args(args, folder)
+    folder, code, go_on = _explore(args)
+    if go_on:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        program = sys.orig_argv[1 : len(sys.orig_argv) - len(sys.argv[1:])]
+        os.execv(sys.executable, [sys.executable, *program, *go_on_words(folder)])
+    return code
 
 
-def go_on_args(args: argparse.Namespace, folder: RunFolder) -> argparse.Namespace:
-    """The options for going on with a run that has ended, for as long again as it was to last."""
-    forgotten = dict.fromkeys(("world", "seed", "base", "planner", "phi", "load_map", "room", "config", "out"))
-    given_s = folder.read_config()[1].get("time")
+def go_on_words(folder: RunFolder) -> list[str]:
+    """The command line of ``vsx`` that goes on with a run that has ended, for as long again as it was to last, in the
+    page that is open."""
+    facts = folder.read_config()[1]
+    given_s = facts.get("time")
     lasted_s = float(folder.read_summary().get("duration_s") or 0.0)
-    limit_s = None if given_s is None else lasted_s + float(given_s)
-    named = {"set": [], "models": [], "moved": False, "resume": folder.path, "time": limit_s, "until": None}
-    return argparse.Namespace(**{**vars(args), **forgotten, **named})
+    limit = [] if given_s is None else ["--time", f"{lasted_s + float(given_s):g}"]
+    until = [] if facts.get("until") is None else ["--until", "1"]  # what it was to end with is known already
+    return ["explore", "--resume", str(folder.path.resolve()), "--view", "--headless", *limit, *until]
 
 
 def _explore(args: argparse.Namespace) -> tuple[RunFolder, int, bool]:
@@ -112,12 +116,13 @@ def _shown(live: LiveRun, folder: RunFolder) -> bool:
     stop = SignalFlag(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     try:
         summary = folder.read_summary()
-    except InputError:
+        ended = Ended(folder, summary, ended_well=bool(summary.get("ended_well")))
+        if not live.interrupted:
+            sys.stderr.write("the live view shows the end as long as its page is open; Ctrl-C ends it\n")
+        return show_end(ended, os.environ[TOKEN], live.port, lambda: stop.came, stay=not live.interrupted)
+    except VsxError as error:  # the run is over and its exit code stands
+        sys.stderr.write(f"vsx: the live view cannot show the end: {error}\n")
         return False
-    ended = Ended(folder, summary, ended_well=bool(summary.get("ended_well")))
-    if not live.interrupted:
-        sys.stderr.write("the live view shows the end as long as its page is open; Ctrl-C ends it\n")
-    return show_end(ended, os.environ[TOKEN], live.port, lambda: stop.came, stay=not live.interrupted)
 
 
 def _nodes(
@@ -125,7 +130,7 @@ def _nodes(
 ) -> list[LaunchNode]:
     """T_world_base: where an emulated robot stood when the run was interrupted."""
     above = launch.exploration(
-        args.planner, args.seed, str(folder.path.resolve()), args.load_map or "", args.room or ""
+        args.planner, args.seed, str(folder.path.resolve()), args.load_map or "", args.room or "", args.zones or ""
     )
     if world is None:
         return [*launch.bringup(args.base, args.port, args.camera), *above]

@@ -25,7 +25,7 @@ from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import hear_odometry, hear_operator_hold, subscribe
 from vsx_ros.ros.zones import ZonedMap
 
-_LIVE = GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING
+LIVE_GOAL = GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING
 
 
 class LocalizationSubscriber:
@@ -105,12 +105,17 @@ class HeardSituation:
     def _on_goals(self, msg: GoalStatusArray) -> None:
         states = {
             status.goal_id.id: GoalState(
-                live=status.status in _LIVE, reached=status.status == GoalStatus.SUCCEEDED, reason=status.text
+                live=status.status in LIVE_GOAL, reached=status.status == GoalStatus.SUCCEEDED, reason=status.text
             )
             for status in msg.status_list
         }
         with self._lock:
             self._user_goals.told(headers.now_ns(), states)
+
+    def is_claimed_since(self, situation: Situation) -> bool:
+        """Whether the operator holds the wheels, or sent a goal, that this situation does not know."""
+        claims = (self._held, situation.held), (self._user_goals.current, situation.user_goal)
+        return any(now is not None and now != then for now, then in claims)
 
     def at(self, now_ns: int, navigation: NavigationState, navigation_reason: str) -> Situation:
         """The situation, with the goal's state."""

@@ -56,8 +56,11 @@ class SlamMaps:
 
     driven: the newest state of the session's ground."""
 
-    def __init__(self, config: Config, session: SlamSession, status: SlamStatus, continued: Path | None = None) -> None:
-        """continued: the file of the map that is continued, with rooms beside it."""
+    def __init__(
+        self, config: Config, session: SlamSession, status: SlamStatus, continued: Path | None = None,
+        kept: Path | None = None,
+    ) -> None:  # fmt: skip
+        """continued: the file of the map that is continued, with rooms beside it. kept: that of this run's map."""
         self._session, self._status = session, status
         self._slam: ThreadedSlam | None = None
         self._metric = True
@@ -72,7 +75,10 @@ class SlamMaps:
         self._path_pub = rospy.Publisher(topics.SLAM_PATH, PathMsg, queue_size=1, latch=True)
         rospy.Service(topics.STATIC_MAP, GetMap, lambda _: GetMapResponse(self._message))
         self._dock = DockMemory(session)
-        self._zones, self._rooms = ZoneServer(session.ground, self._snapshot), RoomServer(config, continued)
+        self._zones = ZoneServer(
+            session.ground, self._snapshot, lambda: session.where.T_map_base, config.robot.radius_m
+        )
+        self._rooms = RoomServer(config, continued, kept)
         self.driven = session.ground.state()
         self._mapping = threads.every(_PERIOD_S, "ground map", self._map)
         threads.every(UPDATE_EVERY_S, "dense map", self._densify)
@@ -82,16 +88,22 @@ class SlamMaps:
         self._slam, self._metric = slam, metric
         self._dense.start(camera, self._session.T_base_cam if metric else None, seed)
 
+    @property
+    def grid(self) -> OccupancyGrid | None:
+        """The last ground map; None before the first, and if the map has no metric scale."""
+        return self._grid if self._metric else None
+
     def _snapshot(self) -> MapSnapshot:
         return self._slam.snapshot() if self._slam is not None else snapshot_of(Map().view())
 
     def _map(self) -> None:
         session, snapshot = self._session, self._snapshot()
         grid = self._ground(snapshot)
+        where = session.where.T_map_base
         self._zones.publish(snapshot)
         self._dock.publish(snapshot)
-        self._rooms.update(grid)
-        self._dense.publish(snapshot, grid, session.where.T_map_base or session.ground.start)
+        self._rooms.update(grid, where)
+        self._dense.publish(snapshot, grid, where or session.ground.start)
         self._status.map(snapshot if self._slam is not None else None)
         self._keep_state()
 
@@ -133,7 +145,7 @@ class SlamMaps:
         if threads.join(self._mapping, 2.0):
             self._keep_state()
         surface = None if self._slam is None else self._dense.points(self._slam.snapshot())
-        return surface, self._grid if self._metric else None
+        return surface, self.grid
 
 
 class DenseMapping:

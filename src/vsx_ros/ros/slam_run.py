@@ -14,11 +14,10 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import logs, node
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.places import read_places
-from vsx_ros.runs.rooms import look_into
+from vsx_ros.runs.places import begin_places, rooms_known
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.session import SlamSession
@@ -32,9 +31,9 @@ _REST = 4.0  # Pause after writing, as a multiple of the writing time: the map o
 
 
 class SlamRun:
-    """session: new, or in the map of ~load_map, or resumed from ~run_dir. continued: a file beside which the rooms of
-    that map are. first_epoch: the odometry's epoch at the
-    start. Raises MapFileError or InputError for damaged files."""
+    """session: new, or in the map of ~load_map, or resumed from ~run_dir. continued: a map's file; the rooms beside it
+    keep their names. map_file: that of ~run_dir. first_epoch: the odometry's epoch at the start. Raises MapFileError or
+    InputError for damaged files."""
 
     def __init__(self, config: Config) -> None:
         self._known_odometry = config.robot.odometry
@@ -42,29 +41,28 @@ class SlamRun:
         self._save_map = str(rospy.get_param("~save_map", ""))  # read now: the master may be gone at the end
         self._save_map_to = Path(run_dir or tempfile.gettempdir()) / "map.vsxmap"
         self._folder = RunFolder(Path(run_dir)) if run_dir else None
-        self.continued = self._folder.path / "map.yaml" if self._folder is not None else None
+        load_map = str(rospy.get_param("~load_map", ""))
+        self.continued = rooms_known(self._folder, load_map)
+        self.map_file = self._folder.path / "map.yaml" if self._folder is not None else None
         before = PreviousSessions.of(self._folder) if self._folder is not None else None
         if before is not None:
             self.session = SlamSession(T_base_cam, config, before.saved.slam_map, before.saved.state)
         else:
-            path = str(rospy.get_param("~load_map", ""))
-            self.session = SlamSession(T_base_cam, config, load_slam_map(Path(path)) if path else None)
-            if path:
-                self.continued = Path(path)
-                self._begin_in(Path(path))
+            path = Path(load_map) if load_map else None
+            self.session = SlamSession(T_base_cam, config, load_slam_map(path) if path else None)
+            zones, room = (str(rospy.get_param(name, "")) for name in ("~zones", "~room"))
+            begin_places(self.session.ground, path, Path(zones) if zones else None, room)
         self._keeper = RunWriter(T_base_cam, self._folder, before, logs.log_errors, _REST, config.runs)
         self.first_epoch = 1 + self._keeper.record.odom_epoch
-
-    def _begin_in(self, map_file: Path) -> None:
-        """Take over the zones of a loaded map; explore one room of it, if ~room names it."""
-        read_places(self.session.ground, map_file)
-        if room := str(rospy.get_param("~room", "")):
-            look_into(self.session.ground, map_file, room)
 
     def odometry(self, odometry: Odometry) -> None:
         """Store a reading; any thread."""
         if self._folder is not None:
             self._keeper.record.add_odometry(odometry)
+
+    def see(self, frame: Frame, grid: OccupancyGrid | None) -> None:
+        """Note the newest image and ground map; from the tracking thread."""
+        self._keeper.see(frame, grid)
 
     def frame(self, slam: ThreadedSlam, result: TrackingResult, odometry: Odometry | None, track_s: float) -> None:
         """A frame was tracked, in ``track_s`` seconds; from the tracking thread."""
@@ -93,12 +91,13 @@ class SlamRun:
         logs.attempt(lambda: self._write_results(slam, surface, grid))
         logs.attempt(lambda: self.write(driven))
         logs.attempt(lambda: self._write_map(slam, write_beside))
-        if self._folder is not None:
-            map_file = self._folder.path / "map.yaml"
+        if (map_file := self.map_file) is not None:
             logs.attempt(lambda: write_beside(slam.slam_map(), map_file))
 
     def write(self, driven: State) -> None:
-        """Write the map noted last, with the newest state of the ground; may wait for the disk for seconds."""
+        """Write the images noted since the last call, and the map noted last, with the newest state of the ground; may
+        wait for the disk for seconds."""
+        self._keeper.write_seen()
         self._keeper.write(driven)
 
     def _write_results(self, slam: ThreadedSlam, surface: Points3 | None, grid: OccupancyGrid | None) -> None:

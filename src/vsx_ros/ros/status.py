@@ -12,10 +12,13 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import BatteryState, CameraInfo
 from std_msgs.msg import Float32, String, UInt8
 
+from vsx_ros.exploration.time_left import left_words
 from vsx_ros.navigation.docking_state import DockingState
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import convert, operator_command, topics
 from vsx_ros.ros.callbacks import hear_operator_hold, json_object, subscribe
+from vsx_ros.ros.rooms import heard_rooms
+from vsx_ros.ros.zones import heard_zones
 from vsx_ros.runs import process
 from vsx_ros.runs.process import DONE, FAILED
 
@@ -25,13 +28,13 @@ _PATIENCE_S = 4.0  # Longest wait for values that nobody has published yet
 
 class StatusBoard:
     """Subscribers: explore/status, vslam/state, vslam/stats/tracked_ratio, camera/rgb/camera_info (each image has one),
-    battery, cmd_vel_mux/active, mobile_base/{hazards,operator_hold}, dock/status, /diagnostics."""
+    battery, cmd_vel_mux/active, mobile_base/{hazards,operator_hold}, dock/status, /diagnostics, zones, rooms."""
 
     def __init__(self) -> None:
         self._facts: dict[str, Any] = dict.fromkeys(
             ("state", "reason", "slam_state", "slam_reason", "tracked_ratio", "camera_hz", "driver", "base_reason",
              "estop", "held_by", "held_since_ns", "hazards", "battery_fraction", "battery_v", "charging",
-             "battery_left_s", "docking", "docking_reason")
+             "battery_left_s", "docking", "docking_reason", "zones", "zones_entered", "room", "left_s")
         )  # fmt: skip
         self._safety = f"{rospy.resolve_name('mobile_base').lstrip('/')}: safety"
         self._images_s: deque[float] = deque(maxlen=200)
@@ -45,6 +48,8 @@ class StatusBoard:
         subscribe(topics.DOCK_STATUS, String, self._on_dock, queue_size=1)
         hear_operator_hold(self._on_hold)
         subscribe(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
+        subscribe(topics.ZONES, String, self._on_zones, queue_size=1)
+        subscribe(topics.ROOMS, String, self._on_rooms, queue_size=1)
 
     def facts(self) -> dict[str, Any]:
         """What is known now; None for unknown values."""
@@ -59,7 +64,9 @@ class StatusBoard:
 
     def _on_explore(self, msg: String) -> None:
         status = json_object(msg, "state", "reason")
+        left_s = status.get("left_s")
         self._set(state=status["state"], reason=status["reason"])
+        self._set(left_s=left_s if isinstance(left_s, int | float) else None)
 
     def _on_slam(self, msg: DiagnosticStatus) -> None:
         self._set(slam_state=msg.name, slam_reason=msg.message)
@@ -81,6 +88,16 @@ class StatusBoard:
                 values = {pair.key: pair.value for pair in status.values}
                 self._set(estop=values.get("estop") == "True", base_reason=status.message)
 
+    def _on_zones(self, msg: String) -> None:
+        zones, _ = heard_zones(msg)
+        entered = json_object(msg).get("entered")
+        self._set(zones=[zone.words() for zone in zones], zones_entered=entered if isinstance(entered, list) else [])
+
+    def _on_rooms(self, msg: String) -> None:
+        rooms, number = heard_rooms(msg)
+        here = [f"{r.name} (number {r.number}), {r.known_ratio:.0%} known" for r in rooms if r.number == number]
+        self._set(room=f"{here[0] if here else 'none'}; {len(rooms)} in the map")
+
 
 def screen(facts: dict[str, Any]) -> str:
     """The facts as readable lines."""
@@ -100,13 +117,18 @@ def screen(facts: dict[str, Any]) -> str:
     if facts["battery_left_s"] is not None:
         battery += f", lasts about {_words(facts['battery_left_s'])}"
     found = shown("tracked_ratio", "; {:.0%} of the points searched are found", "")
+    entered = " and ".join(repr(str(name)) for name in facts["zones_entered"] or [])
+    zones = "; ".join(facts["zones"] or []) or shown("zones", "none")
+    left = left_words(facts["left_s"])
     lines = {
-        "exploration": with_reason("state", "reason"),
+        "exploration": with_reason("state", "reason") + "; " * bool(left) + left,
         "slam": with_reason("slam_state", "slam_reason") + found,
         "camera": shown("camera_hz", "{:.1f} images a second"),
         "wheels": wheels,
         "hazards": "none" if facts["hazards"] == "" else shown("hazards"),
         "battery": battery + (", charging" if facts["charging"] else ""),
+        "zones": (f"THE ROBOT REACHES INTO {entered}; " if entered else "") + zones,
+        "room": shown("room"),
     }
     if facts["docking"] not in (None, DockingState.IDLE.value):
         lines["dock"] = with_reason("docking", "docking_reason")
@@ -125,8 +147,9 @@ def status(*, watch: bool, as_json: bool) -> int:
     operator_command.join("status")
     board = StatusBoard()
     time.sleep(_LISTEN_S)
+    always = board.facts().keys() - {"left_s"}
     deadline_s = time.monotonic() + _PATIENCE_S - _LISTEN_S
-    while None in board.facts().values() and time.monotonic() < deadline_s:
+    while any(board.facts()[name] is None for name in always) and time.monotonic() < deadline_s:
         time.sleep(0.1)
     while True:
         facts = board.facts()

@@ -71,7 +71,7 @@ DOCKED = _topic("mobile_base/docked", "std_msgs/Bool", "mobile_base")
 BUMPER_CLOUD = _topic("mobile_base/sensors/bumper_pointcloud", "sensor_msgs/PointCloud2", "mobile_base")
 MUX_ACTIVE = _topic("cmd_vel_mux/active", "std_msgs/String", "mobile_base")
 COMMAND_SAFETY = "cmd_vel_mux/input/safety_controller"
-COMMAND_TELEOP = _topic("cmd_vel_mux/input/teleop", "geometry_msgs/Twist", "teleop")
+COMMAND_TELEOP = _topic("cmd_vel_mux/input/teleop", "geometry_msgs/Twist", "teleop", "dashboard")
 COMMAND_NAVI = _topic("cmd_vel_mux/input/navi", "geometry_msgs/Twist", "follower", "dock")
 COMMANDS = {"safety_controller": COMMAND_SAFETY, "teleop": COMMAND_TELEOP, "navi": COMMAND_NAVI}
 ESTOP = _service("mobile_base/estop", "std_srvs/SetBool", "mobile_base")
@@ -94,6 +94,7 @@ ZONES = _topic("zones", "std_msgs/String", "vslam")  # JSON, latched: zones in t
 ZONE_MARKERS = _topic("zones/markers", "visualization_msgs/MarkerArray", "vslam")
 CHANGE_ZONES = _service("zones/change", "diagnostic_msgs/AddDiagnostics", "vslam")  # JSON in; success, words out
 ROOMS = _topic("rooms", "std_msgs/String", "vslam")  # JSON, latched: rooms of the map
+ROOM_MARKERS = _topic("rooms/markers", "visualization_msgs/MarkerArray", "vslam")
 NAME_ROOM = _service("rooms/name", "diagnostic_msgs/AddDiagnostics", "vslam")
 DOCK_POSE = _topic("dock/pose", "geometry_msgs/PoseStamped", "vslam")  # of the base when it charges; latched
 SAVE_MAP = _service("vslam/save_map", "std_srvs/Trigger", "vslam")
@@ -120,8 +121,8 @@ FOLLOWER_LEASE = _topic("follower/lease", "std_msgs/String", "vslam", "move_base
 
 # move_base: the planner
 MOVE_BASE_ACTION = "move_base"
-MOVE_BASE_GOAL = _topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore", "dock")
-_topic("move_base/cancel", "actionlib_msgs/GoalID", "explore", "dock")
+MOVE_BASE_GOAL = _topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore", "dock", "dashboard")
+MOVE_BASE_CANCEL = _topic("move_base/cancel", "actionlib_msgs/GoalID", "explore", "dock", "dashboard")
 MOVE_BASE_STATUS = _topic("move_base/status", "actionlib_msgs/GoalStatusArray", "move_base")
 _topic("move_base/result", "move_base_msgs/MoveBaseActionResult", "move_base")
 _topic("move_base/feedback", "move_base_msgs/MoveBaseActionFeedback", "move_base")
@@ -133,6 +134,7 @@ GLOBAL_PLAN = _topic("move_base/global_plan", "nav_msgs/Path", "move_base")
 TRAJECTORY = _topic("move_base/trajectory", "trajectory_msgs/MultiDOFJointTrajectory", "move_base")
 PLAN_MS = _topic("move_base/stats/plan_ms", "std_msgs/Float32", "move_base")
 MAKE_PLAN = _service("move_base/make_plan", "nav_msgs/GetPlan", "move_base")
+PREVIEW_GOAL = _service("move_base/preview_goal", "diagnostic_msgs/AddDiagnostics", "move_base")  # JSON in and out
 NAVIGATION_LEASE = _topic("move_base/lease", "std_msgs/String", "explore", "dock")
 
 # explore

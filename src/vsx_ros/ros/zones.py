@@ -3,13 +3,11 @@
 import json
 import threading
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import rospy
-from geometry_msgs.msg import Point, Vector3
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from std_msgs.msg import ColorRGBA, String
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import MarkerArray
 
 from vsx_ros.config import Config
 from vsx_ros.dense.mapped_ground import MappedGround
@@ -18,9 +16,10 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.limits import json_tree
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import with_zones
-from vsx_ros.occupancy.zones import MAX_ZONES, Zone, ZoneKind, zone_of
+from vsx_ros.occupancy.zones import MAX_ZONES, Zone, ZoneKind, entered, zone_of
 from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import json_object, offer_text, subscribe
+from vsx_ros.ros.outlines import Outline, outline_markers
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _COLORS = {
@@ -30,7 +29,6 @@ _COLORS = {
     ZoneKind.SLOW: ColorRGBA(1.0, 0.6, 0.1, 1.0),
     ZoneKind.LOOK: ColorRGBA(0.2, 0.4, 1.0, 1.0),
 }
-_LINE_M = 0.03  # width of drawn borders
 
 
 class ZoneServer:
@@ -39,22 +37,32 @@ class ZoneServer:
 
     lock: guards the ground's zones; hold it around everything that reads or moves them."""
 
-    def __init__(self, ground: MappedGround, snapshot: Callable[[], MapSnapshot]) -> None:
-        """snapshot: of the present map."""
+    def __init__(
+        self, ground: MappedGround, snapshot: Callable[[], MapSnapshot], base: Callable[[], SE2 | None], radius_m: float
+    ) -> None:
+        """snapshot: of the present map. base: T_map_base; None while unknown. radius_m: of the body."""
         self.lock = threading.RLock()
-        self._ground, self._snapshot = ground, snapshot
-        self._told = ""
+        self._ground, self._snapshot, self._base = ground, snapshot, base
+        self._told, self._radius_m = "", radius_m
+        self._entered: tuple[str, ...] = ()
         self._zones_pub = rospy.Publisher(topics.ZONES, String, queue_size=1, latch=True)
         self._markers_pub = rospy.Publisher(topics.ZONE_MARKERS, MarkerArray, queue_size=1, latch=True)
         self.publish(snapshot())
         offer_text(topics.CHANGE_ZONES, self._change)
 
     def publish(self, snapshot: MapSnapshot) -> None:
-        """Publish the zones in the map of a snapshot, if they changed or moved."""
+        """Publish the zones in the map of a snapshot, if they changed or moved, and which of them the body reaches
+        into: under the operator's hand it may."""
         with self.lock:
             zones, version = self._ground.zones_in(snapshot), self._ground.zones.version
-            text = json.dumps({"version": version, "frame": topics.MAP_FRAME, "zones": [z.tree() for z in zones]})
-            if text != self._told:
+            if (base := self._base()) is not None:
+                now = entered(zones, base.x, base.y, self._radius_m)
+                for name in sorted(set(now) - set(self._entered)):
+                    rospy.logwarn("the robot reaches into the zone %r", name)
+                self._entered = now
+            trees = [zone.tree() for zone in zones]
+            tree = {"version": version, "frame": topics.MAP_FRAME, "zones": trees, "entered": self._entered}
+            if (text := json.dumps(tree)) != self._told:
                 self._told = text
                 self._zones_pub.publish(text)
                 self._markers_pub.publish(zone_markers(zones, headers.now_ns()))
@@ -115,8 +123,9 @@ class ZonedMap:
     def _on_zones(self, msg: String) -> None:
         zones = heard_zones(msg)
         with self._lock:
-            self._zones = zones
-            self._pass_on()
+            if zones != self._zones:
+                self._zones = zones
+                self._pass_on()
 
     def _pass_on(self) -> None:
         if self._map is not None:
@@ -126,15 +135,11 @@ class ZonedMap:
 
 def zone_markers(zones: Sequence[Zone], stamp_ns: int) -> MarkerArray:
     """The border and the name of each zone."""
-    header, no_turn = headers.header(topics.MAP_FRAME, stamp_ns), convert.pose_msg(SE2())
-    markers = [Marker(header=header, action=Marker.DELETEALL)]
-    for number, zone in enumerate(zones):
-        about: dict[str, Any] = {"header": header, "id": number, "action": Marker.ADD, "color": _COLORS[zone.kind]}
-        border = Marker(ns="zones", type=Marker.LINE_STRIP, pose=no_turn, scale=Vector3(_LINE_M, 0.0, 0.0), **about)
-        corners = zone.points if zone.kind is ZoneKind.WALL else (*zone.points, zone.points[0])
-        border.points = [Point(x, y, 0.0) for x, y in corners]
-        x, y = zone.points[0]
-        place, size = convert.pose_msg(SE2(x, y, 0.0)), Vector3(0.0, 0.0, 0.15)
-        name = Marker(ns="zone names", type=Marker.TEXT_VIEW_FACING, pose=place, scale=size, text=zone.name, **about)
-        markers += [border, name]
-    return MarkerArray(markers)
+    outlines = [
+        Outline(
+            name=zone.name, points=zone.points, closed=zone.kind is not ZoneKind.WALL, color=_COLORS[zone.kind],
+            place=zone.points[0],
+        )
+        for zone in zones
+    ]  # fmt: skip
+    return outline_markers("zones", outlines, stamp_ns)

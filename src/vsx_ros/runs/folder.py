@@ -35,7 +35,7 @@ from vsx_ros.runs.journal import RunEvent
 FILES = (
     "summary.json", "config.yaml", "trajectory.txt", "trajectory_final.txt", "odometry.txt", "groundtruth.txt",
     "map.pgm", "map.yaml", "sparse.ply", "dense.ply", "planes.json", "events.jsonl", "frames.csv", "report.html",
-    "map.vsxmap", "map_zones.yaml", "map_rooms.json", "map_rooms.pgm", "odometry_calibration.yaml",
+    "map.vsxmap", "moments.jsonl", "map_zones.yaml", "map_rooms.json", "map_rooms.pgm", "odometry_calibration.yaml",
 )  # fmt: skip
 _FRAME_COLUMNS_ONCE = 6  # older versions stored no u2_frames
 _MOST = 1e12  # limit of all numbers in a frame
@@ -118,6 +118,16 @@ class RunFolder:
     def journal(self) -> Path:
         """The path of the journal, see ``journal``."""
         return self.path / "resume" / "journal.jsonl"
+
+    @property
+    def witness(self) -> Path:
+        """The path of a live run's other journal, see ``MonitorJournal``."""
+        return self.path / "resume" / "witness.jsonl"
+
+    @property
+    def moments(self) -> Path:
+        """The path of the camera pictures and maps of all moments, see ``Moments``."""
+        return self.path / "moments.jsonl"
 
     def write_config(self, config: Config, command: Sequence[str], **facts: Any) -> None:
         """Write configuration, versions of the computing packages, command line, and facts such as the seed."""

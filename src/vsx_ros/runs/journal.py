@@ -1,4 +1,5 @@
-"""Events and frames of a run, one line each, written at once, so that a killed run is known to its last moment."""
+"""Events, frames and pictures of a run, one line each, written at once, so that a killed run is known to its last
+moment."""
 
 from __future__ import annotations
 
@@ -17,6 +18,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import write_bytes
 from vsx_ros.limits import LOG_BYTES, file_bytes
+from vsx_ros.occupancy.grid import MAX_EXTENT_M
 from vsx_ros.robot import Odometry
 from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.state import TrackingResult, TrackingState
@@ -24,6 +26,9 @@ from vsx_ros.slam.state import TrackingResult, TrackingState
 Stamp: TypeAlias = Annotated[int, msgspec.Meta(ge=-(2**62), lt=2**62)]
 Index: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
 Size: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
+Metres: TypeAlias = Annotated[float, msgspec.Meta(ge=-MAX_EXTENT_M, le=MAX_EXTENT_M)]
+Resolution: TypeAlias = Annotated[float, msgspec.Meta(ge=1e-3, le=10)]
+Area: TypeAlias = Annotated[float, msgspec.Meta(ge=0, le=1e12)]
 Pose2: TypeAlias = tuple[float, float, float]
 Pose3: TypeAlias = tuple[float, float, float, float, float, float, float]
 
@@ -109,7 +114,25 @@ class ClockLine(Struct, frozen=True, kw_only=True, tag="clock"):
     collisions: int
 
 
-Line: TypeAlias = FrameLine | TruthLine | RunEvent | ClockLine
+class PictureLine(Struct, frozen=True, tag="picture"):
+    """What the camera saw. image: a small JPEG."""
+
+    stamp_ns: Stamp
+    image: bytes
+
+
+class MapLine(Struct, frozen=True, kw_only=True, tag="map"):
+    """The ground map as it was known. image: PNG in map_server's greys, see ``map_png``. origin: its lower left
+    corner [m]. resolution: metres per pixel."""
+
+    stamp_ns: Stamp
+    image: bytes
+    origin: tuple[Metres, Metres]
+    resolution: Resolution
+    known_area_m2: Area
+
+
+Line: TypeAlias = FrameLine | TruthLine | RunEvent | ClockLine | PictureLine | MapLine
 _ENCODE, _DECODE = msgspec.json.Encoder(), msgspec.json.Decoder(Line)
 
 
@@ -140,13 +163,23 @@ class Journal:
             why = f"journal {self._file.name} cannot be written ({error.strerror}); free the disk"
             raise InputError(why) from error
 
+    def close(self) -> None:
+        """Write no more."""
+        self._file.close()
 
-def read_journal(path: Path) -> list[Line]:
-    """All lines, without an incomplete last one. Raises InputError when the file is damaged elsewhere."""
+    def disk_bytes(self) -> int:
+        """What is free on its disk."""
+        disk = os.fstatvfs(self._file.fileno())
+        return disk.f_bavail * disk.f_frsize
+
+
+def read_journal(path: Path, most: int = LOG_BYTES, remedy: str = "start a new run") -> list[Line]:
+    """All lines, without an incomplete last one. Raises InputError when the file is damaged elsewhere, or has more
+    bytes than ``most``."""
     if not path.exists():
         return []
-    with explained(InputError, f"journal {path} is damaged", "start a new run", (OSError, RecursionError, ValueError)):
-        *lines, _ = file_bytes(path, LOG_BYTES).split(b"\n")
+    with explained(InputError, f"journal {path} is damaged", remedy, (OSError, RecursionError, ValueError)):
+        *lines, _ = file_bytes(path, most).split(b"\n")
         return [_checked(_DECODE.decode(line)) for line in lines]
 
 

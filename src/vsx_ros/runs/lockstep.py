@@ -11,16 +11,17 @@ import numpy as np
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
+from vsx_ros.exploration.time_left import left_words
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
-from vsx_ros.runs.places import read_places, write_places
+from vsx_ros.runs.places import begin_places, rooms_known, write_places
 from vsx_ros.runs.process import DONE, LOST, STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
-from vsx_ros.runs.rooms import look_into, write_rooms
+from vsx_ros.runs.rooms import write_rooms
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
@@ -46,7 +47,7 @@ class FastRun:
         """before: an interrupted run to resume, in the same world with the same seed; the robot starts where it stood
         at the end. slam_map: a map to continue. folder: where to store the state for a later resume."""
         self.world, self._config = world, config
-        self.continued: Path | None = None  # the file of a loaded map; its rooms keep their names
+        self.continued: Path | None = None  # a map's file; the rooms beside it keep their names
         # Compares maps with the world; the position of a loaded map in the world is unknown.
         self.judge = MapJudge(world, config) if slam_map is None else None
         self._before, self._truth_before = before, before.truth if before is not None else None
@@ -153,15 +154,18 @@ class FastRun:
         base, camera = truth.T_world_base, flat(truth.T_world_cam)
         truly = TruthLine(frame.stamp_ns, camera, (base.x, base.y, base.theta), self.collisions)
         self.keeper.frame(step.tracking, odometry, track_s, *told, truly)
+        if self.keeper.see(frame, self.system.grid):
+            self.keeper.write_seen()
         self._save(frame.stamp_ns)
         return step.command
 
     def _progress(self, now_ns: int) -> str:
-        last = self.record.results[-1]
+        last, mission = self.record.results[-1], self.system.mission
         area = self.system.grid.known_area_m2 if self.system.grid else 0.0
+        left = "  " + left_words(mission.view_selector.time_left.at(now_ns))
         return (
-            f"{now_ns * 1e-9:5.0f} s  {self.system.mission.state.value}  {area:.1f} m2 known  "
-            f"{self.robot.truth.path_length_m:.1f} m driven  {last.found}/{last.searched} points"
+            f"{now_ns * 1e-9:5.0f} s  {mission.state.value}  {area:.1f} m2 known  "
+            f"{self.robot.truth.path_length_m:.1f} m driven  {last.found}/{last.searched} points{left}"
         )
 
     def exit_code(self, reason: str) -> int:
@@ -216,11 +220,10 @@ def explore_fast(args: argparse.Namespace) -> int:
     if args.load_map:  # the file may be gone by now; the checkpoint holds the newer map
         slam_map = load_slam_map(Path(args.load_map)) if before is None else before.saved.slam_map
     run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder)
-    if args.load_map and before is None:
-        run.continued = Path(args.load_map)
-        read_places(run.system.ground, run.continued)
-        if args.room is not None:
-            look_into(run.system.ground, run.continued, args.room)
+    run.continued = rooms_known(folder, args.load_map or "")
+    if before is None:
+        map_file = Path(args.load_map) if args.load_map else None
+        begin_places(run.system.ground, map_file, Path(args.zones) if args.zones else None, args.room)
     reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)
     facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
     summary = run.summary(reason, **facts)

@@ -1,24 +1,58 @@
-"""The zones and the dock of a run: read beside the map that it continues, written beside its own."""
+"""The zones and the dock of a run: given at its start, read beside the map that it continues, written beside its own."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from vsx_ros.dense.mapped_ground import MappedGround
+from vsx_ros.errors import ConfigError
 from vsx_ros.io.dock_file import dock_file, load_dock, save_dock
+from vsx_ros.io.room_file import room_file
 from vsx_ros.io.zone_file import load_zones, save_zones, zone_file
+from vsx_ros.occupancy.zones import Zone, ZoneKind
+from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.rooms import OF_ONE_RUN, look_into
 from vsx_ros.slam.snapshot import SlamMap, snapshot
 
 
-def read_places(ground: MappedGround, map_file: Path) -> None:
-    """Take over zones and dock beside a map that is continued. Raises MapFileError for a damaged file."""
-    for zone in load_zones(zone_file(map_file)):
+def given_zones(path: Path) -> list[Zone]:
+    """The zones of a file that the user names. Raises ConfigError when it does not exist, MapFileError for a damaged
+    one."""
+    if not path.is_file():
+        raise ConfigError(f"there is no file of zones {path}; 'vsx zone --help' says how one is made")
+    return load_zones(path)
+
+
+def begin_places(ground: MappedGround, map_file: Path | None, zones: Path | None, room: str | None) -> None:
+    """Take over zones and dock beside a map that is continued, then the zones of a file of the user's; of two with one
+    name the latter counts. room: explore only this room of the map. Raises as ``given_zones`` and ``room_beside``."""
+    beside = load_zones(zone_file(map_file)) if map_file is not None else []
+    for zone in [*beside, *(given_zones(zones) if zones is not None else [])]:
         ground.zones.add(zone)
-    if (docked := load_dock(dock_file(map_file))) is not None:
+    if map_file is not None and (docked := load_dock(dock_file(map_file))) is not None:
         ground.docked(docked)
+    if map_file is not None and room:
+        look_into(ground, map_file, room)
 
 
 def write_places(ground: MappedGround, slam_map: SlamMap | None, map_file: Path) -> None:
     """Write zones and dock beside a map, where they are in it; nothing without a map. Raises MapFileError."""
     if slam_map is not None:
         now = snapshot(slam_map.view)
-        save_zones(ground.zones_in(now), zone_file(map_file))
+        keep_zones(ground.zones_in(now), map_file)
         save_dock(ground.dock(now), dock_file(map_file))
+
+
+def keep_zones(zones: Sequence[Zone], map_file: Path) -> None:
+    """Write the zones beside a map, without that of the room which only one run was to explore: the next run in this
+    map explores all of it. Raises MapFileError."""
+    lasting = [zone for zone in zones if zone.kind is not ZoneKind.LOOK or not zone.name.startswith(OF_ONE_RUN)]
+    save_zones(lasting, zone_file(map_file))
+
+
+def rooms_known(folder: RunFolder | None, load_map: str) -> Path | None:
+    """The map beside which the rooms are whose names and numbers a run goes on with: its own once it has written some,
+    before that the loaded one; None without both."""
+    own = folder.path / "map.yaml" if folder is not None else None
+    if load_map and not (own is not None and room_file(own).exists()):
+        return Path(load_map)
+    return own

@@ -1,6 +1,6 @@
 """Collects the data of a run for its results, and compares its map with the emulated world."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,13 @@ from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import SlamStatistics, TrackingResult, TrackingState
+
+_LATE_FRAMES = 3  # may be tracked while the results are being written
+
+
+def counts_all(frames: int | None, lines: Sequence[Line]) -> bool:
+    """Whether a summary with this number of frames is of all the journal's lines, and not of an earlier session."""
+    return frames is not None and sum(isinstance(line, FrameLine) for line in lines) <= frames + _LATE_FRAMES
 
 
 class RunRecord:
@@ -103,10 +110,20 @@ class RunRecord:
         """Poses by odometry, in its frame."""
         return [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._T_odom_bases]
 
-    def _told(self) -> list[RunEvent]:
+    def told(self) -> list[RunEvent]:
         """All events, and those that only the whole run shows."""
         jumps = find_odometry_jumps(self.results, self._cameras(), self._epochs)
         return [*self.events, *(RunEvent(jump.stamp_ns, "odometry", "jumped", jump.reason) for jump in jumps)]
+
+    def frames(self) -> list[FrameRecord]:
+        """How each frame was tracked."""
+        return [
+            FrameRecord(
+                r.stamp_ns, r.state.value, searched=r.searched, found=r.found, keyframe_added=r.keyframe_added,
+                track_ms=ms, u2_frames=u2,
+            )
+            for r, ms, u2 in zip(self.results, self.track_ms, self.u2_frames, strict=True)
+        ]  # fmt: skip
 
     def writes(
         self, folder: RunFolder, slam: TrackerAndMapper | None = None, surface: Points3 | None = None
@@ -114,22 +131,11 @@ class RunRecord:
         """Functions that write events.jsonl, trajectory.txt (camera in the map, as tracked), trajectory_final.txt,
         frames.csv, odometry.txt and sparse.ply; with surface points (N, 3), dense.ply too. The most important files
         come first, in case the disk gets full."""
-        yield lambda: folder.write_events(self._told())
+        yield lambda: folder.write_events(self.told())
         yield lambda: folder.write_poses("trajectory", self.estimate())
         if slam is not None:
             yield lambda: folder.write_poses("trajectory_final", self.final(slam.slam_map()))
-        yield lambda: folder.write_frames(
-            FrameRecord(
-                r.stamp_ns,
-                r.state.value,
-                searched=r.searched,
-                found=r.found,
-                keyframe_added=r.keyframe_added,
-                track_ms=ms,
-                u2_frames=u2,
-            )
-            for r, ms, u2 in zip(self.results, self.track_ms, self.u2_frames, strict=True)
-        )
+        yield lambda: folder.write_frames(self.frames())
         if self._odometry:
             T_odom_base = [StampedPose(ns, SE3.from_se2(T)) for ns, T in self._odometry]
             yield lambda: folder.write_poses("odometry", T_odom_base)

@@ -8,12 +8,22 @@ from typing import Any
 import numpy as np
 from msgspec.structs import astuple
 
-from vsx_ros.evaluation.report import ReportData, render
+from vsx_ros.errors import InputError, explained
+from vsx_ros.evaluation.report import render
+from vsx_ros.evaluation.report_data import MapPicture, ReportData
 from vsx_ros.evaluation.summary import checked_summary
-from vsx_ros.exploration.decision import Outcome
+from vsx_ros.exploration.decision import SECOND_NS, Outcome
+from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.atomic import write_text
+from vsx_ros.io.image_encoding import check_image_size
 from vsx_ros.io.map_export import read_ply
+from vsx_ros.io.map_file import map_of_png
+from vsx_ros.io.room_file import load_rooms, room_file
+from vsx_ros.occupancy.grid import MAX_CELLS
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.interrupted import KnownRun, unfinished
+from vsx_ros.runs.journal import MapLine
+from vsx_ros.runs.moments import REMEDY, Moments
 from vsx_ros.runs.parameters import commented_yaml
 from vsx_ros.runs.process import DONE, FAILED, LOST, STOPPED
 
@@ -29,24 +39,66 @@ def write_report(folder: RunFolder) -> Path:
 
 
 def report_data(folder: RunFolder) -> ReportData:
-    """The data for the report page of a run."""
+    """The data for the report page of a run, also of one that was killed or still runs."""
     config, facts = folder.read_config()
-    points = folder.path / "sparse.ply"
+    points, rooms = folder.path / "sparse.ply", load_rooms(room_file(folder.path / "map.yaml"))
+    moments, trouble = _moments(folder)
+    run, grid = unfinished(folder, config, facts), folder.read_map()
+    if run is None:
+        run = _finished(folder)
+    elif moments.maps:
+        last = moments.maps[-1]
+        grid = map_of_png(last.image, f"the last map in {folder.moments}", last.resolution, last.origin)
     return ReportData(
-        summary=checked_summary(folder.read_summary(), str(folder.path)),
+        summary=run.summary,
         facts=facts,
         config_yaml=commented_yaml(config),
-        events=[astuple(event) for event in folder.read_events()],
-        frames=folder.read_frames(),
-        estimate=folder.read_poses("trajectory"),
-        truth=folder.read_poses("groundtruth"),
-        grid=folder.read_map(),
+        events=[astuple(event) for event in run.events],
+        frames=run.frames,
+        estimate=run.estimate,
+        truth=run.truth,
+        grid=grid,
         points_world=read_ply(points) if points.exists() else np.zeros((0, 3)),
-        world_is_level=bool(folder.read_poses("odometry")),
+        world_is_level=run.has_odometry,
         good_ratio=config.slam.tracker.good_ratio,
         lost_ratio=config.slam.tracker.lost_ratio,
         picture_png=folder.checkpoint.newest_picture(),
+        pictures=[(line.stamp_ns, line.image) for line in moments.pictures],
+        maps=[_map_picture(line) for line in moments.maps],
+        moments_trouble=trouble,
+        T_base_cam=mounted(config.robot.mount),
+        robot_radius_m=config.robot.radius_m,
+        rooms=rooms.rooms if rooms is not None else (),
     )
+
+
+def _finished(folder: RunFolder) -> KnownRun:
+    """What the files of a finished run know."""
+    return KnownRun(
+        summary=checked_summary(folder.read_summary(), str(folder.path)), events=folder.read_events(),
+        frames=folder.read_frames(), estimate=folder.read_poses("trajectory"), truth=folder.read_poses("groundtruth"),
+        has_odometry=bool(folder.read_poses("odometry")),
+    )  # fmt: skip
+
+
+def _moments(folder: RunFolder) -> tuple[Moments, str]:
+    """Pictures and maps of the run's moments. If their file is damaged: none, and why."""
+    try:
+        kept = Moments.read(folder.moments).within_limits((SECOND_NS, SECOND_NS))[0]
+        with explained(InputError, f"a picture in {folder.moments} is damaged", REMEDY):
+            for image in [line.image for line in kept.pictures] + [line.image for line in kept.maps]:
+                check_image_size(image, MAX_CELLS)
+        return kept, ""
+    except InputError as error:
+        return Moments([], []), str(error)
+
+
+def _map_picture(line: MapLine) -> MapPicture:
+    width, height = check_image_size(line.image, MAX_CELLS)
+    return MapPicture(
+        stamp_ns=line.stamp_ns, png=line.image, origin=line.origin,
+        size=(width * line.resolution, height * line.resolution), known_area_m2=line.known_area_m2,
+    )  # fmt: skip
 
 
 def tell_the_end(folder: RunFolder, summary: Mapping[str, Any], code: int, failure: str) -> int:

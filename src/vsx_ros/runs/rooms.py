@@ -10,6 +10,8 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.rooms import Room, RoomMap, RoomTracker
 from vsx_ros.occupancy.zones import MAX_NAME, Zone, ZoneKind
 
+OF_ONE_RUN = "look into "  # begins the name of the zone for a run that explores one room
+
 
 def room_beside(map_file: Path, name: str) -> Room:
     """The room of this name, of those beside a map. Raises ConfigError when there is no such room, MapFileError."""
@@ -24,7 +26,7 @@ def room_beside(map_file: Path, name: str) -> Room:
 def look_into(ground: MappedGround, map_file: Path, name: str) -> None:
     """Explore only the room of this name, of those beside a map. Raises as ``room_beside``."""
     room = room_beside(map_file, name)
-    ground.zones.add(Zone(f"look into {room.name}"[:MAX_NAME], ZoneKind.LOOK, room.outline))
+    ground.zones.add(Zone(f"{OF_ONE_RUN}{room.name}"[:MAX_NAME], ZoneKind.LOOK, room.outline))
 
 
 def write_rooms(grid: OccupancyGrid | None, map_file: Path, config: Config, before: Path | None = None) -> None:

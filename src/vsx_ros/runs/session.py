@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
@@ -20,11 +21,12 @@ from vsx_ros.exploration.decision import MissionEvent, SavedMission
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import Frame, Odometry
 from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, Journal, Line, RunEvent, TruthLine, read_journal
-from vsx_ros.runs.record import RunRecord
+from vsx_ros.runs.moments import Moments, MomentWriter
+from vsx_ros.runs.record import RunRecord, counts_all
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.state import SlamEvent, TrackingResult
 from vsx_ros.system import SavedSystem
@@ -97,17 +99,28 @@ def end_trail(folder: RunFolder, moved: bool) -> None:
 
 
 def results_of_slam(folder: RunFolder, T_base_cam: SE3) -> tuple[Summary, str]:
-    """The summary that the node vslam left in a run folder. If vslam ended before writing it: the numbers from its
-    journal (the trajectory is written, too), and a sentence that says so."""
-    if (folder.path / "summary.json").exists():
-        return Summary(**folder.read_summary()), ""
-    record = RunRecord(T_base_cam)
+    """The summary that the node vslam left in a run folder. If vslam ended before writing all its results: the numbers
+    from its journal (the trajectory is written, too), and a sentence that says so."""
+    known = Summary(**folder.read_summary()) if (folder.path / "summary.json").exists() else None
     try:
-        record.restore(read_journal(folder.journal))
+        lines = read_journal(folder.journal)
+        is_newest = known is not None and counts_all(known.frames, lines)
+        if known is not None and (not lines or (is_newest and _has_trajectory_of_summary(folder.path))):
+            return known, ""
+        record = RunRecord(T_base_cam)
+        record.restore(lines)
     except InputError as error:
-        return Summary(), str(error)
+        return known or Summary(), str(error)
     said = folder.write_what_fits(*record.writes(folder))
-    return record.counted(), said or "vslam ended before it had written its results; kept is what its journal knows"
+    if known is None or not is_newest:
+        known = record.counted()
+    return known, said or "vslam ended before it had written its results; kept is what its journal knows"
+
+
+def _has_trajectory_of_summary(folder: Path) -> bool:
+    """Whether trajectory.txt is of the same session as summary.json, which is written before it."""
+    trajectory = folder / "trajectory.txt"
+    return trajectory.exists() and trajectory.stat().st_mtime_ns >= (folder / "summary.json").stat().st_mtime_ns
 
 
 def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
@@ -118,28 +131,34 @@ def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
 
 class RunWriter:
     """Stores a run. Frames and events are kept for the results and written to the folder at once, with the map every
-    few seconds, so that another session can resume it. Used by lock-step runs, replays and the node vslam. Call
-    ``frame`` and ``note`` on the tracking thread, ``write`` on any; it may wait seconds for the disk. A full disk does
-    not end the run: ``failure`` names what is not stored, and the run cannot be resumed from there."""
+    few seconds, so that another session can resume it, and with a camera picture about once a second, for the report.
+    Used by lock-step runs, replays and the node vslam. Call ``frame``, ``see`` and ``note`` on the tracking thread,
+    ``write`` and ``write_seen`` on any; they may wait seconds for the disk. A full disk does not end the run:
+    ``failure`` names what is not stored, and the run cannot be resumed from there."""
 
     def __init__(
         self, T_base_cam: SE3, folder: RunFolder | None = None, before: PreviousSessions | None = None,
         kept: Callable[[], AbstractContextManager[None]] | None = None, rest: float = 0.0, config: RunsConfig = _USUAL,
+        *, resumable: bool = True,
     ) -> None:  # fmt: skip
-        """folder: where to store data for a resume; None stores nothing. kept: context around each write, to report an
-        InputError; without it, the first error goes to stderr, and one at the start is raised. rest: pause after
-        writing a map, as a multiple of the writing time; the pause is at least config.checkpoint_s."""
+        """folder: where to store data; None stores nothing. kept: context around each write, to report an InputError;
+        without it, the first error goes to stderr, and one at the start is raised. rest: pause after writing a map, as
+        a multiple of the writing time; the pause is at least config.checkpoint_s. resumable: false: only pictures are
+        stored at once."""
         self.record = RunRecord(T_base_cam)
         lines = before.lines if before is not None else []
         self.record.restore(lines)
         self.failure = ""
         self._kept, self._rest = kept or self._say_first, rest
         self._every_ns = round(1e9 * config.checkpoint_s)
-        self._checkpoint = folder.checkpoint if folder is not None else None
+        self._checkpoint = folder.checkpoint if folder is not None and resumable else None
         self._journal: Journal | None = None
-        if folder is not None:
-            with kept() if kept is not None else nullcontext():
+        self._moments: MomentWriter | None = None
+        with kept() if kept is not None else nullcontext():
+            if folder is not None and resumable:
                 self._journal = Journal(folder.journal, lines)
+            if folder is not None and config.moments_s > 0.0:
+                self._moments = MomentWriter(folder.moments, config.moments_s, self._known_moments(folder.moments))
         self._lock, self._writing = threading.Lock(), threading.Lock()
         self._noted: CheckpointData | None = None
         self._due_ns = 0
@@ -157,6 +176,22 @@ class RunWriter:
             line = FrameLine.of(result, odometry, 1e3 * track_s, u2_frames)
             with self._kept():
                 self._journal.add(*record.events[told:], line, *more)
+
+    def _known_moments(self, path: Path) -> Moments:
+        """Those of earlier sessions; if their file is damaged, say so and begin anew: a run goes on without them."""
+        with self._kept():
+            return Moments.read(path)
+        return Moments([], [])
+
+    def see(self, frame: Frame, grid: OccupancyGrid | None) -> bool:
+        """About once a second, note the camera image and the ground map for writing; returns whether they were."""
+        return self._moments is not None and self._moments.see(frame, grid)
+
+    def write_seen(self) -> None:
+        """Write the images and maps noted since the last call."""
+        if self._moments is not None:
+            with self._kept():
+                self._moments.write()
 
     def note(self, slam: TrackerAndMapper, stamp_ns: int, *, now: bool = False) -> bool:
         """Every few seconds, note the current map for writing; returns whether it was noted."""

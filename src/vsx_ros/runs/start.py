@@ -21,13 +21,16 @@ from vsx_ros.runs.process import DONE, FAILED, LOST
 from vsx_ros.runs.rooms import room_beside
 from vsx_ros.runs.session import end_trail
 from vsx_ros.runs.world import open_world
+from vsx_ros.runs.places import given_zones
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.world_file import load_world, save_world
 from vsx_ros.slam.state import TrackingState
 
 DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov"}
-REMEMBERED = ("world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map")
+REMEMBERED = (
+    "world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map", "zones", "room",
+)  # fmt: skip
 
 
 def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | None]:
@@ -50,6 +53,9 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | 
         if args.load_map is None:
             raise ConfigError(f"--room {args.room}: rooms are known of a saved map; give it with --load-map")
         room_beside(Path(args.load_map), args.room)
+    if args.zones is not None:
+        args.zones = str(Path(args.zones).resolve())
+        given_zones(Path(args.zones))
     if args.config is None and args.world is None:
         args.config = robot_file_here()
     parameters = load(args.config, args.set)
@@ -80,7 +86,7 @@ def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
 
 
 def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, EmulatedWorld | None]:
-    fixed = ("world", "seed", "base", "planner", "phi", "load_map", "room", "config", "set", "out", "models")
+    fixed = ("world", "seed", "base", "planner", "phi", "load_map", "room", "zones", "config", "set", "out", "models")
     contradicting = [name.replace("_", "-") for name in fixed if getattr(args, name) not in (None, [])]
     if contradicting:
         raise ConfigError(f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0]}")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vsx_ros.errors import ConfigError
+from vsx_ros.errors import ConfigError, did_you_mean
 from vsx_ros.io.map_file import is_map_file, load_map, load_plan
 from vsx_ros.sim import gazebo_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
@@ -14,6 +14,7 @@ from vsx_ros.sim.generate import GENERATORS, generate_world, world_from_grid
 from vsx_ros.sim.truth import with_start
 from vsx_ros.sim.world_file import load_world
 
+_SUFFIXES = *gazebo_world.SUFFIXES, ".png", ".pgm", ".yaml", ".yml"
 MODEL_PATHS = "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH"  # of the environment
 
 
@@ -23,20 +24,30 @@ def model_folders(given: Sequence[Path]) -> list[Path]:
     return [*given, *named, Path.home() / ".gazebo" / "models"]
 
 
+def check_world(name: str) -> None:
+    """Raises ConfigError for the name of no world, before any is opened."""
+    path = Path(name)
+    if name in GENERATORS or (path.suffix in _SUFFIXES and path.is_file()):
+        return
+    files = [str(file) for file in sorted(path.parent.glob("*.*")) if file.suffix in _SUFFIXES]
+    raise ConfigError(
+        f"world {name!r} is neither a generator ({', '.join(GENERATORS)}) nor an existing world.yaml, .world, map.yaml "
+        f"or .png{did_you_mean(name, [*GENERATORS, *files])}"
+    )
+
+
 def open_world(name: str, seed: int, models: Sequence[Path] = ()) -> EmulatedWorld:
     """A generator's world by name and seed, or a world.yaml, or a Gazebo file (.world, .sdf; start by seed; models:
     folders of its models), or a map (wall pictures by seed): a map_server map.yaml, or only a floor plan, .png or .pgm
     with 5 cm per pixel. Raises ConfigError for an unknown name or a malformed world file, InputError for an unusable
     Gazebo file, MapFileError for an unusable map."""
+    check_world(name)
     if name in GENERATORS:
         return generate_world(name, seed)
     path = Path(name)
-    if path.suffix in gazebo_world.SUFFIXES and path.is_file():
+    if path.suffix in gazebo_world.SUFFIXES:
         return with_start(np.random.default_rng([seed, 0]), gazebo_world.load_gazebo(path, model_folders(models)))
-    if path.suffix in (".png", ".pgm") and path.is_file():
+    if path.suffix in (".png", ".pgm"):
         grid = load_map(path) if path.with_suffix(".yaml").exists() else load_plan(path)
         return world_from_grid(grid, path.stem, seed)
-    if path.suffix not in (".yaml", ".yml") or not path.is_file():
-        generator = f"a generator ({', '.join(GENERATORS)})"
-        raise ConfigError(f"world {name!r} is neither {generator} nor an existing world.yaml, .world, map.yaml or .png")
     return world_from_grid(load_map(path), path.stem, seed) if is_map_file(path) else load_world(path)

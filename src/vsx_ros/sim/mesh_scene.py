@@ -1,46 +1,33 @@
-"""A world of triangles prepared for the z-buffer: packed textures with their mip levels, and baked light."""
+"""A world of triangles prepared for the z-buffer, with baked light."""
 
 import math
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, Int32Array
-from vsx_ros.errors import ConfigError
 from vsx_ros.kernels.sim.mesh_light import bake, fill_cells, smooth
-from vsx_ros.kernels.sim.mesh_scene import MIP_LEVELS, MeshScene
+from vsx_ros.kernels.sim.mesh_scene import MeshScene
 from vsx_ros.sim.gazebo.assemble import Seen
 from vsx_ros.sim.gazebo.elements import Lamp
-from vsx_ros.sim.gazebo.surfaces import Picture, Pixels, Surface
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.scene import GREY
 
-MAX_TEXELS = 2**27  # a house has a third of it; 4 bytes each
 MOST_NODES = 300_000  # of the light's lattice
 LEAST_STEP_M, ABOVE_M = 0.12, 6.0  # between its nodes; how high it reaches above the floor
 SKY_RAYS = 32
 SMOOTHINGS = 3
 REACH_M = 2.0  # within which surfaces darken each other
 USUAL_LIGHT = 1.2  # median irradiance that the lamps are scaled to: the world's own values suit no camera
-_HOLE_PX = 512  # side of the map of a picture's holes, at most
 _KINDS = {"point": 0.0, "spot": 1.0, "directional": 2.0}
 
 
 def compile_mesh(world: MeshWorld) -> MeshScene:
-    """Pack the textures and bake the light; takes a second. Raises ConfigError for a world whose textures do not fit
-    into memory."""
+    """Bake the light; takes half a second."""
     seen = world.parts.seen
-    pictures = list(dict.fromkeys(s.picture for s in seen.surfaces if s.picture is not None))
-    needed = sum(_texels(picture) for picture in pictures)
-    if needed > MAX_TEXELS:
-        raise ConfigError(
-            f"world {world.name}: its {len(pictures)} textures have {needed} texels, at most {MAX_TEXELS} can be "
-            "drawn; leave some out"
-        )
-    levels, texels = _packed(pictures)
-    rows = {picture: row for row, picture in enumerate(pictures)}
-    holes, hole_places = _holes(seen.surfaces)
+    textures, linear = seen.textures, np.square(seen.colours)
+    logs = np.vstack([textures.logs, np.zeros((1, 2), np.int32)])[seen.pictures]  # the last row: without a picture
+    holes, hole_places = _holes(seen)
     light, frame = _baked(world)
     return MeshScene(
         corners=seen.corners.reshape(-1, 9),
@@ -48,31 +35,16 @@ def compile_mesh(world: MeshWorld) -> MeshScene:
         kinds=seen.kinds,
         chunks=seen.starts.astype(np.int32),
         spheres=_spheres(seen),
-        colours=np.array([_reflectance(surface) for surface in seen.surfaces], np.float32),
-        pictures=np.array([_place(s.picture, rows) for s in seen.surfaces], np.int32),
-        levels=levels,
-        texels=texels,
+        colours=np.column_stack([linear, linear @ GREY]).astype(np.float32),
+        pictures=np.column_stack([seen.pictures, *logs.T]).astype(np.int32),
+        levels=textures.levels,
+        texels=textures.texels,
         holes=holes,
         hole_places=hole_places,
         light=light,
         light_frame=frame,
         sky=USUAL_LIGHT * world.sky,
     )
-
-
-def _reflectance(surface: Surface) -> list[float]:
-    """Linear r, g, b and grey of its colour."""
-    linear = np.square(surface.colour)
-    return [*linear.tolist(), float(linear @ GREY)]
-
-
-def _logs(pixels: NDArray[np.uint8]) -> tuple[int, int]:
-    """Binary logarithms of width and height."""
-    return pixels.shape[1].bit_length() - 1, pixels.shape[0].bit_length() - 1
-
-
-def _place(picture: Picture | None, rows: dict[Picture, int]) -> tuple[int, int, int]:
-    return (-1, 0, 0) if picture is None else (rows[picture], *_logs(picture.pixels))
 
 
 def _spheres(seen: Seen) -> FloatArray:
@@ -86,58 +58,15 @@ def _spheres(seen: Seen) -> FloatArray:
     return spheres
 
 
-def _with_grey(pixels: Pixels) -> Pixels:
-    """The picture with its grey value in place of alpha: the root of the mean of squares, as reflectance is stored."""
-    squares = np.arange(256, dtype=np.uint32) ** 2
-    weights = np.rint(GREY / GREY.sum() * 1024).astype(np.uint32)
-    roots = np.rint(np.sqrt(np.arange(255**2 + 64))).astype(np.uint8)
-    packed = pixels.copy()
-    for rows in np.array_split(np.arange(len(pixels)), max(1, len(pixels) // 256)):  # bounds the memory
-        total = sum((weights[i] * squares)[pixels[rows[0] : rows[-1] + 1, :, i]] for i in range(3))
-        packed[rows[0] : rows[-1] + 1, :, 3] = roots[total >> 10]
-    return packed
-
-
-def _packed(pictures: list[Picture]) -> tuple[Int32Array, NDArray[np.uint32]]:
-    """The mip levels of all pictures one after another, and where each begins (P, 12)."""
-    begins, at = np.zeros((max(len(pictures), 1), MIP_LEVELS), np.int32), 0
-    texels = np.zeros(1 + sum(_texels(picture) for picture in pictures), np.uint32)
-    for row, picture in enumerate(pictures):
-        level = _with_grey(picture.pixels)
-        for k in range(MIP_LEVELS):
-            begins[row, k:] = at
-            texels[at : at + level[..., 0].size] = level.reshape(-1, 4).view(np.uint32).ravel()
-            at += level[..., 0].size
-            if level.shape[:2] == (1, 1):
-                break
-            size = max(level.shape[1] // 2, 1), max(level.shape[0] // 2, 1)
-            level = np.ascontiguousarray(cv2.resize(level, size, interpolation=cv2.INTER_AREA)).reshape(*size[::-1], 4)
-    return begins, texels
-
-
-def _texels(picture: Picture) -> int:
-    """The number of texels of a picture with its mip levels."""
-    width, height = picture.pixels.shape[1], picture.pixels.shape[0]
-    return sum(max(width >> k, 1) * max(height >> k, 1) for k in range(max(width, height).bit_length()))
-
-
-def _holes(surfaces: list[Surface]) -> tuple[NDArray[np.uint8], Int32Array]:
+def _holes(seen: Seen) -> tuple[NDArray[np.uint8], Int32Array]:
     """Alpha of the pictures with holes, and per surface where it begins and its size's logarithms."""
-    places, parts, at = np.full((len(surfaces), 3), -1, np.int32), [np.zeros(1, np.uint8)], 1
-    known: dict[Picture, tuple[int, int, int]] = {}
-    for i, surface in enumerate(surfaces):
-        picture = surface.picture
-        if picture is None or not picture.has_holes:
-            continue
-        if picture not in known:
-            alpha = picture.pixels[..., 3]
-            size = min(alpha.shape[1], _HOLE_PX), min(alpha.shape[0], _HOLE_PX)
-            alpha = np.ascontiguousarray(cv2.resize(alpha, size, interpolation=cv2.INTER_AREA))
-            known[picture] = (at, *_logs(alpha))
+    places, parts, at = np.full((len(seen.textures.alphas) + 1, 3), -1, np.int32), [np.zeros(1, np.uint8)], 1
+    for row, alpha in enumerate(seen.textures.alphas):
+        if alpha is not None:
+            places[row] = at, alpha.shape[1].bit_length() - 1, alpha.shape[0].bit_length() - 1
             parts.append(alpha.ravel())
             at += alpha.size
-        places[i] = known[picture]
-    return np.concatenate(parts), places
+    return np.concatenate(parts), places[seen.pictures]
 
 
 def _lattice(world: MeshWorld) -> tuple[FloatArray, tuple[int, int, int]]:

@@ -83,7 +83,7 @@ class MeshWorld:
 @lru_cache(maxsize=4)
 def _sights(world: MeshWorld) -> list[Point]:
     seen = world.parts.seen
-    rich = [s.picture is not None and float(s.picture.pixels[::8, ::8, 1].std()) > RICH for s in seen.surfaces]
+    rich = [row >= 0 and seen.textures.contrast[row] > RICH for row in seen.pictures]
     found = []
     for begin, end in zip(seen.starts[:-1], seen.starts[1:]):
         if begin < end and rich[seen.kinds[begin]]:

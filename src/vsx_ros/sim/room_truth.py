@@ -1,9 +1,11 @@
-"""The true rooms of a generated world, to judge how the ground map is split."""
+"""The true rooms of a generated world, and how many of them a split ground map has found."""
+
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 
-from vsx_ros.arrays import IntArray, Points2
+from vsx_ros.arrays import BoolArray, IntArray, Points2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.sim.truth import fill
 from vsx_ros.sim.world import World, signed_area
@@ -38,3 +40,23 @@ def _walls_with_doors_shut(world: World) -> list[tuple[Points2, Points2, float]]
             gaps = [(start[axis] - end[axis], start) for start in starts if 0.0 < start[axis] - end[axis] <= _DOOR_M]
             shut += [(end, min(gaps, key=lambda gap: gap[0])[1], thickness)] if gaps else []
     return walls + shut
+
+
+def shared_ratio(a: BoolArray, b: BoolArray) -> float:
+    """Intersection over union of two areas (H, W); 0 when both are empty."""
+    union = int(np.count_nonzero(a | b))
+    return float(np.count_nonzero(a & b)) / union if union else 0.0
+
+
+def right_rooms(labels: IntArray, truth: IntArray, least_ratio: float = 0.8) -> tuple[int, int]:
+    """How many rooms of the truth (H, W) have a room of their own with at least this intersection over union, and how
+    many there are. Both count from 1; 0 is no room."""
+    numbers: Sequence[int] = [int(number) for number in np.unique(truth) if number]
+    right = 0
+    for number in numbers:
+        mine = truth == number
+        found = np.bincount(labels[mine].ravel())
+        found[0] = 0
+        best = int(np.argmax(found))
+        right += bool(found[best]) and shared_ratio(mine, labels == best) >= least_ratio
+    return right, len(numbers)

@@ -34,7 +34,7 @@ def _solid_grid(world: EmulatedWorld, resolution: float, z_min: float, z_max: fl
     return OccupancyGrid(np.where(solid, OCCUPIED, FREE).astype(np.int8), resolution, origin_x, origin_y)
 
 
-def fill(mask: NDArray[np.uint8], polygon: Points2, value: int) -> None:
+def fill(mask: NDArray[np.uint8] | NDArray[np.int32], polygon: Points2, value: int) -> None:
     """Draw a polygon (N, 2), in cells from the mask's corner, into a mask (H, W); in place."""
     corners = (polygon - 0.5) * (1 << SUBPIXEL_BITS)
     cv2.fillPoly(mask, [np.rint(corners).astype(np.int32)], value, cv2.LINE_8, SUBPIXEL_BITS)

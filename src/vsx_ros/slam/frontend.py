@@ -169,7 +169,7 @@ class FrontEnd:
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
         local.leave_out(self.record.hopeless(local.rows))
         config, gap = self._config.keyframes, (self._since_keyframe, (data.stamp_ns - self._keyframe_ns) * 1e-9)
-        may = not data.blurred and may_grow(config, self._view, *gap)
+        may = not data.blurred and may_grow(config, self._view, track, *gap)
         added = may and becomes_keyframe(config, local.linked, track, reference)
         request = self._request(data, track) if added else None
         result = TrackingResult(
@@ -220,7 +220,7 @@ class FrontEnd:
             data.stamp_ns, state, trusted, searched=len(track.searched_rows), keyframe_added=request is not None,
             reason=reason, map_id=self._map_id, T_map_cam=by_odometry, covariance=known,
         )  # fmt: skip
-        return result, recovery.gives_up(data, self._view) or pair or request
+        return result, pair or request or recovery.gives_up(data, self._view)
 
     def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> Outcome:
         """The camera was found in one of the maps. Unless odometry connects the poses, its next segment begins."""

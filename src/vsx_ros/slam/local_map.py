@@ -15,9 +15,10 @@ from vsx_ros.slam.track import Track
 # Numbers of keyframes: the nearest; of these, those with most shared points; the nearest ones always used.
 NEAREST, COVISIBLE, ALWAYS = 40, 12, 4
 LINKED_POINTS, STRANGE_WAY = 15, 8.0  # shared points; path in median depths over which a map may drift
-# Few points of which nearly all were found still make a good keyframe: new points are needed most there. So do enough
-# points with large residuals: the others become its observations, and the map is adjusted to them.
-KEYFRAME_RATIO = 0.3
+# A frame in doubt makes a good keyframe, too, where new points are needed most: if more than this share of its points
+# was found, or if enough points lie where they should. Points with large residuals do not become its observations.
+KEYFRAME_RATIO, KEYFRAME_POINTS, KEYFRAME_SIGMA_PX = 0.3, 40, 2.0
+HURRY_RATIO, HURRY_FRAMES = 0.45, 2  # below this share of found points, the map is about to get out of view
 
 
 class LocalMap:
@@ -85,18 +86,19 @@ def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:
     return living[np.argsort(offset / view.depths[living] + np.arccos(np.clip(cosine, -1.0, 1.0)), kind="stable")]
 
 
-def may_grow(config: KeyframeConfig, view: MapView, frames: int, seconds: float) -> bool:
+def may_grow(config: KeyframeConfig, view: MapView, track: Track, frames: int, seconds: float) -> bool:
     """Whether the newest keyframe is old enough for the next. The third need not wait: what two near views show of the
-    scene is little, and is soon out of sight."""
-    return len(view.keyframes) == 2 or frames >= config.min_gap_frames or seconds >= config.min_gap_s
+    scene is little, and is soon out of sight. Nor does one that fewer and fewer points support."""
+    hurry = frames >= HURRY_FRAMES and track.ratio < HURRY_RATIO
+    return len(view.keyframes) == 2 or hurry or frames >= config.min_gap_frames or seconds >= config.min_gap_s
 
 
 def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, reference: int) -> bool:
     """Whether this frame should enter the map.
 
     Distance and angle are measured to the nearest keyframes of the whole map, so that mapped areas yield none."""
-    sure = track.state is TrackingState.GOOD or track.ratio > KEYFRAME_RATIO
-    if not sure:
+    fits = track.sigma_px <= KEYFRAME_SIGMA_PX and np.count_nonzero(track.settled) >= KEYFRAME_POINTS
+    if not (track.state is TrackingState.GOOD or track.ratio > KEYFRAME_RATIO or fits):
         return False
     pose = track.T_world_cam
     nearest = [view.keyframes[int(k)] for k in nearest_keyframes(view, pose)[:5]]

@@ -17,12 +17,11 @@ def _root(parent: IntArray, basin: int) -> int:
 
 
 @kernel
-def flood_basins(heights: FloatArray, order: IntArray, narrowest: float, narrow_ratio: float) -> IntArray:
+def flood_basins(heights: FloatArray, order: IntArray, narrow_ratio: float) -> IntArray:
     """(H, W) label of the basin of each cell, from 1; 0 where the height is not positive.
 
     order: flat indices of the cells of positive height, highest first. Two basins that meet at a saddle stay apart when
-    the saddle is lower than ``narrowest`` and lower than ``narrow_ratio`` times the lower of their peaks; else they
-    become one."""
+    the saddle is lower than ``narrow_ratio`` times the lower of their peaks; else they become one."""
     rows, columns = heights.shape
     labels = np.zeros((rows, columns), np.int64)
     parent = np.zeros(order.shape[0] + 1, np.int64)
@@ -54,8 +53,7 @@ def flood_basins(heights: FloatArray, order: IntArray, narrowest: float, narrow_
                 other = _root(parent, labels[a, b])
                 if other == best:
                     continue
-                lower = min(peaks[best], peaks[other])
-                if saddle >= narrowest or saddle >= narrow_ratio * lower:
+                if saddle >= narrow_ratio * min(peaks[best], peaks[other]):
                     keep, drop = (best, other) if peaks[best] >= peaks[other] else (other, best)
                     parent[drop] = keep
                     best = keep

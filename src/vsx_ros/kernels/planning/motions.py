@@ -64,7 +64,8 @@ def places_are_free(field: DistanceField, x: float, y: float, places: FloatArray
 def arc_is_free(field: DistanceField, x: float, y: float, theta: float, kappa: float, length: float) -> bool:
     """Whether an arc of signed length at curvature kappa (of signed arc length) stays where the field is not negative.
 
-    Steps as far as the field (of slope at most ``1 + ramp``) proves free, but at least a third of a cell."""
+    Steps as far as the field proves free: 0.7 of its value, as its slope is below 1.4 (``planning/corridor.py``); but
+    at least a third of a cell."""
     total, sign, s = abs(length), 1.0 if length > 0.0 else -1.0, 0.0
     while True:
         px, py, _ = advance(x, y, theta, kappa, sign * s, 1.0)

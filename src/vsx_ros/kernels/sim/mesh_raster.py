@@ -122,19 +122,22 @@ def _draw(
 ) -> None:  # fmt: skip
     """Draw triangle t into a box of columns and rows, u0, v0, u1, v1. forms (3, 3): scratch memory."""
     u0, v0, u1, v1 = box
-    corners = scene.corners
+    corners, moving = scene.corners, optics.shift > 0.0  # else all rows see the triangle from one point
+    volume = edge_forms(corners, t, rays.origins, v0, forms)
     for top in range(v0, v1 + 1, HIGH):
         bottom, begin, end = min(top + HIGH - 1, v1), u0, u1
         if u1 - u0 >= WIDE:
             middle = (top + bottom) // 2
-            edge_forms(corners, t, rays.origins, middle, forms)
+            if moving:
+                edge_forms(corners, t, rays.origins, middle, forms)
             reach = 0.0
             for i in range(9):
                 reach = max(reach, abs(corners[t, i] - rays.origins[middle, i % 3]))
             drift = 8.0 * HIGH * optics.shift * (reach + HIGH * optics.shift)
             begin, end = _crossed(forms, rays, (top, bottom), (u0, u1), optics.bow, drift)
         for y in range(top, bottom + 1 if begin <= end else top):
-            volume = edge_forms(corners, t, rays.origins, y, forms)
+            if moving:
+                volume = edge_forms(corners, t, rays.origins, y, forms)
             if volume > _EDGE_ON:
                 _draw_row(
                     scene, t, forms, volume, rays, y, begin, end, optics.bow, nearness, ident

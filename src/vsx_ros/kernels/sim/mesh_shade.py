@@ -1,7 +1,7 @@
 """The radiance of the pixels whose triangles are known: trilinear texture times light.
 
 Along a row, neighbouring pixels of one triangle share its forms; light and level of detail, which are smooth, are
-found at the ends of short runs and interpolated."""
+found where short runs begin and interpolated; a run ends where the next one begins."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from vsx_ros.kernels.sim.mesh_raster import edge_forms
 from vsx_ros.kernels.sim.mesh_scene import MIP_LEVELS, MeshScene, Rays
 from vsx_ros.kernels.sim.raycast_pixels import tint_index
 
-RUN = 12  # most pixels between two looks at the light
+RUN = 10  # most pixels between two looks at the light
 OFFSET = 0.7  # of the light's spacing: how far in front of a surface its light is taken
 F0, F1, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 PER_255 = np.float32(1.0 / 255.0)
@@ -81,9 +81,18 @@ def light_at(scene: MeshScene, x: float, y: float, z: float, nx: float, ny: floa
 
 
 @part
-def _sum_of(forms: FloatArray, out: FloatArray) -> None:
+def _uv_forms(scene: MeshScene, t: int, rays: Rays, y: int, forms: FloatArray, uv: FloatArray) -> None:
+    """uv (3, 3): forms of u, v and 1 of triangle t for the rays of row y. forms (3, 3): scratch memory."""
+    edge_forms(scene.corners, t, rays.origins, y, forms)
     for j in range(3):
-        out[2, j] = forms[0, j] + forms[1, j] + forms[2, j]
+        uv[2, j] = forms[0, j] + forms[1, j] + forms[2, j]
+    length = np.sqrt(uv[2, 0] ** 2 + uv[2, 1] ** 2 + uv[2, 2] ** 2)
+    for j in range(3):
+        uv[2, j] /= length  # keeps tiny triangles within the range of float32
+        for i in range(2):
+            uv[i, j] = 0.0
+            for corner in range(3):
+                uv[i, j] += scene.uv[t, 2 * corner + i] * forms[corner, j] / length
 
 
 @part
@@ -99,7 +108,9 @@ def _light_of_pixel(scene: MeshScene, rays: Rays, y: int, x: int, uv: FloatArray
 def _level_of_detail(
     scene: MeshScene, kind: int, uv: FloatArray, rays: Rays, y: int, x: int, sharpness: np.float32
 ) -> np.float32:
-    """The mip level that pixel (y, x) wants of its triangle's picture; between 0 and the last one."""
+    """The mip level that pixel (y, x) wants of its triangle's picture; between 0 and the last one. 0 without one."""
+    if scene.pictures[kind, 0] < 0:
+        return F0
     d = rays.directions
     wide, high = float(1 << scene.pictures[kind, 1]), float(1 << scene.pictures[kind, 2])
     d0, d1, d2 = d[y, 0, x], d[y, 1, x], d[y, 2, x]
@@ -120,21 +131,16 @@ def _level_of_detail(
 
 @part
 def _shade_run(
-    scene: MeshScene, kind: int, uv: FloatArray, rays: Rays, y: int, begin: int, end: int, lights: FloatArray,
-    sharpness: np.float32, bayer: bool, share: np.float32, radiance: Float32Array,
+    scene: MeshScene, kind: int, uv: FloatArray, rays: Rays, y: int, begin: int, end: int, ends: Float32Array,
+    bayer: bool, share: np.float32, radiance: Float32Array,
 ) -> None:  # fmt: skip
-    """Add the pixels begin..end - 1 of a row, all on one triangle. uv (3, 3): forms of u, v and 1; lights (2,): at both
-    ends."""
+    """Add the pixels begin..end - 1 of a row, all on one triangle. uv (3, 3): forms of u, v and 1. ends (2, 2): light
+    and level of detail at begin, and how much they grow from pixel to pixel."""
     U0, U1, U2 = np.float32(uv[0, 0]), np.float32(uv[0, 1]), np.float32(uv[0, 2])
     V0, V1, V2 = np.float32(uv[1, 0]), np.float32(uv[1, 1]), np.float32(uv[1, 2])
     C0, C1, C2 = np.float32(uv[2, 0]), np.float32(uv[2, 1]), np.float32(uv[2, 2])
-    per_pixel = F1 / np.float32(max(end - begin - 1, 1))
-    light, plain, lod, fall = np.float32(lights[0]), scene.pictures[kind, 0] < 0, F0, F0
-    rise = (np.float32(lights[1]) - light) * per_pixel
-    if not plain:
-        lod = _level_of_detail(scene, kind, uv, rays, y, begin, sharpness)
-        if end - begin > 1:
-            fall = (_level_of_detail(scene, kind, uv, rays, y, end - 1, sharpness) - lod) * per_pixel
+    light, lod, rise, fall = ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1]
+    plain = scene.pictures[kind, 0] < 0
     d, texels, levels, colours = rays.directions, scene.texels, scene.levels, scene.colours
     place = scene.pictures[kind, 0], scene.pictures[kind, 1], scene.pictures[kind, 2]
     for x in range(begin, end):
@@ -158,34 +164,31 @@ def shade_rows(
     """Add share times the radiance of the rows first..last - 1 to radiance (H, W). sharpness: square of the shortest
     edge of a texture's footprint in relation to its longest, for the choice of the mip level."""
     width = ident.shape[1]
-    forms, uv, lights, weight = np.empty((3, 3)), np.empty((3, 3)), np.empty(2), np.float32(share)
+    forms, uv, ends, weight = np.empty((3, 3)), np.empty((3, 3)), np.empty((2, 2), np.float32), np.float32(share)
     for y in range(first, last):
         x, before = 0, np.int32(-1)
         while x < width:
             t = ident[y, x]
             if t < 0:
                 radiance[y, x] += weight * np.float32(scene.sky)
-                x += 1
+                x, before = x + 1, t
                 continue
             end = x + 1
             while end < width and end - x < RUN and ident[y, end] == t:
                 end += 1
+            kind, light, lod = scene.kinds[t], ends[1, 0], ends[1, 1]
             if t != before:
-                edge_forms(scene.corners, t, rays.origins, y, forms)
-                _sum_of(forms, uv)
-                length = np.sqrt(uv[2, 0] ** 2 + uv[2, 1] ** 2 + uv[2, 2] ** 2)
-                for j in range(3):
-                    uv[2, j] /= length  # keeps tiny triangles within the range of float32
-                    for i in range(2):
-                        uv[i, j] = 0.0
-                        for corner in range(3):
-                            uv[i, j] += scene.uv[t, 2 * corner + i] * forms[corner, j] / length
+                _uv_forms(scene, t, rays, y, forms, uv)
+                light = _light_of_pixel(scene, rays, y, x, uv, nearness[y, x])
+                lod = _level_of_detail(scene, kind, uv, rays, y, x, np.float32(sharpness))
                 before = t
-            lights[0] = _light_of_pixel(scene, rays, y, x, uv, nearness[y, x])
-            lights[1] = lights[0]
-            if end - x > 1:
-                lights[1] = _light_of_pixel(scene, rays, y, end - 1, uv, nearness[y, end - 1])
-            _shade_run(
-                scene, scene.kinds[t], uv, rays, y, x, end, lights, np.float32(sharpness), bayer, weight, radiance
-            )  # fmt: skip
+            stop, light_end, lod_end = end if end < width and ident[y, end] == t else end - 1, light, lod
+            if stop > x:
+                light_end = _light_of_pixel(scene, rays, y, stop, uv, nearness[y, stop])
+                lod_end = _level_of_detail(scene, kind, uv, rays, y, stop, np.float32(sharpness))
+            per_pixel = F1 / np.float32(max(stop - x, 1))
+            ends[0, 0], ends[0, 1] = light, lod
+            ends[1, 0], ends[1, 1] = (light_end - light) * per_pixel, (lod_end - lod) * per_pixel
+            _shade_run(scene, kind, uv, rays, y, x, end, ends, bayer, weight, radiance)
+            ends[1, 0], ends[1, 1] = light_end, lod_end
             x = end

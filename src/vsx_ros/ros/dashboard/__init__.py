@@ -1,1 +1,2 @@
-"""The live view in a browser: one page, one stream of events, and a few guarded commands. Standard library only."""
+"""The live view in a browser: one page (folder ``page``: plain HTML, CSS and JavaScript), one stream of events, and
+guarded commands. Standard library only."""

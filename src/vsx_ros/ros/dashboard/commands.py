@@ -28,17 +28,19 @@ def commands() -> dict[str, Command]:
 
 
 def _call(service: str, kind: type[Any], *arguments: object, said: str = "") -> Command:
-    return lambda: _answer(service, kind, *arguments, said=said)
+    return lambda: answer_of(service, kind, *arguments, said=said)
 
 
 def _tell(service: str) -> Command:
-    return lambda text: _answer(service, AddDiagnostics, text)
+    return lambda text: answer_of(service, AddDiagnostics, text)
 
 
-def _answer(service: str, kind: type[Any], *arguments: object, said: str = "") -> Answer:
-    """said: in place of the service's own words, when it has obeyed."""
+def answer_of(
+    service: str, kind: type[Any], *arguments: object, said: str = "", within_s: float = _SERVICE_WAIT_S
+) -> Answer:
+    """What a service answers. said: in place of its own words, when it has obeyed."""
     try:
-        response = calls.service(service, kind, *arguments, within_s=_SERVICE_WAIT_S)
+        response = calls.service(service, kind, *arguments, within_s=within_s)
     except (rospy.ROSException, rospy.ServiceException):
         return Answer(False, f"service {rospy.resolve_name(service)} does not answer; is its node running?")
     return Answer(bool(response.success), said if said and response.success else str(response.message))

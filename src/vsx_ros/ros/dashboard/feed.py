@@ -125,6 +125,7 @@ class Feed:
         hear(topics.ZONES, String, "zones", json_object)
         hear(topics.ROOMS, String, "rooms", json_object)
         hear(topics.FRONTIERS, MarkerArray, "frontiers", frontiers)
+        hear(topics.PLANES, MarkerArray, "planes", planes)
         hear(topics.KEYFRAMES, PoseArray, "keyframes", keyframes)
         hear(topics.GLOBAL_PLAN, PathMsg, "plan", plan)
         hear(topics.HAZARDS, UInt8, "hazards", lambda msg: convert.hazard_words(msg.data))
@@ -202,6 +203,12 @@ def frontiers(msg: MarkerArray) -> dict[str, Any]:
             utility = float(found.group(1)) if found else None
             views.append({"x": where.x, "y": where.y, "utility": utility, "text": marker.text})
     return {"borders": borders, "views": views}
+
+
+def planes(msg: MarkerArray) -> list[list[list[float]]]:
+    """Corners x, y [m] of each plane, seen from above: of a wall a line, there and back."""
+    found = [m.points for m in msg.markers if m.action == Marker.ADD and m.type == Marker.TRIANGLE_LIST]
+    return [[[round(p.x, 2), round(p.y, 2)] for p in (*points[:3], *points[-1:])] for points in found]
 
 
 def keyframes(msg: PoseArray) -> list[list[float]]:

@@ -1,5 +1,5 @@
-"""The HTTP server of the live view: ``/`` the page, ``/events`` a stream of server-sent events, ``/report`` that of a
-run that has ended, ``POST /command/NAME`` with the token.
+"""The HTTP server of the live view: ``/`` the page and its files, ``/events`` a stream of server-sent events,
+``/report`` that of a run that has ended, ``POST /command/NAME`` with the token.
 
 Viewing is free for anyone who reaches the port under a name of this machine and not from a foreign page (``Names``).
 Commands need the token. Each client's resources are limited: requests in size and time, updates in the time to read
@@ -13,13 +13,13 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from importlib import resources
 from typing import Any, NamedTuple
 from urllib.parse import unquote
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros.dashboard.admission import MAX_VIEWERS, Connections, Names
 from vsx_ros.ros.dashboard.feed import Board
+from vsx_ros.ros.dashboard.page_files import page_file
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_PORT = 8765  # not used by ROS itself
@@ -36,16 +36,20 @@ _HEADERS = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
-    "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src data:; connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
 }
+_POLICY = (
+    "default-src 'none'; script-src {0}; style-src {0}; img-src data:; connect-src 'self'; frame-ancestors 'none'; "
+    "base-uri 'none'; form-action 'none'"
+)
+_OWN_FILES, _SELF_CONTAINED = _POLICY.format("'self'"), _POLICY.format("'unsafe-inline'")  # the page; a report
 
 
 class Answer(NamedTuple):
-    """The result of a command, in words."""
+    """The result of a command, in words; data: for the page, as JSON."""
 
     ok: bool
     message: str
+    data: Mapping[str, Any] | None = None
 
 
 Command = Callable[..., Answer]
@@ -131,15 +135,14 @@ class Handler(BaseHTTPRequestHandler):
         return not refusal
 
     def do_GET(self) -> None:
-        """The page, or the event stream."""
-        if self.path == "/":
-            page = resources.files(__package__).joinpath("page.html").read_bytes()
-            self._reply(HTTPStatus.OK, "text/html; charset=utf-8", page)
-        elif self.path == "/events":
+        """A file of the page, the event stream, or the report."""
+        if self.path == "/events":
             self._stream()
+        elif (file := page_file(self.path)) is not None:
+            self._reply(HTTPStatus.OK, file.kind, file.content)
         elif self.path == "/report" and self.server.report is not None:
             try:
-                self._reply(HTTPStatus.OK, "text/html; charset=utf-8", self.server.report())
+                self._reply(HTTPStatus.OK, "text/html; charset=utf-8", self.server.report(), _SELF_CONTAINED)
             except FileNotFoundError:
                 self._say(HTTPStatus.NOT_FOUND, "this run has no report; its folder may be gone")
         else:
@@ -157,7 +160,8 @@ class Handler(BaseHTTPRequestHandler):
             self._say(HTTPStatus.NOT_FOUND, f"no such command; there are {', '.join(self.server.commands)}")
             return
         answer = command(unquote(text)) if mark else command()
-        self._say(HTTPStatus.OK if answer.ok else HTTPStatus.SERVICE_UNAVAILABLE, answer.message, ok=answer.ok)
+        status = HTTPStatus.OK if answer.ok else HTTPStatus.SERVICE_UNAVAILABLE
+        self._say(status, answer.message, ok=answer.ok, **({} if answer.data is None else {"data": answer.data}))
 
     def log_message(self, format: str, *args: Any) -> None:
         """Requests are not logged."""
@@ -196,12 +200,14 @@ class Handler(BaseHTTPRequestHandler):
             seen = notes[-1].number if notes else seen
             time.sleep(_PERIOD_S)
 
-    def _say(self, status: HTTPStatus, message: str, *, ok: bool = False) -> None:
-        self._reply(status, "application/json", json.dumps({"ok": ok, "message": message}).encode())
+    def _say(self, status: HTTPStatus, message: str, *, ok: bool = False, **more: Any) -> None:
+        self._reply(status, "application/json", json.dumps({"ok": ok, "message": message, **more}).encode())
 
-    def _reply(self, status: HTTPStatus, kind: str, body: bytes) -> None:
-        self._begin(status, {"Content-Type": kind, "Content-Length": str(len(body))})
-        self.wfile.write(body)
+    def _reply(self, status: HTTPStatus, kind: str, body: bytes, policy: str = _OWN_FILES) -> None:
+        told = {"Content-Type": kind, "Content-Length": str(len(body)), "Content-Security-Policy": policy}
+        self._begin(status, told)
+        for begin in range(0, len(body), _SEND_BUFFER_BYTES):  # each within _SEND_S: a report has megabytes
+            self.wfile.write(body[begin : begin + _SEND_BUFFER_BYTES])
 
     def _begin(self, status: HTTPStatus, headers: Mapping[str, str]) -> None:
         self.close_connection = True

@@ -1,11 +1,12 @@
 """Node ``dashboard``: the live view in a browser.
 
-Subscribers, while there is a viewer: vslam/{preview/compressed,pose,state,keyframes,stats/*}, map, explore/{status,
-    events,frontiers}, zones, rooms, move_base/{global_plan,stats/plan_ms}, mobile_base/{hazards,operator_hold},
-    cmd_vel_mux/active, /diagnostics.
-Services called: explore/{pause,resume,home,stop}, mobile_base/estop, zones/change, rooms/name.
+Subscribers, while there is a viewer: vslam/{preview/compressed,pose,state,keyframes,planes,stats/*}, map,
+    explore/{status,events,frontiers}, zones, rooms, move_base/{global_plan,stats/plan_ms},
+    mobile_base/{hazards,operator_hold}, cmd_vel_mux/active, /diagnostics.
+Publishers, when somebody drives: move_base/{goal,cancel}, cmd_vel_mux/input/teleop.
+Services called: explore/{pause,resume,home,stop}, mobile_base/estop, move_base/preview_goal, zones/change, rooms/name.
 Parameters: ~host (127.0.0.1: only this machine), ~port (8765), ~allow (further names under which the view may be
-    opened, NAME or NAME:PORT, separated by commas).
+    opened, NAME or NAME:PORT, separated by commas), ~v_m_s (0.2), ~omega_rad_s (0.6): full speeds of the page's stick.
 Environment: VSX_VIEW_TOKEN, the token for commands; if it is not set, a token is made and printed once."""
 
 import os
@@ -20,6 +21,7 @@ import rospy
 from vsx_ros.config import Config
 from vsx_ros.ros import logs, node, threads
 from vsx_ros.ros.dashboard.commands import commands
+from vsx_ros.ros.dashboard.drives import Drives
 from vsx_ros.ros.dashboard.feed import Board, Feed, text
 from vsx_ros.ros.dashboard.server import DEFAULT_PORT, LOOPBACK, ViewServer, address, choose_port
 from vsx_ros.ros.host_address import DEFAULT_MASTER, export_ros_address
@@ -32,13 +34,15 @@ _MASTER_PERIOD_S, _LOOK_PERIOD_S = 2.0, 0.5  # the second: a person waits for th
 
 
 class DashboardNode:
-    """Serves the page, also after the stack has ended. allow: names separated by commas."""
+    """Serves the page, also after the stack has ended. allow: names separated by commas. The speeds: full ones of the
+    stick."""
 
-    def __init__(self, host: str, port: int, allow: str) -> None:
+    def __init__(self, host: str, port: int, allow: str, v_m_s: float = 0.2, omega_rad_s: float = 0.6) -> None:
         allowed = [name.strip() for name in allow.split(",") if name.strip()]
         board = Board()
         token = os.environ.get(TOKEN) or secrets.token_urlsafe(12)
-        self._server = ViewServer(board, commands(), Feed(board).viewers, token, host, port, allowed)
+        served = {**commands(), **Drives(v_m_s, omega_rad_s).commands()}
+        self._server = ViewServer(board, served, Feed(board).viewers, token, host, port, allowed)
         if TOKEN not in os.environ:
             os.environ[TOKEN] = token
             sys.stderr.write(f"live view: {address(host, self._server.server_port, token)}\n")
@@ -55,7 +59,8 @@ def main() -> None:
 
     def from_parameters(_: Config) -> DashboardNode:
         host, port = str(rospy.get_param("~host", LOOPBACK)), int(rospy.get_param("~port", DEFAULT_PORT))
-        return DashboardNode(host, port, str(rospy.get_param("~allow", "")))
+        speeds = (float(rospy.get_param(name, default)) for name, default in (("~v_m_s", 0.2), ("~omega_rad_s", 0.6)))
+        return DashboardNode(host, port, str(rospy.get_param("~allow", "")), *speeds)
 
     node.run("dashboard", from_parameters)
 

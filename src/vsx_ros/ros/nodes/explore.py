@@ -21,7 +21,7 @@ from sensor_msgs.msg import BatteryState
 
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
-from vsx_ros.exploration.decision import MissionState
+from vsx_ros.exploration.decision import Action, MissionState
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.planner import Planner
@@ -42,7 +42,7 @@ class ExploreNode:
     def __init__(self, config: Config) -> None:
         ways = Planner(config.planner, config.robot)
         self._mission = Mission(config, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
-        warm_up()
+        warm_up("planning", "ground")
         self._lock = threading.Lock()
         self._battery_empty = False
         self._heard = HeardSituation(config)
@@ -96,7 +96,11 @@ class ExploreNode:
         with self._lock:
             self._writer.restore(now_ns, situation.T_odom_base)
             decision = self._mission.decide(now_ns, situation)
+            if decision.action is Action.GO and self._heard.is_claimed_since(situation):
+                # Somebody took the robot while a view was chosen; our goal would end theirs.
+                decision = self._mission.decide(now_ns, self._heard.at(now_ns, *self._goals.state()))
             events = self._mission.drain_events()
+        self._goals.give_up(self._mission.claim.given_up)
         self._goals.act(now_ns, decision)
         self._topics.events(events)
         if self._topics.report(decision, self._goals.state()[0], self._heard.grid):

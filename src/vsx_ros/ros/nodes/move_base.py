@@ -4,7 +4,7 @@ Subscribers: map, zones, vslam/map_points, odom, vslam/pose, vslam/state, move_b
     move_base/lease.
 Publishers: move_base/global_plan, move_base/trajectory (latched; the header stamp is its identity; one point with only
     a deceleration: stop along the path; no points: stop at once), move_base/stats/plan_ms, follower/lease.
-Services: move_base/make_plan.
+Services: move_base/make_plan, move_base/preview_goal.
 Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
     odometry alone: straight or along the trail, without a map. Plans keep the map points in view, drive slowly where
     they cannot, and are refused if that part would be long; points much older or newer than the map do not count.
@@ -30,6 +30,7 @@ from vsx_ros.navigation.follower import LEASE_S
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.ros import convert, headers, node, threads, topics
 from vsx_ros.ros.driving import PERIOD_S, FollowerLink, Lease, LeaseWatch, relay_simple_goals
+from vsx_ros.ros.goal_preview import GoalPreview
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.planning_thread import PlanningThread
 from vsx_ros.ros.situation import LocalizationSubscriber
@@ -46,6 +47,7 @@ class MoveBaseNode:
         self._follower, self._where = FollowerLink(), LocalizationSubscriber()
         self._diagnostics = Diagnostics()
         self._planner = PlanningThread(config, self._diagnostics)
+        GoalPreview(self._planner, self._where)
         self._clients = LeaseWatch(topics.NAVIGATION_LEASE)
         self._lease = Lease(topics.FOLLOWER_LEASE, "move_base")
         relay_simple_goals()

@@ -9,17 +9,13 @@ Parameters: ~config (tree of 'vsx config'), ~run_dir (the folder; auto: the one 
     nothing is kept)."""
 
 import time
-from contextlib import suppress
 from pathlib import Path
-from typing import Any
-from xmlrpc.client import ServerProxy
 
-import rosgraph
 import rospy
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import MissionState
-from vsx_ros.ros import headers, node, threads
+from vsx_ros.ros import calls, headers, node, threads
 from vsx_ros.ros.monitor import Monitor, MonitorJournal
 from vsx_ros.ros.run_results import About, Ending, write_results
 from vsx_ros.runs.folder import RunFolder
@@ -55,17 +51,24 @@ class RunFolderNode:
         threads.every(_PERIOD_S, "journal", self._keep)
 
     def _begin(self, folder: RunFolder) -> EmulatedWorld | None:
-        """Write the configuration and the emulated world of a new run; a resumed one has them."""
-        load_map, name = str(rospy.get_param("vslam/load_map", "")), rospy.get_param("emulator/world", None)
+        """Write the configuration and the emulated world of a new run; a resumed one has them, and the name of the map
+        that it continued."""
+        load_map, zones = (str(rospy.get_param(f"vslam/{name}", "")) for name in ("load_map", "zones"))
+        name = rospy.get_param("emulator/world", None)
+        if folder.checkpoint.exists:
+            load_map = str(folder.read_config()[1].get("load_map") or "")
+        load_map, zones = (str(Path(file).resolve()) if file else "" for file in (load_map, zones))
         planner, seed = str(rospy.get_param("move_base/planner", "fov")), int(rospy.get_param("emulator/seed", 0))
         self._about = About(name, seed, planner, load_map or None)
         world = open_world(str(name), seed) if name is not None else None
         if not (folder.path / "config.yaml").exists():
             folder.path.mkdir(parents=True, exist_ok=True)
-            base, port = rospy.get_param("mobile_base/robot_type", "auto"), rospy.get_param("mobile_base/port", "")
+            base, port = rospy.get_param("mobile_base/robot_type", None), rospy.get_param("mobile_base/port", None)
             folder.write_config(
                 self._config, ["roslaunch"], world=name, seed=seed, base=base, port=port, planner=planner, fast=False,
-                camera=rospy.get_param("camera/device", "ros"), load_map=load_map or None, time=None, until=None,
+                camera=rospy.get_param("camera/device", "ros"), rate=rospy.get_param("emulator/rate_hz", None),
+                load_map=load_map or None, zones=zones or None, room=rospy.get_param("vslam/room", "") or None,
+                time=None, until=None,
             )  # fmt: skip
             if world is not None:
                 save_world(world, folder.path / "world.yaml")
@@ -77,11 +80,8 @@ class RunFolderNode:
             self._began_s = now_s
         elapsed_s = 0.0 if self._began_s is None else now_s - self._began_s
         self._journal.keep(self._monitor, headers.now_ns(), self._journal.clock.elapsed_s + elapsed_s)
-        if not self._vslam_pid:
-            with suppress(OSError, rosgraph.MasterException):
-                uri = rosgraph.Master(rospy.get_name()).lookupNode(rospy.resolve_name("vslam"))
-                slave: Any = ServerProxy(uri)
-                self._vslam_pid = int(slave.getPid(rospy.get_name())[2])
+        if not calls.is_alive(self._vslam_pid):  # also a vslam that was started again
+            self._vslam_pid = calls.pid_of("vslam") or self._vslam_pid
 
     def close(self) -> None:
         """The stops that follow are the run's own."""
@@ -93,20 +93,13 @@ class RunFolderNode:
         if self._folder is None:
             return
         deadline_s = time.monotonic() + _RESULTS_WAIT_S
-        while self._vslam_pid and _is_alive(self._vslam_pid) and time.monotonic() < deadline_s:
+        while self._vslam_pid and calls.is_alive(self._vslam_pid) and time.monotonic() < deadline_s:
             time.sleep(0.1)
         status = self._monitor.status
         over = status.get("state") == MissionState.DONE.value
         code = _CODES.get(str(status.get("outcome")), STOPPED) if over else STOPPED
         ending = Ending(str(status.get("reason")) if over else "stopped by the operator", code)
         write_results(self._folder, self._config, self._monitor, self._journal, self._judge, ending, self._about)
-
-
-def _is_alive(pid: int) -> bool:
-    """Whether the process runs on this machine; one that only waits to be reaped does not."""
-    with suppress(OSError, IndexError):
-        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
-    return False
 
 
 def main() -> None:

@@ -3,7 +3,7 @@
 Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, camera/rgb/shutter, odom, mobile_base/{hazards,docked}.
 Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera, gyro),
     vslam/state, vslam/stats/*, follower/lease; vslam/preview/compressed (while someone looks); map, map_metadata,
-    vslam/{map_points,keyframes,path}, zones, zones/markers, rooms, dock/pose (latched); vslam/planes,
+    vslam/{map_points,keyframes,path}, zones, zones/markers, rooms, rooms/markers, dock/pose (latched); vslam/planes,
     vslam/dense_points, scan (while someone listens).
 Services: static_map; zones/change (AddDiagnostics: JSON {"add": zone}, {"remove": name} or {"clear": true});
     rooms/name (AddDiagnostics: JSON {"room": name or number, "name": new name});
@@ -13,6 +13,7 @@ Parameters: ~config (tree of 'vsx config'), ~seed (int, 0), ~run_dir (folder for
     ~use_odometry (bool, true: wait for odom, the map is metric; false: the map has no scale and no floor),
     ~load_map (SLAM map to continue, the robot anywhere in it; none; not read if ~run_dir is resumed),
     ~room (explore only this room of ~load_map; none),
+    ~zones (YAML with zones to begin with, in the coordinates of the map; none; not read if ~run_dir is resumed),
     ~save_map (file for the map at the end; none),
     ~save_map_to (file for the service; default map.vsxmap in ~run_dir, else in the folder for temporary files),
     ~publish_tf (bool, true; false: another node, e.g. an EKF, publishes odom in map)."""
@@ -41,13 +42,13 @@ class VslamNode:
     """Tracks on one thread, beside the mapping and writing threads; callbacks only pass data."""
 
     def __init__(self, config: Config) -> None:
-        warm_up()
+        warm_up("mapping", "tracking", "loops", "ground")
         self._metric = bool(rospy.get_param("~use_odometry", True))
         self._run = SlamRun(config)
         self._session = self._run.session
         self._slam: ThreadedSlam | None = None
         self._status, self._preview, self._pictures = SlamStatus(), Preview(), RepeatedImageDetector()
-        self._maps = SlamMaps(config, self._session, self._status, self._run.continued)
+        self._maps = SlamMaps(config, self._session, self._status, self._run.continued, self._run.map_file)
         self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
         self._poses = PosePublisher(self._session, config.robot.mount)
         self._input = SlamInput(self._run, self._status)
@@ -81,6 +82,7 @@ class VslamNode:
         self._session.locate(result, odometry)
         self._input.used(result)
         self._run.frame(slam, result, odometry, time.monotonic() - began_s)
+        self._run.see(frame, self._maps.grid)
         self._preview.show(frame, slam.tracked_features)
         return True
 

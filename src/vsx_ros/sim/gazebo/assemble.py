@@ -12,6 +12,7 @@ from vsx_ros.sim.gazebo.elements import MeshUse
 from vsx_ros.sim.gazebo.geometry import placed
 from vsx_ros.sim.gazebo.meshes import MOST_TRIANGLES, MeshPart, read_mesh
 from vsx_ros.sim.gazebo.paths import ModelFolders
+from vsx_ros.sim.gazebo.pictures import Picture, Textures, pack
 from vsx_ros.sim.gazebo.sdf import Layout, Shape
 from vsx_ros.sim.gazebo.surfaces import GREY, Surface
 
@@ -20,14 +21,16 @@ GROUP = 512  # triangles that are culled together, at most
 
 
 class Seen(NamedTuple):
-    """T triangles to draw: corners (T, 3, 3) [m], uv (T, 3, 2), kinds (T,) their surfaces; starts (K + 1,) of groups of
-    neighbours."""
+    """T triangles to draw of M surfaces: corners (T, 3, 3) [m], uv (T, 3, 2), kinds (T,) surface; starts (K + 1,) of
+    groups of neighbours. colours (M, 3): as of ``Surface``; pictures (M,): row of textures, or -1."""
 
     corners: Float32Array
     uv: Float32Array
     kinds: Int32Array
     starts: IntArray
-    surfaces: list[Surface]
+    colours: FloatArray
+    pictures: IntArray
+    textures: Textures
 
 
 class Parts(NamedTuple):
@@ -144,10 +147,16 @@ class _Assembly:
             starts.append(at)
         none = (np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), 0)
         all_corners, all_uv, kinds = zip(*(self._drawn or [none]))
+        surfaces = list(self._surfaces) or [Surface(GREY)]
+        rows: dict[Picture | None, int] = {None: -1}
+        for surface in surfaces:
+            rows.setdefault(surface.picture, len(rows) - 1)
         return Seen(
             corners=np.concatenate(all_corners).astype(np.float32),
             uv=np.concatenate(all_uv).astype(np.float32),
             kinds=np.repeat(np.array(kinds, np.int32), [len(c) for c in all_corners]),
             starts=np.array(starts, np.int64),
-            surfaces=list(self._surfaces) or [Surface(GREY)],
+            colours=np.array([surface.colour for surface in surfaces], float),
+            pictures=np.array([rows[surface.picture] for surface in surfaces], np.int64),
+            textures=pack([picture for picture in rows if picture is not None]),
         )

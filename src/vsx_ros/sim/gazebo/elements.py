@@ -14,7 +14,8 @@ from vsx_ros.limits import TEXT_BYTES, file_bytes
 from vsx_ros.sim.gazebo import geometry
 from vsx_ros.sim.gazebo.geometry import Triangles
 from vsx_ros.sim.gazebo.paths import ModelFolders
-from vsx_ros.sim.gazebo.surfaces import Colour, Surface, gazebo_colour, ogre_material, read_picture, substitute
+from vsx_ros.sim.gazebo.pictures import read_picture, substitute
+from vsx_ros.sim.gazebo.surfaces import Colour, Surface, gazebo_colour, ogre_material
 
 FAR_M = 1e9  # no coordinate is larger
 
@@ -126,7 +127,7 @@ def surface(element: Element, folder: Path, find: ModelFolders, where: str) -> t
     if albedo:
         file = find.find(albedo, folder) or find.find_texture(albedo, folder / "meshes" / "x")
         if file is None or not file.is_file():
-            return substitute(albedo, (1.0, 1.0, 1.0)), albedo
+            return Surface((1.0, 1.0, 1.0), substitute(albedo)), albedo
         return Surface((1.0, 1.0, 1.0), read_picture(file)), ""
     if script is not None:
         name = text(script, "name")
@@ -151,7 +152,7 @@ def _colour(values: tuple[float, ...]) -> Colour:
 def _ogre_surface(colour: Colour, file: Path | None, name: str) -> tuple[Surface, str]:
     if file is not None:
         return Surface((1.0, 1.0, 1.0), read_picture(file)), ""
-    return (substitute(name, colour), name) if name else (Surface(colour), "")
+    return (Surface(colour, substitute(name)), name) if name else (Surface(colour), "")
 
 
 def lamp(element: Element, T_parent: FloatArray, where: str) -> Lamp:

@@ -11,7 +11,8 @@ import numpy as np
 from vsx_ros.arrays import FloatArray
 from vsx_ros.errors import InputError, explained
 from vsx_ros.limits import DAMAGE, MIB
-from vsx_ros.sim.gazebo.surfaces import Colour, Surface, picture_of, read_picture, substitute
+from vsx_ros.sim.gazebo.pictures import picture_of, read_picture, substitute
+from vsx_ros.sim.gazebo.surfaces import Colour, Surface
 
 MOST_TRIANGLES = 2_000_000  # of a file and of a world: 152 bytes each while it is drawn
 MOST_BYTES = 512 * MIB
@@ -113,7 +114,7 @@ def _collada_surface(material: Any, path: Path, find_texture: FindTexture) -> tu
 def surface_of(name: str, colour: Colour, beside: Path, find_texture: FindTexture) -> tuple[Surface, str]:
     """The surface with a picture by its name, and the name if there is no such file."""
     file = find_texture(name, beside)
-    return (substitute(name, colour), name) if file is None else (Surface(colour, read_picture(file)), "")
+    return (Surface(colour, substitute(name)), name) if file is None else (Surface(colour, read_picture(file)), "")
 
 
 def _trimesh_parts(path: Path, find_texture: FindTexture) -> Iterator[MeshPart]:
@@ -153,7 +154,7 @@ def _trimesh_parts(path: Path, find_texture: FindTexture) -> Iterator[MeshPart]:
         uv = np.asarray(given, float)[faces][..., :2] if given is not None else np.zeros((len(faces), 3, 2))
         surface = _trimesh_surface(getattr(mesh.visual, "material", None), path)
         lost = missing[0] if missing and given is not None and surface.picture is None else ""
-        surface = substitute(lost, surface.colour) if lost else surface
+        surface = surface._replace(picture=substitute(lost)) if lost else surface
         yield MeshPart(corners=corners, uv=uv, surface=surface, name=str(name), missing=lost)
 
 

@@ -1,0 +1,59 @@
+"""What the report of a run is made from."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import Points3
+from vsx_ros.evaluation.events import Event
+from vsx_ros.geometry.se3 import SE3, StampedPose
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.rooms import Room
+
+
+class MapPicture(NamedTuple):
+    """The ground map of a moment. png: north up. origin: its lower left corner [m]. size: width and height [m]."""
+
+    stamp_ns: int
+    png: bytes
+    origin: tuple[float, float]
+    size: tuple[float, float]
+    known_area_m2: float
+
+
+@dataclass(frozen=True)
+class ReportData:
+    """The data of a run folder. world_is_level: z is up, so the map is drawn along z; else the first camera's x and z.
+    good_ratio, lost_ratio: shares of found points above and below which tracking is good and lost. events: (stamp_ns,
+    source, state, reason). frames: (stamp_ns, value of the state, searched, found, keyframe_added, track_ms, U2 so
+    far). picture_png: what the camera saw last; empty if unknown. pictures: (stamp_ns, JPEG) of what it saw about once
+    a second. maps: of the same moments, as far as they changed. moments_trouble: why there are neither; empty if they
+    were not to be kept. rooms: of the ground map."""
+
+    summary: Mapping[str, Any]
+    facts: Mapping[str, Any]
+    config_yaml: str
+    events: Sequence[Event]
+    frames: Sequence[tuple[int, str, int, int, bool, float | None, float | None]]
+    estimate: Sequence[StampedPose]
+    truth: Sequence[StampedPose]
+    grid: OccupancyGrid | None
+    points_world: Points3 = field(default_factory=lambda: np.zeros((0, 3)))
+    world_is_level: bool = True
+    good_ratio: float = 0.3
+    lost_ratio: float = 0.13
+    picture_png: bytes = b""
+    pictures: Sequence[tuple[int, bytes]] = ()
+    maps: Sequence[MapPicture] = ()
+    moments_trouble: str = ""
+    T_base_cam: SE3 = field(default_factory=SE3.identity)
+    robot_radius_m: float = 0.0
+    rooms: Sequence[Room] = ()
+
+    @property
+    def began_ns(self) -> int:
+        """The first moment: times in the report count from here."""
+        told = [event[0] for event in self.events if event[2] != "keyframe"]
+        return min([*(frame[0] for frame in self.frames[:1]), *told], default=0)

@@ -1,0 +1,52 @@
+// The live view: what the robot tells is drawn, and what its operator wants is sent.
+import {$, onScheme} from "./dom.js";
+import {connect, disconnect, known, link} from "./robot.js";
+import {numbers, watch} from "./status.js";
+import {drawCharts, drawLatency, drawPlanning, drawRatio, series} from "./charts.js";
+import {fit, paint, paintIfNeeded, toMap, toScreen, view} from "./map.js";
+import {ground} from "./ground.js";
+import {layers} from "./layers.js";
+import {chosen} from "./place.js";
+import {draft} from "./drawing.js";
+import {hand} from "./stick.js";
+import "./buttons.js";
+
+const WATCH_MS = 500,
+  CHARTS_MS = 500;
+
+document.addEventListener("visibilitychange", () => {
+  if (document.hidden) disconnect();
+  else connect();
+});
+setInterval(watch, WATCH_MS);
+setInterval(() => {
+  if (!document.hidden) drawCharts();
+}, CHARTS_MS);
+(function frame() {
+  paintIfNeeded();
+  requestAnimationFrame(frame);
+})(); // rests while the page is hidden
+onScheme(drawCharts);
+numbers();
+link.heard = performance.now();
+connect();
+
+// For the console of the browser, and for tests.
+Object.assign(globalThis, {
+  $,
+  known,
+  series,
+  view,
+  ground,
+  layers,
+  chosen,
+  hand,
+  fit,
+  paint,
+  toMap,
+  toScreen,
+  drawRatio,
+  drawLatency,
+  drawPlanning,
+});
+Object.defineProperty(globalThis, "draft", {get: () => draft});

@@ -1,0 +1,50 @@
+// Zones and rooms as lists: what there is, and how to name and remove it.
+import {$, element, lines} from "./dom.js";
+import {command, hear, token} from "./robot.js";
+import {askingButton, button, closeSheet, openSheet, row} from "./sheet.js";
+
+hear("zones", ({zones}) =>
+  list("zones", zones, "none yet: draw one on the map", zone => [
+    element("i", "", {className: zone.kind}),
+    element("b", zone.name),
+    zone.kind + (zone.v_m_s ? `, at most ${zone.v_m_s} m/s` : ""),
+    ...(token ? [removeZoneButton(zone, "Remove")] : []),
+  ]),
+);
+hear("rooms", ({rooms}) =>
+  list("rooms", rooms, "none found yet", room => [
+    element("b", room.name),
+    `${room.area_m2.toFixed(0)} m², ${(100 * room.known_ratio).toFixed(0)} % known`,
+    ...(token ? [button("Name", () => nameRoom(room))] : []),
+  ]),
+);
+lines("zones", ["none yet"], words => [words]);
+lines("rooms", ["none found yet"], words => [words]);
+
+function list(id, entries, none, parts) {
+  if (entries.length) lines(id, entries, parts);
+  else lines(id, [none], words => [words]);
+}
+
+export function removeZoneButton(zone, words) {
+  return askingButton(words, "Really remove?", async () => {
+    if ((await command("zones", {remove: zone.name})).ok && $("sheet").dataset.matter === "place") closeSheet();
+  });
+}
+
+export function nameRoom(room) {
+  const name = element("input", "", {value: room.name, maxLength: 40, required: true, id: "roomName"});
+  const form = element("form");
+  const label = element("label", `Name of ${room.name} `);
+  label.append(name);
+  form.append(
+    row(label, element("button", "Name it", {className: "main"}), button("Cancel", closeSheet, {type: "button"})),
+  );
+  form.addEventListener("submit", async event => {
+    event.preventDefault();
+    if ((await command("name-room", {room: room.number, name: name.value.trim()})).ok) closeSheet();
+  });
+  openSheet([form]);
+  $("sheet").dataset.matter = "room";
+  name.select();
+}

@@ -1,0 +1,153 @@
+// The state in words, figures, events and health.
+import {$, element, fixed, lines, pill, sentence} from "./dom.js";
+import {hear, known, link} from "./robot.js";
+
+const STALE_MS = 2500;
+const MOODS = {mapping: "good", done: "good", recovering: "fair", paused: "fair", "user goal": "fair", held: "bad"};
+const LEVELS = [
+  ["good", "well"],
+  ["fair", "warning"],
+  ["bad", "error"],
+  ["fair", "silent"],
+];
+
+hear("camera", jpeg => {
+  $("camera").src = "data:image/jpeg;base64," + jpeg;
+  known.pictures = (known.pictures || 0) + 1;
+  known.cameraAt = performance.now();
+});
+hear("mission", mission => {
+  if (known.end && mission.state !== "done") {
+    delete known.end;
+    showEnd(false);
+  }
+  state();
+});
+hear("slam", state);
+hear("hazards", state);
+hear("held", state);
+function showEnd(over) {
+  document.body.classList.toggle("ended", over);
+  $("end").hidden = !over;
+  $("buttons").hidden = over;
+}
+hear("end", end => {
+  showEnd(true);
+  $("end").className = end.ok ? "good" : "";
+  $("endReason").textContent = sentence(end.reason);
+  $("endFolder").textContent = end.folder;
+  lines("endFacts", end.facts, fact => [fact]);
+  $("endReport").hidden = !end.report;
+  pill("mission", "ENDED", end.ok ? "good" : "bad");
+  $("why").textContent = "";
+  pill("slam", "camera off", "");
+});
+hear("stats", s => {
+  $("found").textContent = s.attempted ? `${s.tracked} of ${s.attempted} points` : "";
+  numbers();
+});
+hear("health", all => {
+  $("release").hidden = component("mobile_base: safety")[2].estop !== "True";
+  numbers();
+  const order = Object.entries(all).sort((a, b) => b[1][0] - a[1][0] || a[0].localeCompare(b[0]));
+  lines("health", order, ([name, [level, message]]) => {
+    const [kind, word] = LEVELS[level] || LEVELS[2],
+      dot = element("span", "", {className: "dot " + kind, title: word});
+    dot.setAttribute("role", "img");
+    dot.setAttribute("aria-label", word);
+    return [dot, element("b", name), message];
+  });
+});
+hear("events", list => {
+  const told = []; // repeats in a row become one line
+  for (const event of list) {
+    const last = told[told.length - 1],
+      kind = event.state + event.reason.replace(/[0-9.]+/g, "#");
+    if (last && last.kind === kind) last.times += 1;
+    else told.push({...event, kind, times: 1});
+  }
+  lines("events", told.reverse(), event => [
+    element("time", clock(event.stamp_ns)),
+    element("b", event.state),
+    event.reason.split(" [")[0] + (event.times > 1 ? ` (${event.times} times)` : ""),
+  ]);
+});
+
+const clock = stamp_ns => new Date(stamp_ns / 1e6).toLocaleTimeString();
+
+function state() {
+  const mission = known.mission || {},
+    slam = known.slam || ["", ""];
+  if (mission.state) pill("mission", mission.state.toUpperCase(), known.hazards ? "bad" : MOODS[mission.state] || "");
+  if (slam[0]) pill("slam", slam[0].replaceAll("_", " "), {TRACKING: "good", LOST: "bad"}[slam[0]] || "fair");
+  const paused = mission.state === "paused";
+  $("pause").textContent = paused ? "Resume" : "Pause";
+  $("pause").dataset.command = paused ? "resume" : "pause";
+  if (known.end) return;
+  const [words, figures] = (mission.reason || "").split(" [");
+  $("why").textContent =
+    [known.hazards && "hazard: " + known.hazards, sentence(words), slam[1] && "camera: " + slam[1]]
+      .filter(Boolean)
+      .join(" · ") || "waiting for the robot";
+  $("figures").hidden = !figures;
+  $("figuresText").textContent = (figures || "").replace(/\]$/, "");
+}
+
+function component(name) {
+  // level, message, values; a namespace may stand before the name
+  const found = Object.entries(known.health || {}).find(([key]) => key.endsWith(name));
+  return found ? found[1] : [0, "", {}];
+}
+
+const elapsed = s => (s == null ? "–" : Math.floor(s / 60) + ":" + String(Math.floor(s % 60)).padStart(2, "0"));
+
+export function numbers() {
+  const s = known.stats || {},
+    [, images, input] = component("vslam: input"),
+    battery = component("mobile_base: battery")[2];
+  const mission = known.mission || {},
+    unit = (value, digits, name) => (value == null ? "–" : value.toFixed(digits) + " " + name);
+  const shown = [
+    ["elapsed", elapsed(mission.elapsed_s)],
+    ["driven", unit(mission.driven_m, 1, "m")],
+    ["known area", unit(mission.known_area_m2, 0, "m²")],
+    ["keyframes", fixed(s.keyframes, 0)],
+    ["map points", fixed(s.points, 0)],
+    ["images / s", /^\d/.test(images) ? parseInt(images) : "–"],
+    ["skipped", input.dropped ?? "–"],
+    ["battery", battery.fraction ? (100 * battery.fraction).toFixed(0) + " %" : "–"],
+  ];
+  $("numbers").replaceChildren(
+    ...shown.map(([name, value]) => {
+      const box = element("div", name);
+      box.prepend(element("b", value));
+      return box;
+    }),
+  );
+}
+
+// Twice a second: is what the page shows still true, and may the robot drive?
+export function watch() {
+  const now = performance.now(),
+    silent = now - link.heard > STALE_MS;
+  $("camera").classList.toggle("stale", now - (known.cameraAt || 0) > STALE_MS);
+  document.body.classList.toggle("old", silent || (known.stack === false && !known.end));
+  const words = trouble(silent);
+  $("banner").hidden = !words;
+  if ($("banner").textContent !== words) $("banner").textContent = words;
+}
+
+function trouble(silent) {
+  const over = known.end || (known.mission && known.mission.state === "done"),
+    held = known.held;
+  if (silent && over) return "The run is over and its processes have ended. What you see is how it ended.";
+  if (silent)
+    return `No connection to the robot${link.refused && ": " + link.refused}; what you see is old. Trying again …`;
+  if (known.stack === false) return "The ROS master is away; the view comes back with it.";
+  if (over || !held || !held.by) return "";
+  const ends =
+    held.by === "emergency stop"
+      ? "Release e-stop lets the exploration go on."
+      : "The exploration goes on by itself afterwards.";
+  return `The operator holds the wheels: ${held.by}, since ${clock(held.since_ns)}. ${ends}`;
+}

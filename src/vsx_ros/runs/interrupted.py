@@ -1,0 +1,68 @@
+"""What is known of a run that was killed, or that still runs: its journals hold what its results would."""
+
+from typing import Any, NamedTuple
+
+from vsx_ros.config import Config
+from vsx_ros.errors import InputError, explained
+from vsx_ros.evaluation.summary import checked_summary, with_accuracy
+from vsx_ros.evaluation.trajectory import AlignmentKind
+from vsx_ros.geometry.mount import mounted
+from vsx_ros.geometry.se3 import StampedPose
+from vsx_ros.limits import DAMAGE
+from vsx_ros.runs.folder import FrameRecord, RunFolder
+from vsx_ros.runs.journal import ClockLine, FrameLine, Line, RunEvent, TruthLine, read_journal, unflat
+from vsx_ros.runs.record import RunRecord, counts_all
+
+REASON = "the run has not come to its end: it still runs, or it was killed; vsx explore --resume goes on with it"
+_FACTS = "world", "seed", "planner"
+
+
+class KnownRun(NamedTuple):
+    """As in the files of a finished run: summary.json, events.jsonl, frames.csv, trajectory.txt, groundtruth.txt.
+    has_odometry: whether its map is level."""
+
+    summary: dict[str, Any]
+    events: list[RunEvent]
+    frames: list[FrameRecord]
+    estimate: list[StampedPose]
+    truth: list[StampedPose]
+    has_odometry: bool
+
+
+def unfinished(folder: RunFolder, config: Config, facts: dict[str, Any]) -> KnownRun | None:
+    """What the journals know; None if the folder has a summary of all their frames. Raises InputError for damage."""
+    if (folder.path / "summary.json").exists():
+        try:
+            seen = read_journal(folder.journal)
+        except InputError:
+            return None  # the results need no journal
+        told = checked_summary(folder.read_summary(), str(folder.path)).get("frames")
+        if told is None or counts_all(told, seen):
+            return None
+    lines = [*read_journal(folder.journal), *read_journal(folder.witness)]
+    with explained(InputError, f"the journals in {folder.journal.parent} contradict themselves", "run again", DAMAGE):
+        return _known(lines, config, facts)
+
+
+def _known(lines: list[Line], config: Config, facts: dict[str, Any]) -> KnownRun:
+    """The results of the lines, as at the end of a run."""
+    record = RunRecord(mounted(config.robot.mount))
+    record.restore(lines)
+    truth = [StampedPose(x.stamp_ns, unflat(x.T_world_cam)) for x in lines if isinstance(x, TruthLine)]
+    has_odometry = any(isinstance(line, FrameLine) and line.T_odom_base is not None for line in lines)
+    kind: AlignmentKind | None = "yaw" if has_odometry else None
+    summary = with_accuracy(record.counted(), record.estimate(), (), truth, kind).with_values(
+        **{name: facts.get(name) for name in _FACTS}, phi=config.planner.phi_rad_m, duration_s=_lasted_s(lines),
+        stop_reason=REASON, ended_well=False,
+    )  # fmt: skip
+    return KnownRun(
+        summary=summary.as_dict(), events=sorted(record.told(), key=lambda event: event.stamp_ns),
+        frames=record.frames(), estimate=record.estimate(), truth=truth, has_odometry=has_odometry,
+    )  # fmt: skip
+
+
+def _lasted_s(lines: list[Line]) -> float | None:
+    """By the clock of a live run, else by the frames."""
+    clocks = [line.elapsed_s for line in lines if isinstance(line, ClockLine)]
+    stamps = [line.stamp_ns for line in lines if isinstance(line, FrameLine)]
+    return clocks[-1] if clocks else (stamps[-1] - stamps[0]) * 1e-9 if stamps else None
