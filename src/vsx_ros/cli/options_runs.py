@@ -143,9 +143,10 @@ def map(parser: argparse.ArgumentParser) -> None:
         "for MeshLab, CloudCompare, Blender. colmap: a folder with COLMAP's text model (cameras.txt, images.txt, "
         "points3D.txt) and the keyframes' pictures, for COLMAP and what reads it: dense stereo, meshing, splatting. "
         "pgm: the ground map of points, surfaces and the keyframes' places, a picture and a YAML as map_server and "
-        "every ROS navigation stack load them, without odometry in the map's own unit, with zones and rooms beside it; "
-        "the map.pgm of a run knows its bumps, too. dense: the surfaces as a cloud of points with their grey values "
-        "(PLY). planes: JSON, of each plane the normal, offset, extent, supporting points and standard deviations.",
+        "every ROS navigation stack load them, without odometry in the map's own unit, with zones, rooms and dock beside "
+        "it; the map.pgm of a run knows its bumps, too. dense: the surfaces as a cloud of points with their grey "
+        "values (PLY). planes: JSON, of each plane the normal, offset, extent, supporting points and standard "
+        "deviations.",
     )
     export.add_argument("file", type=Path, metavar="FILE", help="a .vsxmap")
     export.add_argument("--format", choices=tuple(MAP_FORMATS), required=True, help="what to write")
@@ -159,8 +160,8 @@ def _save_and_load(verbs: Any) -> None:
         "save",
         help="save the map of a running robot, or of a run",
         description="Saves the SLAM map of the robot that runs now, by its service vslam/save_map, or that of a run "
-        "folder, interrupted or not, with zones and rooms. A second robot is reached with ROS_NAMESPACE=robot1 vsx map "
-        "save.",
+        "folder, interrupted or not, with zones, rooms and dock. A second robot is reached with ROS_NAMESPACE=robot1 "
+        "vsx map save.",
     )
     save.add_argument("run_folder", type=Path, nargs="?", metavar="RUN", help="a run folder (default: the robot)")
     save.add_argument("--out", type=Path, metavar="FILE", help="default: map.vsxmap in the run folder")

@@ -1,4 +1,4 @@
-"""The zones and the dock of a run: given at its start, read beside the map that it continues, written beside its own."""
+"""Zones and dock of a run: given at its start, read beside the map that it continues, written beside its own."""
 
 from collections.abc import Sequence
 from pathlib import Path
