@@ -144,8 +144,8 @@ def map(parser: argparse.ArgumentParser) -> None:
         "points3D.txt) and the keyframes' pictures, for COLMAP and what reads it: dense stereo, meshing, splatting. "
         "pgm: the ground map of points, surfaces and the keyframes' places, a picture and a YAML as map_server and "
         "every ROS navigation stack load them, without odometry in the map's own unit, with zones, rooms and dock "
-        "beside it; the map.pgm of a run knows its bumps, too. dense: the surfaces as a cloud of points with their grey "
-        "values (PLY). planes: JSON, of each plane the normal, offset, extent, supporting points and standard "
+        "beside it; the map.pgm of a run knows its bumps, too. dense: the surfaces as a cloud of points with their "
+        "grey values (PLY). planes: JSON, of each plane the normal, offset, extent, supporting points and standard "
         "deviations.",
     )
     export.add_argument("file", type=Path, metavar="FILE", help="a .vsxmap")
