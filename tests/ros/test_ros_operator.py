@@ -61,7 +61,7 @@ def test_status_says_what_the_robot_does(stack: Stack) -> None:
     assert said["estop"] is False
     screen = vsx(stack, "status").stdout
     assert [line.split()[0] for line in screen.splitlines()] == [
-        "exploration", "slam", "camera", "wheels", "hazards", "battery",
+        "exploration", "slam", "camera", "wheels", "hazards", "battery", "zones", "room",
     ]  # fmt: skip
 
 

@@ -106,9 +106,9 @@ def test_results_that_cannot_be_written_cost_neither_the_checkpoint_nor_the_map(
         raise trouble
 
     run = bare(
-        SlamRun, _save_map="end.vsxmap", _folder=SimpleNamespace(path=Path("run")),
+        SlamRun, _save_map="end.vsxmap", _folder=SimpleNamespace(path=Path("run")), map_file=Path("run/map.yaml"),
         _keeper=SimpleNamespace(
-            finish=finish, write=lambda ground: saved.append(f"bumps {ground['bumps']}"),
+            finish=finish, write_seen=lambda: None, write=lambda ground: saved.append(f"bumps {ground['bumps']}"),
             record=SimpleNamespace(results=[]),
         ),
     )  # fmt: skip
