@@ -18,7 +18,7 @@ from vsx_ros.ros.status import StatusBoard, screen
 UNKNOWN = dict.fromkeys(
     ("state", "reason", "slam_state", "slam_reason", "tracked_ratio", "camera_hz", "driver", "base_reason", "estop",
      "held_by", "held_since_ns", "hazards", "battery_fraction", "battery_v", "charging", "battery_left_s", "docking",
-     "docking_reason")
+     "docking_reason", "zones", "zones_entered", "room", "left_s")
 )  # fmt: skip
 
 

@@ -147,7 +147,7 @@ def status(*, watch: bool, as_json: bool) -> int:
     operator_command.join("status")
     board = StatusBoard()
     time.sleep(_LISTEN_S)
-    always = board.facts().keys() - {"left_s"}
+    always = board.facts().keys() - {"left_s", "battery_left_s"}
     deadline_s = time.monotonic() + _PATIENCE_S - _LISTEN_S
     while any(board.facts()[name] is None for name in always) and time.monotonic() < deadline_s:
         time.sleep(0.1)
