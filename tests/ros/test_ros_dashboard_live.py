@@ -137,13 +137,20 @@ def test_the_emergency_stop_reaches_the_wheels(stack: Stack, port: int) -> None:
 def test_a_way_is_told_before_it_is_driven_and_a_drive_can_be_ended(stack: Stack, port: int) -> None:
     stack.wait_until_driving()
     home = {"x": 0.0, "y": 0.0}
-    stack.wait(lambda: command(port, "plan", home)["ok"], "a way home", 60.0)
+
+    def is_far() -> bool:
+        """So that the drive lasts until it is ended."""
+        way = command(port, "plan", home)
+        return bool(way["ok"] and way["data"]["length_m"] > 1.0)
+
+    stack.wait(is_far, "a long way home", 60.0)
     refused = command(port, "plan", {"x": 500.0, "y": 0.0})
     assert (refused["ok"], "outside the map" in refused["message"]) == (False, True)
     assert not command(port, "go", {"x": 500.0, "y": 0.0})["ok"]
     stack.wait(lambda: command(port, "go", home)["ok"], "a way home", 60.0)
     stack.wait(lambda: mission() == "user goal", "the drive", 20.0)
-    assert command(port, "end-drive")["ok"]
+    ended = command(port, "end-drive")
+    assert ended["ok"], ended["message"]
     stack.wait(lambda: mission() != "user goal", "the mission to go on", 20.0)
 
 
