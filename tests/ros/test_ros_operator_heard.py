@@ -21,6 +21,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from waiting import PATIENCE_S
 
+from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import EMERGENCY_STOP
 from vsx_ros.ros import convert, topics
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
+RECOVERING = MissionState.RECOVERING.value
 HELD_S = 12.0  # longer than any goal takes to fail
 
 
@@ -47,7 +49,13 @@ class Ears:
         ]
 
     def blamed(self) -> list[str]:
-        return [event["reason"] for event in self.events if "blacklisted for" in event["reason"]]
+        """Why views were blacklisted; not where the camera lost the map on a drive of the explorer's own, after which
+        the mission recovers: that is no operator's doing."""
+        following = [event["state"] for event in self.events[1:]] + [""]
+        told = zip(self.events, following, strict=True)
+        return [
+            event["reason"] for event, after in told if "blacklisted for" in event["reason"] and after != RECOVERING
+        ]
 
     def close(self) -> None:
         for subscriber in self._subscribers:
