@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
-RECOVERING = MissionState.RECOVERING.value
+RECOVERING, YIELDED = MissionState.RECOVERING.value, (MissionState.HELD.value, MissionState.USER_GOAL.value)
 HELD_S = 12.0  # longer than any goal takes to fail
 
 
@@ -49,13 +49,16 @@ class Ears:
         ]
 
     def blamed(self) -> list[str]:
-        """Why views were blacklisted; not where the camera lost the map on a drive of the explorer's own, after which
-        the mission recovers: that is no operator's doing."""
-        following = [event["state"] for event in self.events[1:]] + [""]
-        told = zip(self.events, following, strict=True)
-        return [
-            event["reason"] for event, after in told if "blacklisted for" in event["reason"] and after != RECOVERING
-        ]
+        """Why views were blacklisted until the explorer chose its next drive after the operator; what happens on that
+        one is its own affair. So is a camera that loses the map, after which the mission recovers."""
+        reasons, yielded = [], False
+        for event, after in zip(self.events, [*self.events[1:], {}], strict=True):
+            yielded = yielded or event["state"] in YIELDED
+            if yielded and event["state"] not in YIELDED and "driving" in event["reason"]:
+                break
+            if "blacklisted for" in event["reason"] and after.get("state") != RECOVERING:
+                reasons.append(event["reason"])
+        return reasons
 
     def close(self) -> None:
         for subscriber in self._subscribers:
