@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from calibration.board_pictures import BOARD, CAMERA, Photographer, pose, poses
+from board_pictures import BOARD, CAMERA, Photographer, pose, poses
 
 from vsx_ros.calibration.board import Board, board_poses
 from vsx_ros.calibration.camera import BoardView, ViewChooser, calibrate_camera, covered

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from calibration.board_pictures import CAMERA, Photographer
+from board_pictures import CAMERA, Photographer
 from calibration.drives import record
 
 from vsx_ros.calibration.board import Board

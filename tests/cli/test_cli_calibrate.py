@@ -3,7 +3,7 @@
 import cv2
 import pytest
 import yaml
-from calibration.board_pictures import CAMERA, Photographer, poses
+from board_pictures import CAMERA, Photographer, poses
 
 from vsx_ros.calibration.board import Board
 from vsx_ros.cli.main import execute, parse

@@ -31,7 +31,7 @@ def test_starts_in_safe_drives_measures_and_stops_without_commands(rig):
         (0.2 - 0.2 * rig.plant.wheel_base_m, 0.2 + 0.2 * rig.plant.wheel_base_m), abs=0.001
     )
     rig.twist = None
-    wait_for(lambda: rig.plant.speeds == (0.0, 0.0))
+    wait_for(lambda: rig.plant.speeds == (0.0, 0.0), within_s=5.0)
     left, right = rig.plant.travel
     slack = 0.05 if rig.kind == "create" else 0.004
     time.sleep(0.2)  # what was measured before standstill has been read by then
@@ -50,7 +50,7 @@ def test_last_bytes_are_standstill_and_passive(rig):
     wait_for(lambda: rig.plant.speeds[0] > 0.1)
     rig.driver.close()
     end = bytes((145, 0, 0, 0, 0, 128)) + (bytes((173,)) if rig.kind == "create2" else b"")
-    wait_for(lambda: bytes(rig.board.log).endswith(end))
+    wait_for(lambda: bytes(rig.board.log).endswith(end), within_s=1.0)
     assert rig.plant.speeds == (0.0, 0.0)
     assert rig.board.mode is Mode.PASSIVE
 
@@ -80,7 +80,7 @@ def test_a_raised_wheel_stops_the_robot_until_it_is_down(rig):
 def test_a_restarted_robot_is_found_again(rig):
     before = rig.wait(lambda r: True)
     rig.emulator.power_cycle()
-    wait_for(lambda: rig.driver.status().counters["connections"] == 2)
+    wait_for(lambda: rig.driver.status().counters["connections"] == 2, within_s=8.0)
     after = rig.wait(lambda r: r.mode == "safe")
     assert after.odometry.x_m == pytest.approx(before.odometry.x_m, abs=1e-6)
 
@@ -94,7 +94,9 @@ def test_the_wrong_kind_is_named_with_both_baud_rates(tmp_path):
             running.enter_context(rig.emulator)
             running.enter_context(rig.driver)
         messages = [rig.driver.status for rig in rigs]
-        wait_for(lambda: all("57600" in told().message and "115200" in told().message for told in messages))
+        wait_for(
+            lambda: all("57600" in told().message and "115200" in told().message for told in messages), within_s=6.0
+        )
         assert [rig.plant.travel for rig in rigs] == [[0.0, 0.0]] * 6
 
 

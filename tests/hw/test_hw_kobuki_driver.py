@@ -47,7 +47,7 @@ def test_drives_measures_and_stops_without_commands(rig):
     assert there.odometry.y_m == pytest.approx(0.4 * 0.0311, abs=0.01)
     assert there.battery.voltage_v == pytest.approx(16.2)
     rig.twist = None
-    wait_for(lambda: rig.plant.speeds == (0.0, 0.0))
+    wait_for(lambda: rig.plant.speeds == (0.0, 0.0), within_s=5.0)
     assert rig.driver.status().counters["refused_frames"] == 0
 
 
@@ -55,7 +55,7 @@ def test_close_stops_the_wheels_and_keeps_the_cameras_supply(rig):
     rig.twist = (0.2, 0.0)
     wait_for(lambda: rig.plant.speeds[0] > 0.1)
     rig.driver.close()
-    wait_for(lambda: rig.plant.speeds == (0.0, 0.0))
+    wait_for(lambda: rig.plant.speeds == (0.0, 0.0), within_s=1.0)
     assert rig.emulator._board.outputs & 0xF0 == 0xF0
 
 
@@ -218,7 +218,7 @@ def test_a_flood_of_commands_reaches_the_wire_once_a_report(rig):
     for k in range(1000):
         rig.driver.drive(0.1 + 0.0001 * k, 0.0)
         time.sleep(0.001)
-    wait_for(lambda: rig.plant.speeds[0] == 0.0)
+    wait_for(lambda: rig.plant.speeds[0] == 0.0, within_s=5.0)
     frames = rig.driver.status().counters["frames"] - frames
     assert 20 <= len(heard) <= frames + 5
     speeds = [struct.unpack("<hh", content)[0] for content in heard]
@@ -256,7 +256,7 @@ def test_a_fault_in_the_listener_is_told_and_the_base_stopped(tmp_path):
     driver = base_driver("kobuki", port, fail)
     with base_emulator("kobuki", plant, port), driver:
         wait_for(lambda: "ZeroDivisionError" in driver.status().message)
-        wait_for(lambda: plant.speeds == (0.0, 0.0))
+        wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
 
 
 def test_the_gyro_is_told(rig):

@@ -53,13 +53,13 @@ def test_a_killed_driver_leaves_the_wheels_stopped(driven):
     plant, process = driven
     process.kill()
     process.wait()
-    wait_for(lambda: plant.speeds == (0.0, 0.0))
+    wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
 
 
 def test_a_hanging_driver_leaves_the_wheels_stopped_and_may_go_on_later(driven):
     plant, process = driven
     process.send_signal(signal.SIGSTOP)
-    wait_for(lambda: plant.speeds == (0.0, 0.0))
+    wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
     time.sleep(0.3)
     assert plant.speeds == (0.0, 0.0)
     process.send_signal(signal.SIGCONT)
@@ -84,7 +84,7 @@ def test_whoever_is_killed_or_hangs_beside_the_driver_the_last_one_stops_the_whe
         assert plant.speeds[0] > 0.1
         began_s = time.monotonic()
         os.kill(process.pid, driver_end)
-        wait_for(lambda: plant.speeds == (0.0, 0.0))
+        wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
         print(f"the wheels turned {time.monotonic() - began_s:.3f} s")
         time.sleep(0.3)
         assert plant.speeds == (0.0, 0.0)
@@ -123,7 +123,7 @@ def test_released_watchdogs_do_not_touch_the_port(tmp_path):
         time.sleep(0.05)
         assert plant.speeds == (0.1, 0.1)
         assert take_over(port, BAUD, STOP.farewell)
-        wait_for(lambda: plant.speeds == (0.0, 0.0))
+        wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
 
 
 def test_a_driver_that_stands_is_left_alone_by_its_watchdogs(tmp_path):
@@ -136,7 +136,7 @@ def test_a_driver_that_stands_is_left_alone_by_its_watchdogs(tmp_path):
         time.sleep(0.6)
         assert plant.speeds == (0.1, 0.1)
         watchdogs.beat(True)
-        wait_for(lambda: plant.speeds == (0.0, 0.0))
+        wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
         watchdogs.release()
 
 

@@ -16,7 +16,7 @@ pytest.importorskip("rospy")
 
 import numpy as np
 import rosgraph
-from calibration.board_pictures import Photographer, pose, poses
+from board_pictures import Photographer, pose, poses
 from ros_ports import HOST, free_port
 from waiting import PATIENCE_S, wait_for
 

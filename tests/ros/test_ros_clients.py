@@ -90,7 +90,7 @@ def wait_until_standing(stack: Stack) -> None:
             since_s[0] = time.monotonic()
         return time.monotonic() - since_s[0] > 0.7
 
-    stack.wait(stands, "the robot to stand")
+    stack.wait(stands, "the robot to stand", 30.0)
 
 
 def test_rostopic_echoes_and_measures(stack: Stack) -> None:
@@ -173,12 +173,12 @@ def test_an_arrow_drawn_in_rviz_is_a_goal(stack: Stack) -> None:
         paths: list[PathMsg] = []
         listener = rospy.Subscriber(f"/{topics.GLOBAL_PLAN}", PathMsg, paths.append, queue_size=5)
         arrow = rospy.Publisher(f"/{topics.SIMPLE_GOAL}", PoseStamped, queue_size=1)
-        stack.wait(lambda: arrow.get_num_connections() and paths, "move_base to listen")
+        stack.wait(lambda: arrow.get_num_connections() and paths, "move_base to listen", 20.0)
         before = len(paths)
         arrow.publish(
             convert.pose_stamped(topics.ODOM_FRAME, time.time_ns(), base_in(topics.ODOM_FRAME) @ SE2(-0.1, 0.0, 0.0))
         )
-        stack.wait(lambda: len(paths) > before, "a plan to the arrow")
+        stack.wait(lambda: len(paths) > before, "a plan to the arrow", 20.0)
         wait_until_standing(stack)
         listener.unregister()
     finally:
@@ -203,7 +203,7 @@ def test_a_client_of_dynamic_reconfigure_slows_it_down(stack: Stack) -> None:
                 drives[-1].header.stamp.to_nsec() > begun_ns and points and points[-1].time_from_start.to_sec() > 10.0
             )
 
-        stack.wait(new_drive, "the next drive")
+        stack.wait(new_drive, "the next drive", 90.0)
         fastest = max(abs(point.velocities[0].linear.x) for point in drives[-1].points)
         assert fastest == pytest.approx(0.1, abs=0.02)
     finally:

@@ -117,11 +117,11 @@ def ears(stack: Stack, monkeypatch: pytest.MonkeyPatch) -> Iterator[Ears]:
     """They have heard every topic of ``HEARD``, and a stair beside the base."""
     stack.wait_until_driving()
     listening = Ears()
-    stack.wait(lambda: listening.with_frames >= HEARD - {topics.BUMPER_CLOUD}, "every topic with a frame")
-    stack.wait(lambda: any(parent == topics.MAP_FRAME for parent, _ in set(listening.edges)), "a map's frame")
+    stack.wait(lambda: listening.with_frames >= HEARD - {topics.BUMPER_CLOUD}, "every topic with a frame", 120.0)
+    stack.wait(lambda: any(parent == topics.MAP_FRAME for parent, _ in set(listening.edges)), "a map's frame", 30.0)
     read = stack.plant.read
     monkeypatch.setattr(stack.plant, "read", lambda: read()._replace(hazards=Hazard.CLIFF_LEFT))
-    stack.wait(lambda: topics.BUMPER_CLOUD in listening.with_frames, "the stair to be told")
+    stack.wait(lambda: topics.BUMPER_CLOUD in listening.with_frames, "the stair to be told", 10.0)
     monkeypatch.undo()
     yield listening
     listening.close()

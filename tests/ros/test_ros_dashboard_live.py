@@ -67,7 +67,7 @@ def port(stack: Stack) -> int:
     node = launch.view(port=free_port())[0]
     stack.nodes["dashboard"] = node
     stack.start("dashboard")
-    stack.wait(lambda: _answers(node.params["port"]), "the view")
+    stack.wait(lambda: _answers(node.params["port"]), "the view", 30.0)
     return int(node.params["port"])
 
 
@@ -116,14 +116,14 @@ def test_it_listens_to_the_stack_only_while_somebody_looks(stack: Stack, port: i
     assert known["map"]["known_m2"] > 0.0
     assert known["stack"] is True
     assert "mobile_base: safety" in known["health"]
-    stack.wait(lambda: subscriptions() <= {"/clock"}, "the view to leave the topics")
+    stack.wait(lambda: subscriptions() <= {"/clock"}, "the view to leave the topics", 20.0)
 
 
 def test_pause_and_resume_reach_the_mission(stack: Stack, port: int) -> None:
     assert command(port, "pause")["ok"]
-    stack.wait(lambda: mission() == "paused", "the pause")
+    stack.wait(lambda: mission() == "paused", "the pause", 20.0)
     assert command(port, "resume")["ok"]
-    stack.wait(lambda: mission() != "paused", "the mission to go on")
+    stack.wait(lambda: mission() != "paused", "the mission to go on", 20.0)
 
 
 def test_the_emergency_stop_reaches_the_wheels(stack: Stack, port: int) -> None:
@@ -137,14 +137,21 @@ def test_the_emergency_stop_reaches_the_wheels(stack: Stack, port: int) -> None:
 def test_a_way_is_told_before_it_is_driven_and_a_drive_can_be_ended(stack: Stack, port: int) -> None:
     stack.wait_until_driving()
     home = {"x": 0.0, "y": 0.0}
-    stack.wait(lambda: command(port, "plan", home)["ok"], "a way home")
+
+    def is_far() -> bool:
+        """So that the drive lasts until it is ended."""
+        way = command(port, "plan", home)
+        return bool(way["ok"] and way["data"]["length_m"] > 1.0)
+
+    stack.wait(is_far, "a long way home", 60.0)
     refused = command(port, "plan", {"x": 500.0, "y": 0.0})
     assert (refused["ok"], "outside the map" in refused["message"]) == (False, True)
     assert not command(port, "go", {"x": 500.0, "y": 0.0})["ok"]
-    stack.wait(lambda: command(port, "go", home)["ok"], "a way home")
-    stack.wait(lambda: mission() == "user goal", "the drive")
-    assert command(port, "end-drive")["ok"]
-    stack.wait(lambda: mission() != "user goal", "the mission to go on")
+    stack.wait(lambda: command(port, "go", home)["ok"], "a way home", 60.0)
+    stack.wait(lambda: mission() == "user goal", "the drive", 20.0)
+    ended = command(port, "end-drive")
+    assert ended["ok"], ended["message"]
+    stack.wait(lambda: mission() != "user goal", "the mission to go on", 20.0)
 
 
 def test_the_stick_turns_the_wheels_while_it_says_so_and_its_silence_stops_them(stack: Stack, port: int) -> None:
@@ -157,10 +164,10 @@ def test_the_stick_turns_the_wheels_while_it_says_so_and_its_silence_stops_them(
         left, right = stack.plant.commanded
         return left < 0.0 < right
 
-    stack.wait(turns, "the wheels to turn")
+    stack.wait(turns, "the wheels to turn", 30.0)
     stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
     ticket = 0
-    stack.wait(turns, "the wheels to turn")
+    stack.wait(turns, "the wheels to turn", 30.0)
     assert command(port, "drive", {"forward": 0, "left": 0, "ticket": 0})["ok"]
     stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
     stack.wait_until_driving()
@@ -208,12 +215,12 @@ def test_home_and_stop_reach_the_mission(stack: Stack, port: int) -> None:
     stack.wait_until_driving()
     try:
         assert command(port, "home")["ok"]
-        stack.wait(lambda: "driving home" in told()["reason"], "the way home")
+        stack.wait(lambda: "driving home" in told()["reason"], "the way home", 90.0)
         assert command(port, "stop") == {"ok": True, "message": "the exploration ends here"}
-        stack.wait(lambda: mission() == "done", "the end")
+        stack.wait(lambda: mission() == "done", "the end", 20.0)
         said = told()
         assert (said["reason"], said["outcome"]) == ("stopped by the operator", "STOPPED")
         stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
     finally:
         stack.another_mission()
-    stack.wait(lambda: mission() != "done", "another mission")
+    stack.wait(lambda: mission() != "done", "another mission", 30.0)

@@ -56,7 +56,7 @@ def paused(stack: Stack) -> Iterator[Stack]:
     stack.wait_until_driving()
     rospy.wait_for_message(f"/{topics.FRONTIERS}", roslib.message.get_message_class(KINDS[topics.FRONTIERS]), 60.0)
     assert rospy.ServiceProxy(f"/{topics.EXPLORE_PAUSE}", Trigger)().success
-    stack.wait(lambda: not stack.plant.moving, "the robot to stand")
+    stack.wait(lambda: not stack.plant.moving, "the robot to stand", 30.0)
     time.sleep(0.5)
     yield stack
     assert rospy.ServiceProxy(f"/{topics.EXPLORE_RESUME}", Trigger)().success

@@ -52,7 +52,7 @@ def facts(stack: Stack) -> dict[str, Any]:
 
 def test_status_says_what_the_robot_does(stack: Stack) -> None:
     stack.wait_until_driving()
-    stack.wait(lambda: facts(stack)["slam_state"] == "TRACKING", "tracking")
+    stack.wait(lambda: facts(stack)["slam_state"] == "TRACKING", "tracking", 60.0)
     said = facts(stack)
     assert None not in [said[name] for name in ("state", "reason", "tracked_ratio", "base_reason", "hazards")]
     assert 0.0 < said["tracked_ratio"] <= 1.0
@@ -112,7 +112,7 @@ class Keyboard:
         )
         self.said = b""
         threading.Thread(target=self._listen, daemon=True).start()
-        stack.wait(lambda: b"0.50 rad/s" in self.said, "teleop to be ready")
+        stack.wait(lambda: b"0.50 rad/s" in self.said, "teleop to be ready", 60.0)
 
     def _listen(self) -> None:
         with contextlib.suppress(OSError):
@@ -247,7 +247,7 @@ def test_a_bag_replays_png_is_the_same_picture_and_jpeg_nearly(stack: Stack, tmp
 
 
 def test_a_bag_holds_what_was_asked_for_and_every_number_once(stack: Stack, tmp_path: Path) -> None:
-    stack.wait(lambda: facts(stack)["slam_state"] == "TRACKING", "tracking")
+    stack.wait(lambda: facts(stack)["slam_state"] == "TRACKING", "tracking", 60.0)
     stack.wait_until_driving()
     bag, twice = tmp_path / "a.bag", f"{topics.STATS}/fps"
     asked = ["--topic", topics.JOINT_STATES, "--topic", twice]

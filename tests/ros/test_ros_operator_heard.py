@@ -21,6 +21,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from waiting import PATIENCE_S
 
+from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import EMERGENCY_STOP
 from vsx_ros.ros import convert, topics
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
+RECOVERING, YIELDED = MissionState.RECOVERING.value, (MissionState.HELD.value, MissionState.USER_GOAL.value)
 HELD_S = 12.0  # longer than any goal takes to fail
 
 
@@ -47,7 +49,16 @@ class Ears:
         ]
 
     def blamed(self) -> list[str]:
-        return [event["reason"] for event in self.events if "blacklisted for" in event["reason"]]
+        """Why views were blacklisted until the explorer chose its next drive after the operator; what happens on that
+        one is its own affair. So is a camera that loses the map, after which the mission recovers."""
+        reasons, yielded = [], False
+        for event, after in zip(self.events, [*self.events[1:], {}], strict=True):
+            yielded = yielded or event["state"] in YIELDED
+            if yielded and event["state"] not in YIELDED and "driving" in event["reason"]:
+                break
+            if "blacklisted for" in event["reason"] and after.get("state") != RECOVERING:
+                reasons.append(event["reason"])
+        return reasons
 
     def close(self) -> None:
         for subscriber in self._subscribers:

@@ -65,7 +65,7 @@ class Drive:
 def drive(stack: Stack) -> Iterator[Drive]:
     watching = Drive()
     stack.wait_until_driving()
-    stack.wait(lambda: watching.told and watching.told[-1][2], "a goal that is pursued")
+    stack.wait(lambda: watching.told and watching.told[-1][2], "a goal that is pursued", 20.0)
     yield watching
     watching.close()
 
@@ -76,7 +76,7 @@ def veer(stack: Stack, drive: Drive) -> tuple[str, int, str]:
     before = len(drive.told)
     stack.plant.left_blocked = True
     try:
-        stack.wait(lambda: drive.since(before, "diverged", "stopped", "arrived"), "the end of the trajectory")
+        stack.wait(lambda: drive.since(before, "diverged", "stopped", "arrived"), "the end of the trajectory", 20.0)
     finally:
         stack.plant.left_blocked = False
     stack.wait(lambda: not stack.plant.moving, "the wheels to stop", STOP_WITHIN_S)
@@ -131,7 +131,7 @@ def test_an_obstacle_that_comes_to_light_on_the_way_is_planned_around(stack: Sta
     hand = rospy.Publisher(topics.MAP, OccupancyGridMsg, queue_size=1)
     told = "planning again: an obstacle has come to light"
     try:
-        stack.wait(lambda: maps and ways and hand.get_num_connections() >= 3, "a map, a way and their readers")
+        stack.wait(lambda: maps and ways and hand.get_num_connections() >= 3, "a map, a way and their readers", 20.0)
         for _ in range(10 * TRIES):
             stack.wait_until_driving()
             blocked, before = blocked_ahead(ways, convert.grid(maps[-1])), stack.logs().count(told)
@@ -166,7 +166,7 @@ def test_a_base_without_images_for_a_moment_waits_on_its_path_and_drives_on(stac
             stack._camera.send_signal(signal.SIGCONT)
         waiting = drive.since(before, "stale")
         at = len(drive.told)
-        stack.wait(lambda at=at: drive.since(at, "following", "diverged"), "the way to go on")
+        stack.wait(lambda at=at: drive.since(at, "following", "diverged"), "the way to go on", 60.0)
         resumed = drive.since(at, "following", "stopped", "diverged")
         assert waiting is not None
         assert resumed is not None

@@ -105,7 +105,7 @@ def test_rviz_shows_the_running_robot(stack: Stack, manager: dict[str, Any], tmp
         )
         try:
             stack.wait(listens, f"rviz to listen to {wanted}")
-            stack.wait(lambda: is_drawn(shown.pixels()), "frontiers on the screen")
+            stack.wait(lambda: is_drawn(shown.pixels()), "frontiers on the screen", 60.0)
             pixels = shown.pixels()
         finally:
             rviz.kill()

@@ -112,7 +112,7 @@ def test_wheels_that_turn_while_the_camera_stands_are_stopped_and_the_robot_back
     follower = rospy.Subscriber(
         f"/{topics.FOLLOWER_STATUS}", String, lambda msg: ended.append(json.loads(msg.data)["reason"])
     )
-    stack.wait(lambda: listener.get_num_connections() and follower.get_num_connections(), "their words")
+    stack.wait(lambda: listener.get_num_connections() and follower.get_num_connections(), "their words", 10.0)
     move = stack.plant.body._move
     pushed: list[float] = []
 
@@ -124,11 +124,11 @@ def test_wheels_that_turn_while_the_camera_stands_are_stopped_and_the_robot_back
 
     try:
         stack.wait_until_driving()
-        stack.wait(lambda: events and "[view at" in events[-1], "a new drive on the map")
+        stack.wait(lambda: events and "[view at" in events[-1], "a new drive on the map", 120.0)
         stack.wait_until_driving()
         monkeypatch.setattr(stack.plant.body, "_move", against_a_box)
         stack.wait(lambda: any(reason.startswith("stuck: the wheels turned") for reason in ended), "the complaint")
-        stack.wait(lambda: any(reason.startswith("backing off: stuck") for reason in events), "the way back")
+        stack.wait(lambda: any(reason.startswith("backing off: stuck") for reason in events), "the way back", 30.0)
     finally:
         monkeypatch.undo()
         listener.unregister()
@@ -149,12 +149,12 @@ def test_odometry_that_restarts_is_no_obstacle_and_no_way_back(stack: Stack) -> 
     try:
         stack.another_mission()
         rospy.wait_for_message(f"/{topics.POSE}", PoseWithCovarianceStamped, 60.0)
-        stack.wait(lambda: listener.get_num_connections() and counted_m() > 0.7, "some way by the wheels")
+        stack.wait(lambda: listener.get_num_connections() and counted_m() > 0.7, "some way by the wheels", 90.0)
         stack.wait_until_driving()
         assert rospy.ServiceProxy(f"/{topics.RESET_ODOMETRY}", Trigger)().success
-        stack.wait(lambda: any("odometry restarted" in reason for reason in events), "the mission to notice")
+        stack.wait(lambda: any("odometry restarted" in reason for reason in events), "the mission to notice", 10.0)
         begin = next(k for k, reason in enumerate(events) if "odometry restarted" in reason)
-        stack.wait(lambda: any("[view at" in reason for reason in events[begin:]), "the next drive")
+        stack.wait(lambda: any("[view at" in reason for reason in events[begin:]), "the next drive", 30.0)
         stack.wait_until_driving()
         time.sleep(3.0)
         assert not any("stuck" in reason for reason in events[begin:])
@@ -177,7 +177,7 @@ def test_the_emergency_stop_outlives_a_reconnection_and_a_restart_of_its_node(st
         return not stack.plant.moving
 
     try:
-        stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive")
+        stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive", 10.0)
         estop(True)
         stack.wait(lambda: not stack.plant.moving, "the emergency stop", 2.0)
         assert stands()
@@ -189,7 +189,7 @@ def test_the_emergency_stop_outlives_a_reconnection_and_a_restart_of_its_node(st
         stack.kill("mobile_base")
         stack.start("mobile_base")
         rospy.wait_for_message(f"/{topics.ODOM}", rospy.AnyMsg, 20.0)
-        stack.wait(lambda: hand.get_num_connections() > 0, "the new node to listen")
+        stack.wait(lambda: hand.get_num_connections() > 0, "the new node to listen", 10.0)
         assert stands(), "restarted, and it drives"
         estop(False)
         stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive again", 5.0)
@@ -219,7 +219,7 @@ def test_all_nodes_register_with_another_master_and_the_robot_explores_on(stack:
     time.sleep(1.0)
     assert not stack.plant.moving
     stack.start_master()
-    stack.wait(lambda: graph() == before, "all nodes to register")
+    stack.wait(lambda: graph() == before, "all nodes to register", 15.0)
     after = master.getParam("/")
     assert {name: after.get(name) for name in stack.nodes} == {name: parameters.get(name) for name in stack.nodes}
     stack.wait_until_driving()
@@ -273,7 +273,7 @@ def test_every_task_is_told_once_a_second_under_a_lasting_name(stack: Stack, dia
 
 
 def test_a_dead_node_is_silent_long_enough_to_be_called_stale(stack: Stack, diagnostics: Diagnostics) -> None:
-    stack.wait(lambda: "camera: stream" in diagnostics.said, "the camera's health")
+    stack.wait(lambda: "camera: stream" in diagnostics.said, "the camera's health", 20.0)
     stack.kill("camera")
     time.sleep(0.5)
     begin_s = time.monotonic()
@@ -282,18 +282,18 @@ def test_a_dead_node_is_silent_long_enough_to_be_called_stale(stack: Stack, diag
     assert not [name for name in told if name.startswith("camera:")]
     assert "mobile_base: link" in told
     stack.start("camera")
-    stack.wait(lambda: "camera: stream" in diagnostics.since(begin_s), "the camera to be back")
+    stack.wait(lambda: "camera: stream" in diagnostics.since(begin_s), "the camera to be back", 20.0)
 
 
 @pytest.mark.ends_mission
 def test_an_empty_battery_is_an_error_and_sends_the_robot_home_once(stack: Stack, diagnostics: Diagnostics) -> None:
     begin_s = time.monotonic()
     stack.another_mission()
-    stack.wait(lambda: "explore: mission" in diagnostics.since(begin_s), "the mission")
-    stack.wait(lambda: diagnostics.latest("explore: mission").level == DiagnosticStatus.OK, "the mission")
+    stack.wait(lambda: "explore: mission" in diagnostics.since(begin_s), "the mission", 60.0)
+    stack.wait(lambda: diagnostics.latest("explore: mission").level == DiagnosticStatus.OK, "the mission", 60.0)
     events: list[dict[str, str]] = []
     listener = rospy.Subscriber(f"/{topics.EXPLORE_EVENTS}", String, lambda msg: events.append(json.loads(msg.data)))
-    stack.wait(lambda: listener.get_num_connections() > 0, "the mission's words")
+    stack.wait(lambda: listener.get_num_connections() > 0, "the mission's words", 10.0)
 
     def level() -> int:
         return int(diagnostics.latest("mobile_base: battery").level)
@@ -302,7 +302,7 @@ def test_an_empty_battery_is_an_error_and_sends_the_robot_home_once(stack: Stack
         return [event["reason"] for event in events if "home on request" in event["reason"]]
 
     board = stack._base._board
-    stack.wait(lambda: "mobile_base: battery" in diagnostics.said, "the battery's health")
+    stack.wait(lambda: "mobile_base: battery" in diagnostics.said, "the battery's health", 10.0)
     stack.wait(lambda: level() == DiagnosticStatus.OK, "a healthy battery", 5.0)
     try:
         board.battery.voltage_v = 13.8

@@ -32,7 +32,7 @@ def test_the_map_of_a_running_robot_is_saved_where_asked(stack: Stack, tmp_path:
             [*VSX, *words], env=stack.environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False
         )
 
-    stack.wait(lambda: save("--out", str(path)).returncode == 0, "a map to save")
+    stack.wait(lambda: save("--out", str(path)).returncode == 0, "a map to save", 60.0)
     assert len(load_slam_map(path).view.living) >= 2
     refused = save("--out", str(tmp_path / "none" / "x.vsxmap"))
     assert refused.returncode == 1

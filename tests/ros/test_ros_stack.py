@@ -57,7 +57,7 @@ def test_every_node_advertises_what_the_table_says(stack: Stack) -> None:
         topics_there = all(node in published.get(topic, ()) for topic, node in wanted)
         return topics_there and all(node in services.get(service, ()) for service, node in offered)
 
-    stack.wait(complete, "all topics and services of the table")
+    stack.wait(complete, "all topics and services of the table", 90.0)
     kinds = dict(rosgraph.Master("/observer").getTopicTypes())
     for node in NODES:
         for topic, kind in topics.PUBLISHED[node].items():
@@ -65,7 +65,7 @@ def test_every_node_advertises_what_the_table_says(stack: Stack) -> None:
 
 
 def test_nobody_listens_to_the_ground_truth(stack: Stack) -> None:
-    stack.wait(lambda: len(graph()[1]) > 10, "subscribers")
+    stack.wait(lambda: len(graph()[1]) > 10, "subscribers", 60.0)
     _, subscribed, _ = graph()
     truth = absolute(topics.TRUTH_CAMERA).rpartition("/")[0]
     assert not [topic for topic in subscribed if topic.startswith(truth)]
@@ -75,7 +75,7 @@ def test_pictures_become_a_pose_a_map_and_a_tf_tree(stack: Stack) -> None:
     stack.wait_until_driving()
     pose = heard(topics.POSE, PoseWithCovarianceStamped, 60.0)
     assert pose.header.frame_id == topics.MAP_FRAME
-    stack.wait(lambda: heard(topics.MAP_POINTS, PointCloud2).width > 100, "map points")
+    stack.wait(lambda: heard(topics.MAP_POINTS, PointCloud2).width > 100, "map points", 30.0)
     transforms = [t for _ in range(60) for t in heard(topics.TF, TFMessage).transforms]
     edges = {(t.header.frame_id, t.child_frame_id) for t in transforms}
     static = {(t.header.frame_id, t.child_frame_id) for t in heard(topics.TF_STATIC, TFMessage).transforms}
@@ -111,12 +111,12 @@ def test_a_cancelled_goal_is_braked_for_on_the_way(stack: Stack) -> None:
     speeds: list[float] = []
     subscriber = rospy.Subscriber(topics.COMMAND_NAVI, Twist, lambda msg: speeds.append(abs(msg.linear.x)))
     cancel = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/cancel", GoalID, queue_size=1)
-    stack.wait(lambda: cancel.get_num_connections() > 0, "move_base to hear of cancelling")
+    stack.wait(lambda: cancel.get_num_connections() > 0, "move_base to hear of cancelling", 20.0)
     stack.wait_until_driving()
-    stack.wait(lambda: len(speeds) > 5 and min(speeds[-5:]) > 0.15, "a fast drive")
+    stack.wait(lambda: len(speeds) > 5 and min(speeds[-5:]) > 0.15, "a fast drive", 90.0)
     before = len(speeds)
     cancel.publish(GoalID())
-    stack.wait(lambda: 0.0 in speeds[before:], "the stop")
+    stack.wait(lambda: 0.0 in speeds[before:], "the stop", 20.0)
     subscriber.unregister()
     braking = speeds[before : before + speeds[before:].index(0.0)]
     assert len([v for v in braking if 0.02 < v < 0.14]) >= 2

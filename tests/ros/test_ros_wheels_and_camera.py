@@ -161,10 +161,10 @@ def test_a_base_that_is_away_touches_nothing(stack: Stack, monkeypatch: pytest.M
     stack.wait(lambda: told and told[-1] == pressed, "the bumper to be told", 5.0)
     stack._base.unplug()
     try:
-        stack.wait(lambda: told[-1] == 0, "the bumper to be forgotten")
+        stack.wait(lambda: told[-1] == 0, "the bumper to be forgotten", 10.0)
     finally:
         stack._base.replug()
-    stack.wait(lambda: told[-1] == pressed, "the bumper that is still pressed to be told again")
+    stack.wait(lambda: told[-1] == pressed, "the bumper that is still pressed to be told again", 10.0)
     monkeypatch.undo()
     stack.wait(lambda: told[-1] == 0, "the bumper to be released", 5.0)
     subscriber.unregister()

@@ -79,12 +79,18 @@ def test_a_refusal_of_the_mapper_is_told_and_another_pair_tried(slam, arc_drive,
     assert slam.track(frame, odometry).state is TrackingState.GOOD
 
 
-def test_a_camera_found_again_meanwhile_stays_where_it_is(arc_drive, monkeypatch):
+def begun(arc_drive, monkeypatch):
+    """A map after forty frames, the pairs that it was offered, and what makes a map of a pair."""
     slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam, 1)
     pairs, make = [], slam._mapper.start
     monkeypatch.setattr(slam._mapper, "start", lambda pair: pairs.append(pair) or make(pair))
     for frame, odometry, _ in arc_drive.frames[:40]:
         slam.track(frame, odometry)
+    return slam, pairs, make
+
+
+def test_a_camera_found_again_meanwhile_stays_where_it_is(arc_drive, monkeypatch):
+    slam, pairs, make = begun(arc_drive, monkeypatch)
     front = slam._front
     assert front._bootstrap.claim(pairs[0]) is pairs[0]
     assert front._bootstrap.claim(pairs[0]) is None
@@ -99,11 +105,7 @@ def test_a_camera_found_again_meanwhile_stays_where_it_is(arc_drive, monkeypatch
 
 def test_a_small_map_that_is_not_given_up_is_left_for_a_second_one(arc_drive, monkeypatch):
     """A loaded map of few keyframes, without wheels, is no start that could be given up: nothing watches it."""
-    slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam, 1)
-    pairs, make = [], slam._mapper.start
-    monkeypatch.setattr(slam._mapper, "start", lambda pair: pairs.append(pair) or make(pair))
-    for frame, odometry, _ in arc_drive.frames[:40]:
-        slam.track(frame, odometry)
+    slam, pairs, _ = begun(arc_drive, monkeypatch)
     recovery = slam._front._recovery
     monkeypatch.setattr(recovery, "search", lambda *_: None)
     monkeypatch.setattr(recovery, "second_map", lambda *_: pairs[0])

@@ -15,10 +15,8 @@ from vsx_ros.exploration.utility import View
 
 RATE_S = 90.0  # over which the rate is taken: several views
 _LONGEST_GAP_S = 60.0  # between two choices; what lasts longer was a pause
-_RIGHT_WITHIN, _PROVEN_S = (
-    0.3,
-    (60.0, 300.0),
-)  # for as long as the estimate itself, within these bounds, it must be right
+_RIGHT_WITHIN = 0.3  # share of the truth
+_PROVEN_S = 60.0, 300.0  # an estimate must be right for as long as it says, within these bounds
 _LEAST_CHOICES = 4  # in that time
 _KEPT = 500
 
