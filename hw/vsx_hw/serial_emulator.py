@@ -15,6 +15,7 @@ import tty
 from collections import deque
 from typing import NamedTuple, Protocol
 
+from vsx_hw.battery_emulator import EmulatedBattery
 from vsx_hw.dock_emulator import BaseAtDock
 from vsx_hw.readings import Hazard
 
@@ -56,6 +57,7 @@ class Board(Protocol):
 
     baud: int
     """Baud rate of its protocol."""
+    battery: EmulatedBattery
 
     def receive(self, data: bytes, time_ns: int) -> None:
         """Bytes from the driver."""

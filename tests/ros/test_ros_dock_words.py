@@ -1,5 +1,8 @@
 """What the node dock takes and tells, without a master."""
 
+import math
+
+import numpy as np
 import pytest
 
 pytest.importorskip("rospy")
@@ -12,7 +15,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.dock_light import DockSight
 from vsx_ros.ros import energy_messages
 from vsx_ros.ros.docking import heard_sight, wanted_dock
-from vsx_ros.ros.emulated_base import dock_pose
+from vsx_ros.ros.emulated_base import before_dock, dock_pose
 from vsx_ros.ros.status import StatusBoard, screen
 
 UNKNOWN = dict.fromkeys(
@@ -77,3 +80,11 @@ def test_the_status_says_how_long_the_battery_lasts_and_what_the_docking_does() 
     assert "dock         docked: on the dock" in lines
     assert StatusBoard.__doc__ is not None
     assert "dock/status" in StatusBoard.__doc__
+
+
+def test_the_wall_at_a_dock_does_not_shade_it_and_the_others_may_reflect() -> None:
+    walls = np.array([[4.0, -1.0, 4.0, 1.0], [3.98, 3.0, 2.0, 3.0], [-9.0, 0.0, -9.0, 1.0]])
+    at = before_dock(SE2(4.02, 0.0, math.pi), SE2(3.0, 0.1, 0.0), walls)
+    assert np.allclose(at.walls, [(0.04, -3.0, 2.02, -3.0)])
+    assert (at.x_m, at.y_m) == pytest.approx((1.02, -0.1))
+    assert at.heading_rad == pytest.approx(-math.pi)

@@ -79,6 +79,7 @@ def _robot(parser: argparse.ArgumentParser) -> None:
     )
     add("--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)")
     add("--dock", type=pose_text, metavar="X,Y,DEG", help="a dock in the live emulated world, which looks to DEG")
+    add("--battery-pace", type=positive, metavar="K", help="the emulated battery drains and charges K times faster")
 
 
 def replay(parser: argparse.ArgumentParser) -> None:

@@ -23,6 +23,7 @@ from vsx_ros.navigation.energy import ChargeKeeper, Errand
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import calls, convert, headers, topics
 from vsx_ros.ros.callbacks import hear_operator_hold, json_object, subscribe
+from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.situation import LocalizationSubscriber
 
 _STATUS_S, _WAY_S = 1.0, 30.0  # between repetitions of the status; between questions for the way
@@ -206,15 +207,18 @@ class Errands:
 
 
 class DockStatus:
-    """Publishers: dock/status."""
+    """Publishers: dock/status, /diagnostics."""
 
     def __init__(self) -> None:
+        self._diagnostics = Diagnostics()
         self._told, self._told_s = "", -math.inf
         self._publisher = rospy.Publisher(topics.DOCK_STATUS, String, queue_size=5, latch=True)
 
-    def publish(self, docking: Docking, docked: bool, left_s: float | None) -> None:
+    def publish(self, docking: Docking, heard: HeardDock, left_s: float | None) -> None:
         """On change of anything but the battery, and once a second."""
+        known, docked = heard.seat is not None, heard.docked
         facts = {"state": docking.state.value, "reason": docking.reason, "tries": docking.tries, "docked": docked}
+        facts["known"] = known
         told, now_s = json.dumps(facts), time.monotonic()
         if told == self._told and now_s - self._told_s < _STATUS_S:
             return
@@ -222,4 +226,6 @@ class DockStatus:
             rospy.loginfo("%s: %s", docking.state.value, docking.reason)
         self._told, self._told_s = told, now_s
         left = None if left_s is None else round(left_s)
+        level = WARN if docking.state is DockingState.FAILED else OK
+        self._diagnostics.set("docking", level, docking.reason or "idle", tries=docking.tries, docked=docked)
         self._publisher.publish(json.dumps({**facts, "battery_left_s": left}))

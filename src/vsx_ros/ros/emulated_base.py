@@ -20,7 +20,7 @@ from vsx_ros.sim.robot import SimulationConfig
 
 _RATE_WINDOW_NS = 20_000_000  # emulated time over which the turn rate is averaged: one odometry period
 _WALLS_WITHIN_M = 4.0  # of the dock: those that may reflect its light
-DOCK_FRONT_M, _DOCK_HALF_WIDTH_M = 0.03, 0.1  # of its housing; the radius of a body before it: its seat
+DOCK_FRONT_M, _DOCK_DEPTH_M, _DOCK_HALF_WIDTH_M = 0.03, 0.1, 0.1  # of its housing; front + a body's radius: its seat
 _SECTORS = Hazard.BUMPER_LEFT, Hazard.BUMPER_CENTER, Hazard.BUMPER_RIGHT
 
 
@@ -90,17 +90,22 @@ class BodyPlant:
 
 
 def before_dock(dock: SE2, base: SE2, segments: FloatArray) -> BaseAtDock:
-    """A base before a dock, with the walls (N, 4) around it; poses in the world."""
+    """A base before a dock, with the walls (N, 4) around it; poses in the world. The wall that the dock stands at, or
+    is let into, does not shade it."""
     ends = (dock.inverse() @ segments.reshape(-1, 2)).reshape(-1, 4)
-    near = np.minimum(np.hypot(ends[:, 0], ends[:, 1]), np.hypot(ends[:, 2], ends[:, 3])) < _WALLS_WITHIN_M
+    edge = ends[:, 2:] - ends[:, :2]
+    along = np.clip(-(ends[:, :2] * edge).sum(axis=1) / np.maximum((edge**2).sum(axis=1), 1e-12), 0.0, 1.0)
+    distance_m = np.hypot(*(ends[:, :2] + along[:, None] * edge).T)
+    around = (distance_m > _DOCK_DEPTH_M) & (distance_m < _WALLS_WITHIN_M)
     x, y, heading = (dock.inverse() @ base).as_array().tolist()
-    return BaseAtDock(x, y, heading, tuple(map(tuple, ends[near].tolist())))
+    return BaseAtDock(x, y, heading, tuple(map(tuple, ends[around].tolist())))
 
 
 def housing(dock: SE2) -> FloatArray:
     """(3, 4) front and sides of a dock in the world: what the bumper of a seated base touches."""
     front, half = DOCK_FRONT_M, _DOCK_HALF_WIDTH_M
-    corners = dock @ np.array([[front - 0.1, -half], [front, -half], [front, half], [front - 0.1, half]])
+    back = front - _DOCK_DEPTH_M
+    corners = dock @ np.array([[back, -half], [front, -half], [front, half], [back, half]])
     return np.hstack([corners[:-1], corners[1:]])
 
 

@@ -148,7 +148,7 @@ EXPLORE_STOP = _service("explore/stop", "std_srvs/Trigger", "explore")
 EXPLORE_HOME = _service("explore/home", "std_srvs/Trigger", "explore")
 
 # dock
-DOCK_STATUS = _topic("dock/status", "std_msgs/String", "dock")  # JSON: state, reason, tries, docked, battery_left_s
+DOCK_STATUS = _topic("dock/status", "std_msgs/String", "dock")  # JSON: see nodes.dock
 DOCK_START = _service("dock/start", "diagnostic_msgs/AddDiagnostics", "dock")  # JSON in; success, words out
 DOCK_LEAVE = _service("dock/leave", "std_srvs/Trigger", "dock")
 DOCK_CANCEL = _service("dock/cancel", "std_srvs/Trigger", "dock")

@@ -30,6 +30,7 @@ from vsx_ros.slam.state import TrackingState
 DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov"}
 REMEMBERED = (
     "world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map", "zones", "room",
+    "dock", "battery_pace",
 )  # fmt: skip
 
 

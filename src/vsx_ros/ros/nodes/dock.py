@@ -3,7 +3,8 @@
 Subscribers: mobile_base/sensors/dock_ir, mobile_base/{docked,hazards,operator_hold}, battery, dock/pose,
     explore/status, odom, vslam/pose, vslam/state.
 Publishers: cmd_vel_mux/input/navi (while it docks or undocks), dock/status (latched String, JSON, 1 Hz and on change:
-    state, reason, tries, docked, battery_left_s: until the battery is empty, null while unknown), move_base/lease.
+    state, reason, tries, docked, known: a dock; battery_left_s: until it is empty, null while unknown), /diagnostics,
+    move_base/lease.
 Services: dock/start (AddDiagnostics, a standard type that takes a text: JSON {}, or {"at": [x, y, heading]}: the pose
     in the map [m, rad] in which the base charges), dock/leave, dock/cancel (Trigger).
 Actions: client of move_base, for the way to the dock.
@@ -87,7 +88,7 @@ class DockNode:
             if ended:
                 self._goals.cancel()
                 self._command_pub.publish(convert.twist(STOP))
-            self._status.publish(self._docking, self._heard.docked, self._keeper.meter.left_s)
+            self._status.publish(self._docking, self._heard, self._keeper.meter.left_s)
         if ended and self._docking.state in (DockingState.UNDOCKED, DockingState.FAILED):
             self._pause.end()
 
