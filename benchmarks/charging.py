@@ -1,13 +1,14 @@
 """Does an exploring robot charge in time, and explore on?
 
-    PYTHONPATH=src:hw python benchmarks/charging.py run [--world lab] [--seeds 100-104] [--pace 40]
+    PYTHONPATH=src:hw python benchmarks/charging.py run [--world lab] [--seeds 100-104] [--pace 40] [--minutes 30]
 
 In lock-step, with everything in the loop, the camera included: a lab in which the robot begins just off a Kobuki's dock
 at a wall, looking away from it. The battery drains and charges ``--pace`` times faster than a real one, so that it must
-be charged several times. ``ChargeKeeper`` sends the robot to the dock, ``Docking`` drives it there by the light that
-``vsx_hw.dock_emulator`` computes for the true pose, 15 readings a second; at 95 % it leaves and explores on.
-A row is one run: ``charges``, ``failures`` to dock, ``least_ratio`` of the battery, ``coverage`` (known and right),
-``ate_m``, ``touches`` (not of the dock), ``minutes``, ``driven_m``, ``stop_reason``, ``docking`` (its last reason)."""
+be charged several times; at the dock, where nothing happens meanwhile, at least ``CHARGES_PACE`` times.
+``ChargeKeeper`` sends the robot to the dock, ``Docking`` drives it there by the light that ``vsx_hw.dock_emulator``
+computes for the true pose, 15 readings a second; at 95 % it leaves and explores on. A row is one run: ``charges``,
+``failures`` to dock, ``least_ratio`` of the battery, ``coverage`` (known and right), ``ate_m``, ``touches`` (not of the
+dock), ``minutes``, ``driven_m``, ``stop_reason``, ``docking`` (its last reason)."""
 
 import argparse
 import math
@@ -41,13 +42,14 @@ from vsx_ros.sim.world import Start
 
 FRONT_M, UNDOCKED_M = 0.03, 0.66  # the wall is the front of the dock's housing; where the base stands after undocking
 FREE_M, BEFORE_M, FAR_M = 0.35, np.arange(0.45, 1.7, 0.2), 3.5  # room before a dock; distance from the world's start
-LIMIT_S = 1800.0
+CHARGES_PACE = 40.0
 
 
 class Charging(NamedTuple):
     world: str
     seed: int
     pace: float
+    minutes: float
 
 
 def dock_place(world: EmulatedWorld, rng: np.random.Generator) -> SE2:
@@ -79,7 +81,7 @@ class ChargingRun(FastRun):
         super().__init__(world.starting_at(Start(x=x, y=y, theta_rad=heading)), task.seed, "fov", config)
         self._seat = DOCK_LIGHTS["kobuki"].seat(self.robot.body.T_world_base.inverse() @ self.dock)  # in the map
         self.battery, self.keeper_of_charge = EmulatedBattery(KOBUKI_CELLS, 1.0), ChargeKeeper(config.docking)
-        self.battery.pace = task.pace
+        self._pace = task.pace
         self.docking = Docking(config.docking, task.seed)
         self._navigator = Navigator(config, self.system.planner, ComputingTime(config.computing))
         self.charges = self.failures = self.touches = 0
@@ -93,6 +95,7 @@ class ChargingRun(FastRun):
         at = BaseAtDock(x, y, heading)
         docked = is_seated(KOBUKI_DOCK, at)
         wheel = abs(odometry.v) + 0.115 * abs(odometry.omega)
+        self.battery.pace = max(self._pace, CHARGES_PACE) if docked else self._pace
         self.battery.advance(now_ns, wheel, docked)
         self.least = min(self.least, self.battery.fraction)
         self.keeper_of_charge.add(now_ns, self.battery.fraction, docked)
@@ -143,7 +146,7 @@ def charged(task: Charging) -> dict[str, object]:
     life_s = 3600.0 * KOBUKI_CELLS.capacity_ah / (KOBUKI_CELLS.idle_a + 0.2 * KOBUKI_CELLS.drive_a_s_m) / task.pace
     config = Config(docking=DockingConfig(battery_h=life_s / 3600.0, reserve_s=30.0))
     run = ChargingRun(task, config)
-    reason = run.run(LIMIT_S, run.empty)
+    reason = run.run(60.0 * task.minutes, run.empty)
     if reason == STOPPED_BY_OPERATOR:
         raise KeyboardInterrupt
     facts = run.summary(reason).as_dict()
@@ -161,10 +164,11 @@ def main() -> None:
     parser.add_argument("--world", default="lab")
     parser.add_argument("--seeds", default="100-104", help="first-last")
     parser.add_argument("--pace", type=float, default=40.0, help="of the battery, 1 is real")
+    parser.add_argument("--minutes", type=float, default=30.0, help="longest emulated time of a run")
     parser.add_argument("--out", type=Path, default=RESULTS / "charging.jsonl")
     args = parser.parse_args()
     first, _, last = args.seeds.partition("-")
-    tasks = [Charging(args.world, seed, args.pace) for seed in range(int(first), int(last or first) + 1)]
+    tasks = [Charging(args.world, seed, args.pace, args.minutes) for seed in range(int(first), int(last or first) + 1)]
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     run_campaign(tasks, charged, Store(args.out, rooms=rooms_of("charging")), Engine(1))
 
