@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import table_docking
 import table_exploration
 import table_faults
 import table_free_cells
@@ -60,6 +61,15 @@ ROOMS: dict[str, tuple[str, ...]] = {
         "benchmarks/file_samples",
         "benchmarks/fuzz_files",
     ),
+    "docking": (
+        "hw/vsx_hw",
+        "src/vsx_ros/navigation",
+        "src/vsx_ros/sim/body",
+        "src/vsx_ros/ros/emulation",
+        "tests/docking_robot",
+        "benchmarks/docking",
+    ),
+    "charging": (*_IN_LOCK_STEP, "hw/vsx_hw", "benchmarks/charging"),
     "zones": (*_IN_LOCK_STEP, "benchmarks/zones"),
     "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
 }
@@ -101,6 +111,7 @@ TABLES: dict[str, Table] = {
     "growth": Table("docs/results.md", "exploration", table_exploration.growth, _LAB),
     "live": Table("docs/results.md", "exploration_live", table_exploration.runs, _LAB),
     "live totals": Table("docs/results.md", "exploration_live", table_exploration.totals, _LAB),
+    "docking": Table("docs/results.md", "docking", table_docking.docking),
     "resumed": Table("docs/results.md", "resume", table_exploration.resumed),
 }
 

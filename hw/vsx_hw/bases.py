@@ -69,10 +69,12 @@ def base_driver(
     )
 
 
-def base_emulator(kind: str, plant: Plant, link: str, seed: int = 0) -> SerialEmulator:
-    """A base on emulated wheels behind the serial port ``link``; start it, or use it as a context manager. Raises
-    KeyError for a kind that is not in BASES."""
-    return SerialEmulator(BASES[kind].board(plant, seed), plant, link, seed)
+def base_emulator(kind: str, plant: Plant, link: str, seed: int = 0, battery_pace: float = 1.0) -> SerialEmulator:
+    """A base on emulated wheels behind the serial port ``link``; start it, or use it as a context manager. Its battery
+    drains and charges ``battery_pace`` times faster than a real one. Raises KeyError for a kind not in BASES."""
+    board = BASES[kind].board(plant, seed)
+    board.battery.pace = battery_pace
+    return SerialEmulator(board, plant, link, seed)
 
 
 def detect_base(port: str) -> str:

@@ -38,6 +38,30 @@ class Hazard(enum.IntFlag):
     OVERCURRENT = 768
 
 
+class DockBeam(enum.IntFlag):
+    """Infrared beams of a dock, named from the dock, which looks ahead. The bits are the Kobuki's; HALO surrounds an
+    iRobot home base, whose red buoy shines to its left and whose green buoy to its right."""
+
+    NONE = 0
+    NEAR_LEFT = 1
+    NEAR_CENTER = 2
+    NEAR_RIGHT = 4
+    CENTER = 8
+    LEFT = 16
+    RIGHT = 32
+    HALO = 64
+
+
+class DockSignals(NamedTuple):
+    """The beams on each infrared receiver of a base, which look to its right, ahead and to its left. kind: of the base,
+    as in ``bases.BASES``. A Create 1 has only one receiver, ``center``; on a Create it also sees to the sides."""
+
+    kind: str
+    right: DockBeam
+    center: DockBeam
+    left: DockBeam
+
+
 class Signal(enum.Enum):
     """What a base shows to people: a green, an orange or a red lamp; an alarm also sounds when it begins."""
 
@@ -92,13 +116,14 @@ class GyroReading(NamedTuple):
 
 class BatteryReading(NamedTuple):
     """State of the base's battery. fraction: in [0, 1]. charging: a charger delivers current. docked: the base stands
-    at its dock."""
+    at its dock. current_a: into the battery, negative: out of it; None: not measured."""
 
     voltage_v: float
     fraction: float
     charging: bool
     state: str
     docked: bool = False
+    current_a: float | None = None
 
 
 class BaseReading(NamedTuple):
@@ -106,7 +131,7 @@ class BaseReading(NamedTuple):
 
     mode names the operating mode where the base has several; buttons is the protocol's bit mask; gyro is None for a
     base without one, or before its zero is known. refusal: why this base must not be driven as it is, with the remedy.
-    warnings: reported values that the driver does not know."""
+    warnings: reported values that the driver does not know. dock: None for a base without receivers."""
 
     stamp_ns: int
     odometry: OdometryReading
@@ -117,6 +142,7 @@ class BaseReading(NamedTuple):
     gyro: GyroReading | None = None
     refusal: str = ""
     warnings: tuple[str, ...] = ()
+    dock: DockSignals | None = None
 
 
 class ImageReading(NamedTuple):

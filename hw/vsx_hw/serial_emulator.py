@@ -15,6 +15,8 @@ import tty
 from collections import deque
 from typing import NamedTuple, Protocol
 
+from vsx_hw.battery_emulator import EmulatedBattery
+from vsx_hw.dock_emulator import BaseAtDock
 from vsx_hw.readings import Hazard
 
 STEP_NS = 5_000_000  # 1.5 mm at full speed
@@ -26,7 +28,7 @@ class PlantState(NamedTuple):
     """What the sensors of a base can measure.
 
     left_m, right_m: distance that each wheel has rolled. gyro_rad, gyro_rate_rad_s: heading and rate by the gyro,
-    counter-clockwise, not wrapped. buttons: the pressed ones, as the base's own bits."""
+    counter-clockwise, not wrapped. buttons: the pressed ones, as the base's own bits. dock: None: there is none."""
 
     left_m: float
     right_m: float
@@ -34,6 +36,7 @@ class PlantState(NamedTuple):
     gyro_rate_rad_s: float
     hazards: Hazard
     buttons: int = 0
+    dock: BaseAtDock | None = None
 
 
 class Plant(Protocol):
@@ -54,6 +57,7 @@ class Board(Protocol):
 
     baud: int
     """Baud rate of its protocol."""
+    battery: EmulatedBattery
 
     def receive(self, data: bytes, time_ns: int) -> None:
         """Bytes from the driver."""

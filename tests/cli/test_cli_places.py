@@ -11,6 +11,8 @@ from two_rooms import two_rooms
 from vsx_ros.cli.main import execute
 from vsx_ros.config import Config, RoomsConfig
 from vsx_ros.errors import MapFileError
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.io.dock_file import dock_file, load_dock, save_dock
 from vsx_ros.io.map_file import load_map, save_map
 from vsx_ros.io.room_file import load_rooms, room_file, save_rooms
 from vsx_ros.io.zone_file import load_zones, zone_file
@@ -150,12 +152,13 @@ def test_zones_that_cannot_be_taken_are_told(
     assert says in capsys.readouterr().err
 
 
-def test_zones_and_rooms_go_with_a_map_that_is_saved_and_exported(
+def test_zones_rooms_and_dock_go_with_a_map_that_is_saved_and_exported(
     zoned_run: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     beside, lab = ["--map", str(zoned_run.path / "map.yaml")], tmp_path / "lab.vsxmap"
     assert execute(["room", "name", "1", "kitchen", *beside]) == 0
     assert execute(["zone", "add", "door", "wall", "-2,-2 -2,2", *beside]) == 0
+    save_dock(SE2(1.0, -0.5, 2.0), dock_file(zoned_run.path / "map.yaml"))
     for words in (["save", str(zoned_run.path), "--out", str(lab)], ["export", str(lab), "--format", "pgm"]):
         assert execute(["map", *words]) == 0
     ground = tmp_path / "lab_ground.yaml"
@@ -164,9 +167,11 @@ def test_zones_and_rooms_go_with_a_map_that_is_saved_and_exported(
         assert rooms is not None
         assert [room.name for room in rooms.rooms] == ["kitchen"]
         assert [zone.name for zone in load_zones(zone_file(map_file))] == ["rug", "door"]
+        assert load_dock(dock_file(map_file)) == SE2(1.0, -0.5, 2.0)
     assert rooms.labels.shape == load_map(ground).shape
     killed = tmp_path / "killed"
     shutil.copytree(zoned_run.path / "resume", killed / "resume")
     shutil.copy(zoned_run.path / "config.yaml", killed)
     assert execute(["map", "save", str(killed), "--out", str(lab)]) == 0
     assert [zone.name for zone in load_zones(zone_file(lab))] == ["rug"]
+    assert load_dock(dock_file(lab)) is None

@@ -18,7 +18,7 @@ def answer(
 ) -> bytes:
     """What the robot says to the query at the end of these bytes."""
     count = question[question.index(Opcode.QUERY_LIST) + 1]
-    values = dict.fromkeys([*SAFETY_PACKETS, *BATTERY_PACKETS], 0)
+    values = dict.fromkeys([*SAFETY_PACKETS, *BATTERY_PACKETS, 17], 0)
     values |= {7: bump, 22: 16000, 25: 2000, 26: 2700, 35: mode, 33: gyro, 19: distance_mm, 20: angle_deg}
     return encode_packets({p: values[p] for p in question[-count:]})
 

@@ -5,7 +5,7 @@ command for another one ("Hacking Roomba" p. 45); Safe begins with all lamps off
 """
 
 import pytest
-from documented_oi import PASSIVE, OpenInterface
+from documented_oi import FULL, PASSIVE, SAFE, OpenInterface
 from driven_create import CREATE_1, both, driven, drives
 from waiting import wait_for
 
@@ -61,6 +61,25 @@ def test_plugged_into_the_charger_it_falls_to_passive_and_charges(tmp_path, gene
             False,
             False,
         )
+
+
+@both
+def test_it_leaves_the_dock_backwards_in_full_and_is_in_safe_again_behind_it(tmp_path, generation):
+    with driven(tmp_path, OpenInterface(generation)) as host:
+        robot = host.line.robot
+        wait_for(lambda: robot.mode == SAFE, "Safe")
+        with host.line.held():
+            robot.charging_sources = 2
+        wait_for(lambda: host.last.battery.charging, "charging")
+        host.want = (0.0, 0.5)
+        host.wait_readings(40)
+        assert (robot.mode, robot.body.rate_rad_s) == (PASSIVE, 0.0), "it stands, whatever else is wanted"
+        drives(host, (-0.1, 0.0))
+        assert robot.mode == FULL
+        with host.line.held():
+            robot.charging_sources = 0
+        wait_for(lambda: robot.mode == SAFE, "Safe")
+        drives(host, (0.0, 0.5))
 
 
 def test_the_cameras_supply_of_a_turtlebot_1_comes_back_with_safe_mode(tmp_path):

@@ -9,6 +9,8 @@ from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.anchored_poses import AnchoredPoses
+from vsx_ros.occupancy.grid import OCCUPIED
+from vsx_ros.slam.snapshot import MapSnapshot
 
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.1)
 SECOND_NS = 1_000_000_000
@@ -16,6 +18,16 @@ SECOND_NS = 1_000_000_000
 
 def cameras(*poses):
     return [SE3.from_se2(pose) @ MOUNT for pose in poses]
+
+
+def snapshot_at(*poses) -> MapSnapshot:
+    """Keyframes 3, 7, ... at these poses of the base, without points."""
+    none = np.zeros(0, np.int64)
+    return MapSnapshot(
+        version=1, keyframe_ids=np.array([3, 7])[: len(poses)], keyframe_stamps_ns=np.array([1, 2])[: len(poses)],
+        T_world_cams=tuple(cameras(*poses)), images=(), point_ids=none, points_world=np.zeros((0, 3)),
+        obs_keyframe=none, obs_point=none, obs_uv=np.zeros((0, 2)), obs_level=none,
+    )  # fmt: skip
 
 
 def rows(poses):
@@ -104,3 +116,27 @@ def test_what_wheels_pushed_against_may_be_tried_again_later_and_later():
     assert alone_s == [20, 40, 80]
     ground.pushed(SE2(0.5, 0.0, 2.0), now_s * SECOND_NS)
     assert ground.counts[2] == 1, "another way"
+
+
+def test_the_dock_moves_with_its_keyframe_survives_a_session_and_is_touched_without_harm():
+    """The newest contact counts; a bump beside it is no obstacle, one elsewhere is."""
+    ground, correction = MappedGround(Config()), SE2(0.3, -0.2, 0.4)
+    before = snapshot_at(FIRST, SECOND)
+    assert ground.dock(before) is None
+    ground.docked(SE2(0.2, 0.0, 1.0))
+    ground.docked(SE2(2.0, 0.5, 1.5))
+    ground.bumped(SE2(2.02, 0.55, 1.5))
+    here = ground.dock(before)
+    ground.grid(before)
+    assert (here.x, here.y, here.theta) == pytest.approx((2.0, 0.5, 1.5))
+    after = snapshot_at(FIRST, correction @ SECOND)
+    moved, wanted = ground.dock(after), correction @ here
+    assert rows([moved]) == pytest.approx(rows([wanted]))
+    again = MappedGround(Config())
+    again.restore(ground.state())
+    assert rows([again.dock(after)]) == pytest.approx(rows([wanted]))
+    old = {name: array for name, array in ground.state().items() if name != "dock"}
+    again.restore(old)
+    assert again.dock(after) is None
+    assert np.count_nonzero(ground.grid(after).data == OCCUPIED) == 0
+    assert np.count_nonzero(again.grid(after).data == OCCUPIED) > 0

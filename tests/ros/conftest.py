@@ -23,7 +23,8 @@ from waiting import Lateness, wait_for
 from vsx_hw.bases import BASES, base_emulator
 from vsx_ros.config import RobotConfig
 from vsx_ros.ros import launch
-from vsx_ros.ros.emulation import POSE, BodyPlant, BodyState, RenderSettings
+from vsx_ros.ros.emulated_base import BodyPlant, BodyState
+from vsx_ros.ros.emulation import POSE, RenderSettings
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.world import open_world

@@ -13,7 +13,7 @@ from ros_ports import HOST, free_port
 
 from vsx_hw.bases import BASES, base_emulator
 from vsx_ros.config import RobotConfig
-from vsx_ros.ros.emulation import BodyPlant
+from vsx_ros.ros.emulated_base import BodyPlant
 from vsx_ros.runs.world import open_world
 
 CHECKOUT = Path(__file__).resolve().parents[2]

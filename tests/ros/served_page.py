@@ -15,7 +15,7 @@ from vsx_ros.ros.dashboard.feed import Board
 from vsx_ros.ros.dashboard.server import Answer, Command, ViewServer
 
 TOKEN = "a-token-of-tests"
-PLAIN = "pause", "resume", "home", "stop", "estop", "release", "end-drive"
+PLAIN = "pause", "resume", "home", "stop", "estop", "release", "end-drive", "dock", "undock"
 
 CONTRASTS = """(() => {
   const paint = document.createElement("canvas").getContext("2d", {willReadFrequently: true});

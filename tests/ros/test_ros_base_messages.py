@@ -20,9 +20,9 @@ from std_msgs.msg import String
 
 from vsx_hw.create.dialect import battery_of
 from vsx_hw.kobuki.feedback import battery_of as kobuki_battery_of
-from vsx_hw.readings import GyroReading, Hazard, OdometryReading, RateSample
+from vsx_hw.readings import DockBeam, DockSignals, GyroReading, Hazard, OdometryReading, RateSample
 from vsx_ros.errors import InputError
-from vsx_ros.ros import base_messages, callbacks, convert, topics
+from vsx_ros.ros import base_messages, callbacks, convert, energy_messages, topics
 
 
 class Told(base_messages.BaseTopics):
@@ -69,9 +69,9 @@ def test_a_hold_that_nobody_tells_so_is_refused_in_words(monkeypatch: pytest.Mon
     ("decivolt", "charger", "empty"), [(131, 0, True), (133, 0, True), (134, 0, False), (131, 6, False)]
 )
 def test_a_nearly_empty_battery_is_one_that_nobody_charges(decivolt: int, charger: int, empty: bool) -> None:
-    msg = base_messages.battery(kobuki_battery_of(decivolt, charger), 1)
+    msg = energy_messages.battery(kobuki_battery_of(decivolt, charger), 1)
     assert isinstance(msg, BatteryState)
-    assert base_messages.is_nearly_empty(msg) == empty
+    assert energy_messages.is_nearly_empty(msg) == empty
 
 
 @pytest.mark.parametrize(
@@ -79,10 +79,23 @@ def test_a_nearly_empty_battery_is_one_that_nobody_charges(decivolt: int, charge
     [(269, 0, "critical", True), (271, 0, "low", False), (541, 0, "healthy", False), (269, 2, "charging", False)],
 )
 def test_a_create_is_nearly_empty_below_a_tenth(charge_mah: int, charger: int, state: str, empty: bool) -> None:
-    reading = battery_of({21: charger, 22: 14000, 25: charge_mah, 26: 2700, 34: 2})
+    reading = battery_of({21: charger, 22: 14000, 23: -800, 25: charge_mah, 26: 2700, 34: 2})
     assert reading.state == state
     assert reading.docked
-    assert base_messages.is_nearly_empty(base_messages.battery(reading, 1)) == empty
+    assert energy_messages.is_nearly_empty(energy_messages.battery(reading, 1)) == empty
+
+
+def test_a_measured_current_is_told_and_another_is_not_a_number() -> None:
+    create = battery_of({21: 2, 22: 14000, 23: -800, 25: 1000, 26: 2700, 34: 2})
+    assert energy_messages.battery(create, 1).current == pytest.approx(-0.8)
+    assert math.isnan(energy_messages.battery(kobuki_battery_of(150, 0), 1).current)
+
+
+def test_the_docks_beams_keep_their_receivers_and_the_kind_of_base() -> None:
+    msg = energy_messages.dock_ir(
+        DockSignals("kobuki", DockBeam.RIGHT, DockBeam.CENTER | DockBeam.NEAR_CENTER, DockBeam(0))
+    )
+    assert (bytes(msg.data), msg.layout.dim[0].label) == (bytes((32, 10, 0)), "kobuki")
 
 
 def test_motion_that_nobody_measured_has_a_large_covariance() -> None:

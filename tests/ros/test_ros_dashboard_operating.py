@@ -38,6 +38,23 @@ def test_pause_and_resume_are_one_button(page: ServedPage) -> None:
     assert page.done == [("pause", None), ("resume", None)]
 
 
+def test_a_known_dock_is_offered_and_what_it_does_is_told(page: ServedPage) -> None:
+    page.open()
+    status = {"state": "idle", "reason": "", "tries": 0, "docked": False, "known": False, "battery_left_s": 8520}
+    page.post("dock", status)
+    page.wait("$('numbers').textContent.includes('2 h 22 min')")
+    assert page.value("$('dock').hidden")
+    page.post("dock", status | {"known": True})
+    page.wait("!$('dock').hidden && $('dock').textContent === 'Charge'")
+    page.browser.click("#dock")
+    page.wait("$('said').textContent === 'Dock is done.'")
+    page.post("dock", status | {"state": "docked", "reason": "on the dock, and it charges", "docked": True})
+    page.wait("$('dock').textContent === 'Leave dock' && $('why').textContent.includes('dock: on the dock')")
+    page.browser.click("#dock")
+    page.wait("$('said').textContent === 'Undock is done.'")
+    assert page.done == [("dock", None), ("undock", None)]
+
+
 @pytest.mark.parametrize("window", [DESK, PHONE])
 def test_stop_asks_and_the_emergency_stop_stays_in_reach_meanwhile(page: ServedPage, window: tuple[int, int]) -> None:
     page.open(*window)

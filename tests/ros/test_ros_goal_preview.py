@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import rospy
 from diagnostic_msgs.srv import AddDiagnosticsRequest
 
 from vsx_ros.config import Config
@@ -33,16 +34,18 @@ class Asked:
     """The service, over a planner with a hall of 6 m x 4 m."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, here: SE2 | None = HERE) -> None:
-        monkeypatch.setattr(goal_preview.rospy, "Service", lambda *_: None)
+        offered: list[Any] = []
+        monkeypatch.setattr(rospy, "Service", lambda name, kind, answer: offered.append(answer))
         monkeypatch.setattr(goal_preview.headers, "now_ns", lambda: 0)
         planner = GoalPlanner(Config(), "fov", 0)
         planner.take_grid(hall(), 0)
         way = SimpleNamespace(way=lambda start, goal: planner.timed(start, goal, "map"))
         where = SimpleNamespace(at=lambda _: SimpleNamespace(pose=lambda frame: here if frame == "map" else None))
-        self._service: Any = GoalPreview(way, where)  # type: ignore[arg-type]
+        GoalPreview(way, where)  # type: ignore[arg-type]
+        (self._service,) = offered
 
     def answer(self, text: str) -> Any:
-        return self._service._on_preview(AddDiagnosticsRequest(load_namespace=text))
+        return self._service(AddDiagnosticsRequest(load_namespace=text))
 
 
 def test_a_goal_without_a_heading_looks_the_way_the_robot_comes() -> None:

@@ -305,17 +305,17 @@ def test_an_empty_battery_is_an_error_and_sends_the_robot_home_once(stack: Stack
     stack.wait(lambda: "mobile_base: battery" in diagnostics.said, "the battery's health", 10.0)
     stack.wait(lambda: level() == DiagnosticStatus.OK, "a healthy battery", 5.0)
     try:
-        board.battery_volt = 13.8
+        board.battery.voltage_v = 13.8
         stack.wait(lambda: level() == DiagnosticStatus.WARN, "the warning", 5.0)
         assert requests() == []
-        board.battery_volt = 13.1
+        board.battery.voltage_v = 13.1
         stack.wait(lambda: level() == DiagnosticStatus.ERROR, "the error", 5.0)
         stack.wait(requests, "the way home", 5.0)
-        board.battery_volt = 13.4
+        board.battery.voltage_v = 13.4
         time.sleep(2.0)
-        board.battery_volt = 13.1
+        board.battery.voltage_v = 13.1
         time.sleep(3.0)
         assert len(requests()) == 1
     finally:
-        board.battery_volt = 16.2
+        board.battery.voltage_v = 16.2
         listener.unregister()

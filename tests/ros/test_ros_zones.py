@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -99,7 +98,8 @@ def on_screen(told: dict[str, list[Any]]) -> dict[str, str]:
     board = object.__new__(StatusBoard)
     board._facts = dict.fromkeys(
         ("state", "reason", "slam_state", "slam_reason", "tracked_ratio", "camera_hz", "driver", "base_reason",
-         "estop", "held_by", "held_since_ns", "hazards", "battery_fraction", "battery_v", "charging", "left_s")
+         "estop", "held_by", "held_since_ns", "hazards", "battery_fraction", "battery_v", "charging", "left_s",
+         "battery_left_s", "docking", "docking_reason")
     )  # fmt: skip
     board._facts["left_s"] = 230
     board._on_zones(String(told["zones"][-1]))
@@ -130,7 +130,7 @@ def test_who_enters_a_zone_is_warned_once_and_status_says_where_the_robot_is(
     assert lines["zones"] == "rug (no-go)"
     assert lines["room"].startswith("room 2 (number 2)")
     assert [heard_zones(String(text))[0] for text in told["zones"]][-1] == [RUG]
-    rooms._on_name(SimpleNamespace(load_namespace='{"room": 2, "name": "bath"}'))
+    rooms._name('{"room": 2, "name": "bath"}')
     assert heard_rooms(String(told["rooms"][-1]))[0][1].name == "bath"
     kept = load_rooms(tmp_path / "map_rooms.json")
     assert kept is not None

@@ -7,12 +7,22 @@ from operator import or_
 from vsx_hw.base_driver import Dialect, TurnErrorFeedback
 from vsx_hw.create import protocol
 from vsx_hw.create.protocol import CREATE_1, CREATE_2, Mode, Model, Opcode
-from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading, Signal
+from vsx_hw.readings import (
+    BaseReading,
+    BatteryReading,
+    DockBeam,
+    DockSignals,
+    GyroReading,
+    Hazard,
+    OdometryReading,
+    Signal,
+)
 
 SAFETY_PACKETS = [7, 9, 10, 11, 12, 14, 18, 35]  # bumps and drops, cliffs, overcurrents, buttons, mode (Open Interface)
-BATTERY_PACKETS = [21, 22, 25, 26, 34]  # charging state, voltage, charge, capacity, chargers
+BATTERY_PACKETS = [21, 22, 23, 25, 26, 34]  # charging state, voltage, current, charge, capacity, chargers
 
 CYCLES_TO_RETRY_MODE = 25  # half a second at 20 ms each
+CYCLES_TO_STAY_AWAKE = 3000  # a minute: in Passive a robot without commands falls asleep after five
 
 MODE_PAUSE_S = 0.05  # Commands within 20 ms of a change of mode are lost
 
@@ -37,7 +47,8 @@ ALARM_SONG, ALARM_NOTES = 0, [(84, 0.125), (72, 0.25)]  # its number; MIDI notes
 class CreateDialect(Dialect):
     """Both robots are driven in Safe mode: at a cliff or a raised wheel they stop by themselves and fall to Passive.
     A command to move puts them back to Safe when the cause is gone, or to reverse from a cliff. From an unknown mode
-    they are put back at once, unless they charge."""
+    they are put back at once, unless they charge. On the dock they stand in Passive, as they charge in no other mode,
+    and obey only reversing straight: in Full, because a robot with a charger falls from Safe to Passive."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -47,9 +58,9 @@ class CreateDialect(Dialect):
         """Forget what the robot reported in another connection."""
         self._mode = Mode.OFF
         self._hazards = Hazard.NONE
-        self._charges = self._doubted = self.driving = self.deaf = False
+        self._charges = self._docked = self._doubted = self.driving = self.deaf = False
         self._last: Mapping[int, int] = {}
-        self._cycles_out_of_safe = 0
+        self._cycles_in_wrong_mode = 0
         self._rounding = TurnErrorFeedback()
 
     @property
@@ -58,22 +69,34 @@ class CreateDialect(Dialect):
         return self._mode in (Mode.SAFE, Mode.FULL)
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
-        """See Dialect. Goes back to Safe first."""
+        """See Dialect. Changes the mode first, if it is not the one to drive, or to charge, in."""
+        if self._docked and (v_m_s >= 0.0 or omega_rad_s != 0.0):
+            v_m_s = omega_rad_s = 0.0
         self.odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
         wanted = v_m_s != 0.0 or omega_rad_s != 0.0
         self.deaf = False
         self.driving = wanted and self.obeys
-        if self.obeys:
-            self._cycles_out_of_safe = 0
-            return self._rounding.command(v_m_s, omega_rad_s, self._encoded)
-        unknown = self._mode is Mode.UNKNOWN
-        self._cycles_out_of_safe += 1
+        still = self.halt() if self._mode is Mode.UNKNOWN else b""
+        if change := self._change_of_mode(wanted, v_m_s):
+            self.deaf = True
+            return still + change
+        return self._rounding.command(v_m_s, omega_rad_s, self._encoded) if self.obeys else still
+
+    def _change_of_mode(self, wanted: bool, v_m_s: float) -> bytes:
+        """The command that changes to the mode for this motion; empty if the mode is right, or not now. An ignored one
+        is repeated."""
+        charges = self._docked and not wanted
+        needed = Mode.PASSIVE if charges else Mode.FULL if self._docked else Mode.SAFE
+        if self._mode is needed and not charges:
+            self._cycles_in_wrong_mode = 0
+            return b""
+        self._cycles_in_wrong_mode += 1
         cause = self._hazards & (Hazard.WHEEL_DROP if v_m_s < 0.0 else Hazard.WHEEL_DROP | Hazard.CLIFF)
-        asks = (wanted or unknown and not self._charges) and not cause
-        back = asks and self._cycles_out_of_safe % CYCLES_TO_RETRY_MODE == 1
-        still = self.halt() if unknown else b""
-        self.deaf = back
-        return still + (bytes((Opcode.SAFE,)) if back else b"")
+        asks = wanted or charges or self._mode is Mode.FULL or (self._mode is Mode.UNKNOWN and not self._charges)
+        period = CYCLES_TO_STAY_AWAKE if self._mode is needed else CYCLES_TO_RETRY_MODE
+        if not asks or (cause and not charges) or self._cycles_in_wrong_mode % period != 1:
+            return b""
+        return bytes(({Mode.PASSIVE: Opcode.START, Mode.FULL: Opcode.FULL, Mode.SAFE: Opcode.SAFE}[needed],))
 
     def _encoded(self, v_m_s: float, omega_rad_s: float) -> tuple[bytes, float]:
         base, v = 1000.0 * self._model.wheel_base_m, 1000.0 * v_m_s
@@ -106,8 +129,10 @@ class CreateDialect(Dialect):
     def base_reading(
         self, values: Mapping[int, int], odometry: OdometryReading, gyro: GyroReading | None = None
     ) -> BaseReading:
-        """The reading of SAFETY_PACKETS and BATTERY_PACKETS."""
+        """The reading of SAFETY_PACKETS, BATTERY_PACKETS and the infrared packets of the model."""
         self._mode, self._charges = protocol.mode_of(values[35]), values[21] in CHARGING
+        battery = battery_of(values)
+        self._docked = battery.docked
         hazards = hazards_of(values)  # a contact ends with the second report without it: one may be damaged
         held, self._hazards = hazards | self._hazards, hazards
         mode, refusal = self._mode.name.lower(), ""
@@ -118,8 +143,8 @@ class CreateDialect(Dialect):
                 "robot off and on"
             )
         return BaseReading(
-            odometry.stamp_ns, odometry, held, battery_of(values), buttons=values[18], mode=mode, gyro=gyro,
-            refusal=refusal, warnings=warnings_of(values),
+            odometry.stamp_ns, odometry, held, battery, buttons=values[18], mode=mode, gyro=gyro,
+            refusal=refusal, warnings=warnings_of(values), dock=dock_of(values, self._model),
         )  # fmt: skip
 
     def believes(self, values: Mapping[int, int], follows: bool = True) -> bool:
@@ -163,9 +188,21 @@ def hazards_of(values: Mapping[int, int]) -> Hazard:
     return reduce(or_, (hazard for packet, bit, hazard in _HAZARDS if values[packet] & bit), Hazard.NONE)
 
 
+def dock_of(values: Mapping[int, int], model: Model) -> DockSignals:
+    """The beams in packets 53 (right), 17 (all directions) and 52 (left); the Create 1 has only packet 17."""
+
+    def beams(packet: int) -> DockBeam:
+        red, green, field = protocol.dock_character(values.get(packet, 0))
+        left, right, halo = DockBeam.LEFT * red, DockBeam.RIGHT * green, DockBeam.HALO * field
+        return DockBeam(left | right | halo)
+
+    return DockSignals(model.name, beams(53), beams(17), beams(52))
+
+
 def battery_of(values: Mapping[int, int]) -> BatteryReading:
-    """Packets 21 (charging state), 22 (mV), 25 and 26 (charge and capacity), 34 (chargers: 2 is the dock)."""
+    """Packets 21 (charging state), 22 (mV), 23 (mA), 25 and 26 (charge and capacity), 34 (chargers: 2 is the dock)."""
     fraction = min(1.0, values[25] / values[26]) if values[26] else 0.0
     charging = values[21] in CHARGING
     state = "charging" if charging else "critical" if fraction < 0.1 else "low" if fraction < 0.2 else "healthy"
-    return BatteryReading(values[22] / 1000.0, fraction, charging, state, docked=values[34] in (2, 3))
+    volt, ampere = values[22] / 1000.0, values[23] / 1000.0
+    return BatteryReading(volt, fraction, charging, state, docked=values[34] in (2, 3), current_a=ampere)

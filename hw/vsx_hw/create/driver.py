@@ -8,7 +8,8 @@ from vsx_hw.create.odometry import BoardGyro, DistanceOdometry, EncoderOdometry
 from vsx_hw.readings import BaseReading
 
 ENCODER_PACKETS = [43, 44]  # counts of the left and the right wheel
-STREAM_PACKETS = SAFETY_PACKETS + BATTERY_PACKETS + ENCODER_PACKETS
+INFRARED_PACKETS = [17, 52, 53]  # characters: from all sides, left, right
+STREAM_PACKETS = SAFETY_PACKETS + BATTERY_PACKETS + INFRARED_PACKETS + ENCODER_PACKETS
 MOTION_PACKETS = [19, 20]  # distance and angle since the last request
 GYRO_PACKET = 33  # the analogue input of the cargo bay
 
@@ -104,7 +105,7 @@ class Create1Dialect(CreateDialect):
         next question. After a missing answer there is no question, so that late bytes are not taken for the next
         answer. After a change of mode there is none either, as the robot would not hear it."""
         command = super().drive(v_m_s, omega_rad_s) + (
-            bytes((protocol.Opcode.DIGITAL_OUTPUTS, 1)) if self.obeys else b""
+            bytes((protocol.Opcode.DIGITAL_OUTPUTS, 1)) if self.obeys and not self.deaf else b""
         )
         if self._asked:
             self._give_up()
@@ -112,7 +113,7 @@ class Create1Dialect(CreateDialect):
         if self.deaf:
             return command
         self._buffer.clear()
-        self._asked = [*SAFETY_PACKETS, *BATTERY_PACKETS, GYRO_PACKET]
+        self._asked = [*SAFETY_PACKETS, *BATTERY_PACKETS, INFRARED_PACKETS[0], GYRO_PACKET]
         if self._queries % QUERIES_PER_MOTION == 0:
             self._asked = self._asked + MOTION_PACKETS
         self._queries += 1

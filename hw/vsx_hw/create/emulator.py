@@ -4,6 +4,7 @@ import math
 import random
 import struct
 
+from vsx_hw.battery_emulator import CREATE_CELLS, EmulatedBattery
 from vsx_hw.create.odometry import counts_of
 from vsx_hw.create.protocol import (
     CREATE_1,
@@ -13,10 +14,12 @@ from vsx_hw.create.protocol import (
     Mode,
     Model,
     Opcode,
+    encode_dock_character,
     encode_packets,
     encode_stream_frame,
 )
-from vsx_hw.readings import Hazard
+from vsx_hw.dock_emulator import CREATE_1_RECEIVERS, CREATE_2_RECEIVERS, HOME_BASE, is_seated, light
+from vsx_hw.readings import DockBeam, Hazard
 from vsx_hw.serial_emulator import Plant, PlantState
 
 DEAF_NS = 20_000_000  # after a change of mode (Open Interface)
@@ -29,8 +32,9 @@ _ARGUMENTS: dict[int, int] = {
 
 class CreateBoard:
     """Obeys modes as the robot does: deaf for 20 ms after a change; Safe falls to Passive at cliffs and raised wheels;
-    in Safe it drives on for ever when the driver falls silent. ``mode``, ``outputs`` and ``log`` (all bytes received)
-    may be read."""
+    and with a charger; in Safe it drives on for ever when the driver falls silent. It charges in Off and Passive.
+    ``mode``, ``outputs`` and ``log`` (all bytes received) may be read. May be changed while it runs: the battery, and
+    engages, whether the dock's contacts conduct."""
 
     def __init__(self, model: Model, plant: Plant, seed: int = 0) -> None:
         self.baud = model.baud
@@ -47,6 +51,8 @@ class CreateBoard:
         self._next_frame_ns = 0
         self._deaf_until_ns = 0
         self._read_mark = (0.0, 0.0)
+        self.battery, self.engages = EmulatedBattery(CREATE_CELLS, 2400 / 2700), True
+        self._speed_m_s = 0.0
         self._ticks_at_start = (self._rng.randrange(65536), self._rng.randrange(65536))
 
     def power_cycle(self) -> None:
@@ -83,12 +89,14 @@ class CreateBoard:
             self._set_mode(Mode.PASSIVE, time_ns)
         elif opcode == Opcode.SAFE and self.mode is not Mode.OFF:
             self._set_mode(Mode.SAFE, time_ns)
+        elif opcode == Opcode.FULL and self.mode is not Mode.OFF:
+            self._set_mode(Mode.FULL, time_ns)
         elif opcode == Opcode.STOP:
             self._set_mode(Mode.OFF, time_ns)
             self._stream = []
         elif opcode == Opcode.DRIVE_DIRECT and active:
             right, left = struct.unpack(">hh", arguments)
-            self._forward = left + right > 0
+            self._forward, self._speed_m_s = left + right > 0, 0.001 * max(abs(left), abs(right))
             self._plant.set_wheel_speeds(left / 1000.0, right / 1000.0)
         elif opcode == Opcode.DIGITAL_OUTPUTS and active:
             self.outputs = arguments[0]
@@ -108,15 +116,17 @@ class CreateBoard:
         self.mode = mode
         if mode not in (Mode.SAFE, Mode.FULL):
             self.outputs = 0
-            self._forward = False
+            self._forward, self._speed_m_s = False, 0.0
             self._plant.set_wheel_speeds(0.0, 0.0)
 
     def emit(self, time_ns: int) -> bytes:
         """See Board."""
         state = self._plant.read()
         stops = Hazard.WHEEL_DROP | Hazard.CLIFF if self._forward else Hazard.WHEEL_DROP
-        if self.mode is Mode.SAFE and state.hazards & stops:
+        powered = self.engages and is_seated(HOME_BASE, state.dock)
+        if self.mode is Mode.SAFE and (state.hazards & stops or powered):
             self._set_mode(Mode.PASSIVE, time_ns)
+        self.battery.advance(time_ns, self._speed_m_s, powered and self.mode in (Mode.OFF, Mode.PASSIVE))
         out = bytes(self._reply)
         self._reply.clear()
         if self._stream and time_ns >= self._next_frame_ns:
@@ -131,7 +141,7 @@ class CreateBoard:
         bumps |= 3 * bool(h & Hazard.BUMPER_CENTER)
         bumps += 4 * bool(h & Hazard.WHEEL_DROP_RIGHT) + 8 * bool(h & Hazard.WHEEL_DROP_LEFT)
         cliffs = {9: Hazard.CLIFF_LEFT, 10: Hazard.CLIFF_CENTER, 11: Hazard.CLIFF_CENTER, 12: Hazard.CLIFF_RIGHT}
-        values = {7: bumps, 18: state.buttons, 22: 16000, 25: 2400, 26: 2700, 35: int(self.mode)}
+        values = {7: bumps, 18: state.buttons, 35: int(self.mode), **self._power(state), **self._infrared(state)}
         values |= {packet: int(bool(h & hazard)) for packet, hazard in cliffs.items()}
         values[14] = 8 * bool(h & Hazard.OVERCURRENT_RIGHT) + 16 * bool(h & Hazard.OVERCURRENT_LEFT)
         if self._model is CREATE_1:
@@ -144,6 +154,25 @@ class CreateBoard:
             values[43] = (left0 + math.floor(state.left_m / METRES_PER_TICK)) % 65536
             values[44] = (right0 + math.floor(state.right_m / METRES_PER_TICK)) % 65536
         return values
+
+    def _power(self, state: PlantState) -> dict[int, int]:
+        """Packets of battery and charger."""
+        battery = self.battery
+        charges, full = battery.current_a > 0.0, battery.fraction >= 1.0
+        values = {21: (3 if full else 2) if charges else 0, 22: round(1000.0 * battery.voltage_v)}
+        values |= {23: round(1000.0 * battery.current_a), 25: battery.charge_mah, 26: battery.capacity_mah}
+        return values | {34: 2 if self.engages and is_seated(HOME_BASE, state.dock) else 0}
+
+    def _infrared(self, state: PlantState) -> dict[int, int]:
+        """Packets of the infrared receivers."""
+        first = self._model is CREATE_1
+        receivers = CREATE_1_RECEIVERS if first else CREATE_2_RECEIVERS
+        seen = light(HOME_BASE, receivers, state.dock, self._rng)
+        told = []
+        for beams in seen:
+            red, green, field = (bool(beams & bit) for bit in (DockBeam.LEFT, DockBeam.RIGHT, DockBeam.HALO))
+            told.append(encode_dock_character(red, green, field, first=first))
+        return dict(zip((17,) if first else (53, 17, 52), told))
 
     def _travelled(self, state: PlantState) -> tuple[float, float]:
         """(distance [m], angle [rad]) since the start. A reading loses what it cuts off, as on the robot."""

@@ -20,6 +20,7 @@ class Opcode(enum.IntEnum):
 
     START = 128
     SAFE = 131
+    FULL = 132
     DRIVE = 137
     LAMPS = 139
     SONG = 140
@@ -63,8 +64,8 @@ LAYOUT: dict[int, str] = {
     24: "b",
 }
 """Packet id -> letter of struct, big endian. 7 bumps and wheel drops, 9-12 cliffs, 18 buttons, 19 distance [mm],
-20 angle [deg], 21 charging state, 22 voltage [mV], 25 charge and 26 capacity [mAh], 34 chargers, 35 mode, 43 and 44
-encoders."""
+20 angle [deg], 21 charging state, 22 voltage [mV], 23 current [mA], 25 charge and 26 capacity [mAh], 34 chargers,
+35 mode, 43 and 44 encoders; 17, 52, 53 infrared characters from all sides, left, right."""
 
 GROUPS: dict[int, range] = {
     0: range(7, 27), 1: range(7, 17), 2: range(17, 21), 3: range(21, 27), 4: range(27, 35), 5: range(35, 43),
@@ -208,6 +209,23 @@ def encode_stream_request(packets: list[int], baud: int) -> bytes:
 def encode_query(packets: list[int]) -> bytes:
     """Ask once for these packets; the answer is their data and nothing else."""
     return bytes((Opcode.QUERY_LIST, len(packets), *packets))
+
+
+def encode_dock_character(red: bool, green: bool, field: bool, *, first: bool) -> int:
+    """The character of a home base. first: of the generation of the Create 1; of the Roomba 600 else. 0 or 255 (first):
+    no light."""
+    if not (red or green or field):
+        return 255 if first else 0
+    return (240 if first else 160) + 8 * red + 4 * green + (2 if first else 1) * field
+
+
+def dock_character(value: int) -> tuple[bool, bool, bool]:
+    """Whether an infrared character holds the red buoy, the green buoy, the force field of a home base of either
+    generation; nothing for other characters (162 is a virtual wall, 255 none)."""
+    first = 240 <= value < 255 and not value & 1
+    if not first and not (160 <= value <= 175 and not value & 2):
+        return False, False, False
+    return bool(value & 8), bool(value & 4), bool(value & (2 if first else 1))
 
 
 def mode_of(value: int) -> Mode:

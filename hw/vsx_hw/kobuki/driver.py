@@ -8,7 +8,7 @@ from vsx_hw.kobuki.feedback import CHARGER_STATES, STEADY_GYRO, Core, Feedback, 
 from vsx_hw.kobuki.odometry import KobukiOdometry, gyro_reading
 from vsx_hw.kobuki.protocol import BaseControl, Led, encode_frame
 from vsx_hw.kobuki.stream import StreamParser
-from vsx_hw.readings import BaseReading, DeviceClock, Hazard, Signal
+from vsx_hw.readings import BaseReading, DeviceClock, DockBeam, DockSignals, Hazard, Signal
 
 _LAMPS = {Signal.READY: Led.GREEN, Signal.HELD: Led.ORANGE, Signal.ALARM: Led.RED}
 _STILL = protocol.drive_payload(BaseControl(0, 0))
@@ -59,8 +59,9 @@ class KobukiDialect(Dialect):
         battery = battery_of(core.battery_decivolt, core.charger)
         gyro = gyro_reading(feedback, stamp_ns, self.odometry.gyro_trusted)
         return BaseReading(
-            stamp_ns, odometry, held, battery, buttons=core.buttons, gyro=gyro, refusal=refusal, warnings=warnings
-        )
+            stamp_ns, odometry, held, battery, buttons=core.buttons, gyro=gyro, refusal=refusal, warnings=warnings,
+            dock=None if feedback.dock_ir is None else DockSignals("kobuki", *map(DockBeam, feedback.dock_ir)),
+        )  # fmt: skip
 
     def _trust(self, core: Core) -> tuple[str, tuple[str, ...]]:
         """(refusal, warnings) from the versions and this frame."""

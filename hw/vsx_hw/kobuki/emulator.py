@@ -4,6 +4,8 @@ import math
 import random
 import struct
 
+from vsx_hw.battery_emulator import KOBUKI_CELLS, EmulatedBattery
+from vsx_hw.dock_emulator import KOBUKI_DOCK, KOBUKI_RECEIVERS, is_seated, light
 from vsx_hw.kobuki.feedback import METRES_PER_TICK
 from vsx_hw.kobuki.odometry import RAW_STEP_RAD_S
 from vsx_hw.kobuki.protocol import BAUD, WHEEL_BASE_M, BaseControl, FrameScanner, encode_frame, sub_payloads, twist_of
@@ -23,14 +25,17 @@ class KobukiBoard:
     """Streams a frame every 20 ms from power-on and obeys base control.
 
     It keeps its last command until a new one: what the firmware does without commands is not documented, and the driver
-    must be safe in the worst case. battery_volt, charger and gyro_stands (the gyro repeats its last values exactly) may
-    be changed while it runs; ``outputs`` is the register of lamps and supplies as the driver last wrote it."""
+    must be safe in the worst case. May be changed while it runs: the battery; charger, the byte of an adapter; engages,
+    whether the dock's contacts conduct; gyro_stands (the gyro repeats its last values exactly). ``outputs`` is the
+    register of lamps and supplies as the driver last wrote it."""
 
     baud = BAUD
 
     def __init__(self, plant: Plant, seed: int = 0) -> None:
-        self.battery_volt, self.charger = 16.2, 0
-        self.gyro_stands = False
+        self.battery, self.charger = EmulatedBattery(KOBUKI_CELLS), 0
+        self.battery.voltage_v = 16.2
+        self.gyro_stands, self.engages = False, True
+        self._rolled = (0, 0.0, 0.0)
         self._gyro: tuple[int, int, bytes] | None = None
         self.outputs = EXTERNAL_POWER
         self._plant = plant
@@ -93,20 +98,32 @@ class KobukiBoard:
         rate = max(-32768, min(32767, round(math.degrees(state.gyro_rate_rad_s) * 100)))
         if self._gyro is None or not self.gyro_stands:
             self._gyro = angle, rate, self._samples(state.gyro_rate_rad_s)
-        volt = round(self.battery_volt * 10)
+        charger = self._charger(state, time_ns)
+        right_ir, center_ir, left_ir = light(KOBUKI_DOCK, KOBUKI_RECEIVERS, state.dock, self._rng)
         return [
             struct.pack(
                 "<BBHBBBHHbbBBBB",
-                *(1, 15, clock, bumper, wheel_drop, cliff, left, right, 0, 0, state.buttons, self.charger, volt),
-                overcurrent,
+                *(1, 15, clock, bumper, wheel_drop, cliff, left, right, 0, 0, state.buttons, charger),
+                *(round(10.0 * self.battery.voltage_v), overcurrent),
             ),
-            bytes((3, 3, 0, 0, 0)),
+            bytes((3, 3, right_ir, center_ir, left_ir)),
             struct.pack("<BBhh3x", 4, 7, *self._gyro[:2]),
             struct.pack("<BB3H", 5, 6, 1600, 1900, 1600),
             bytes((6, 2, 0, 0)),
             struct.pack("<BBBB", 13, 14, clock // 20 % 256, 6) + self._gyro[2],
             struct.pack("<BB5H6x", 16, 16, 0, 4095, 4095, 4095, 4095),
         ]
+
+    def _charger(self, state: PlantState, time_ns: int) -> int:
+        """The charger byte; also lets the battery drain or charge until now."""
+        then_ns, left_m, right_m = self._rolled
+        self._rolled = (time_ns, state.left_m, state.right_m)
+        rolled_m = max(abs(state.left_m - left_m), abs(state.right_m - right_m))
+        charges = self.engages and not self.charger and is_seated(KOBUKI_DOCK, state.dock)
+        self.battery.advance(
+            time_ns, rolled_m / max(1e-9 * (time_ns - then_ns), 1e-3), charges or self.charger in (6, 22)
+        )
+        return (2 if self.battery.fraction >= 1.0 else 6) if charges else self.charger
 
     def _samples(self, rate_rad_s: float) -> bytes:
         """Two samples of three axes, each with independent noise, as a working sensor has."""

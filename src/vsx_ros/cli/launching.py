@@ -36,7 +36,8 @@ def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
         return launch.replay(str(args.bag.resolve()), args.rate, not args.without_odometry, args.run_dir, named)
     if name == "simulate":
         open_world(args.world, args.seed)
-        robot = launch.emulation(args.world, args.seed, args.devices, args.base, args.rate_hz)
+        wires = args.devices, args.base, args.rate_hz, args.dock, args.battery_pace
+        robot = launch.emulation(args.world, args.seed, *wires)
     else:
         robot = launch.bringup(args.base, args.port, args.camera, args.camera_info_url)
     if name == "bringup":
@@ -76,6 +77,8 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--world", default="lab", help="lab, office, corridor, building, a Gazebo file or a world.yaml")
         add("--devices", default="/tmp", help="folder for the emulated port and camera")
         add("--rate-hz", type=float, default=15.0, help="images a second (15)")
+        add("--dock", default="", help="X,Y,DEG of a dock in the world and where it looks to (default: none)")
+        add("--battery-pace", type=float, default=1.0, help="how many times faster the battery drains and charges (1)")
     else:
         add("--port", default="/dev/kobuki", help="serial port of the base")
         add("--camera", default="kinect", help="kinect, kinect:SERIAL, v4l:N, ros:TOPIC, or ros: camera/rgb/image_raw")

@@ -37,6 +37,8 @@ COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "stop": (options_robot.stop, "small_commands"),
     "teleop": (options_robot.teleop, "small_commands"),
     "go": (options_robot.go, "small_commands"),
+    "dock": (options_robot.dock, "small_commands"),
+    "undock": (options_robot.undock, "small_commands"),
     "calibrate": (options_robot.calibrate, "calibrate"),
     "doctor": (options_robot.doctor, "doctor"),
     "config": (options_robot.config, "small_commands"),

@@ -62,11 +62,16 @@ def _refuse_wires(args: argparse.Namespace) -> None:
     """Raises ConfigError for options that only a real robot has, or only one with emulated devices."""
     if args.rate is not None and args.world is None and args.resume is None and not args.fast:
         raise ConfigError(f"--rate {args.rate:g} is for an emulated camera; give --world, or leave it out")
-    emulated, without = ("--fast", ("base", "port", "camera", "rate")) if args.fast else ("--world", ("port", "camera"))
+    for name in ("dock", "battery_pace"):
+        if getattr(args, name) is not None and args.world is None and args.resume is None and not args.fast:
+            option = f"--{name.replace('_', '-')} {getattr(args, name)}"
+            raise ConfigError(f"{option} is for an emulated world; give --world, or leave it out")
+    wires = "base", "port", "camera", "rate", "dock", "battery_pace"
+    emulated, without = ("--fast", wires) if args.fast else ("--world", ("port", "camera"))
     for name in without if args.fast or args.world is not None else ():
         if getattr(args, name) is not None:
             no_meaning = f"has no meaning for the robot that {emulated} emulates; leave out one of the two"
-            raise ConfigError(f"--{name} {getattr(args, name)} {no_meaning}")
+            raise ConfigError(f"--{name.replace('_', '-')} {getattr(args, name)} {no_meaning}")
 
 
 def replay(args: argparse.Namespace) -> int:

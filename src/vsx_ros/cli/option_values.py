@@ -81,6 +81,12 @@ def pose(text: str) -> tuple[float, float, float]:
     return x, y, math.radians(degrees)
 
 
+def pose_text(text: str) -> str:
+    """X,Y,DEG as it stands, if it is a pose."""
+    pose(text)
+    return text
+
+
 def place(text: str) -> tuple[float, float, float | None]:
     """X,Y or X,Y,DEG as metres and radians, None for no heading."""
     try:

@@ -71,6 +71,27 @@ def go(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--stay", action="store_true", help="stay there, until the exploration is resumed")
 
 
+def dock(parser: argparse.ArgumentParser) -> None:
+    """send a running robot to its dock, to charge
+
+    Pauses the exploration, drives to the dock where the robot charged last in this map (or --at), finds its infrared
+    light, drives onto it and checks that current flows; tries again if it does not. Kobuki, Create and Roomba. Ctrl-C
+    ends it. 'vsx undock' leaves the dock; then the exploration goes on.
+
+    examples: vsx dock | vsx dock --at 0.2,-1.5,180 | exit codes: 0 it charges, 1 it does not, or no robot"""
+    parser._negative_number_matcher = re.compile(r"^-[\d.]")  # places may begin with a minus sign
+    what = "where the base stands when it charges: metres in the map, and the degrees it looks to"
+    parser.add_argument("--at", type=pose, metavar="X,Y,DEG", help=what)
+
+
+def undock(parser: argparse.ArgumentParser) -> None:
+    """let a robot leave its dock, backwards
+
+    Drives half a metre backwards; an exploration that 'vsx dock' has paused goes on.
+
+    exit codes: 0 off the dock, 1 not, or no robot"""
+
+
 def doctor(parser: argparse.ArgumentParser) -> None:
     """check machine, ROS, devices, permissions and calibration
 

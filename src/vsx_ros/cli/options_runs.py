@@ -4,7 +4,18 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from vsx_ros.cli.option_values import BASES, PLANNERS, Size, add_models, add_parameters, camera, positive, rate, share
+from vsx_ros.cli.option_values import (
+    BASES,
+    PLANNERS,
+    Size,
+    add_models,
+    add_parameters,
+    camera,
+    pose_text,
+    positive,
+    rate,
+    share,
+)
 
 MAP_FORMATS = {
     "tum": ".txt", "ply": ".ply", "colmap": "_colmap", "pgm": "_ground.yaml", "dense": "_dense.ply",
@@ -67,6 +78,8 @@ def _robot(parser: argparse.ArgumentParser) -> None:
         "camera/rgb/image_raw or on that topic, raw or compressed",
     )
     add("--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)")
+    add("--dock", type=pose_text, metavar="X,Y,DEG", help="a dock in the live emulated world, which looks to DEG")
+    add("--battery-pace", type=positive, metavar="K", help="the emulated battery drains and charges K times faster")
 
 
 def replay(parser: argparse.ArgumentParser) -> None:
@@ -131,9 +144,10 @@ def map(parser: argparse.ArgumentParser) -> None:
         "for MeshLab, CloudCompare, Blender. colmap: a folder with COLMAP's text model (cameras.txt, images.txt, "
         "points3D.txt) and the keyframes' pictures, for COLMAP and what reads it: dense stereo, meshing, splatting. "
         "pgm: the ground map of points, surfaces and the keyframes' places, a picture and a YAML as map_server and "
-        "every ROS navigation stack load them, without odometry in the map's own unit, with zones and rooms beside it; "
-        "the map.pgm of a run knows its bumps, too. dense: the surfaces as a cloud of points with their grey values "
-        "(PLY). planes: JSON, of each plane the normal, offset, extent, supporting points and standard deviations.",
+        "every ROS navigation stack load them, without odometry in the map's own unit, with zones, rooms and dock "
+        "beside it; the map.pgm of a run knows its bumps, too. dense: the surfaces as a cloud of points with their "
+        "grey values (PLY). planes: JSON, of each plane the normal, offset, extent, supporting points and standard "
+        "deviations.",
     )
     export.add_argument("file", type=Path, metavar="FILE", help="a .vsxmap")
     export.add_argument("--format", choices=tuple(MAP_FORMATS), required=True, help="what to write")
@@ -147,8 +161,8 @@ def _save_and_load(verbs: Any) -> None:
         "save",
         help="save the map of a running robot, or of a run",
         description="Saves the SLAM map of the robot that runs now, by its service vslam/save_map, or that of a run "
-        "folder, interrupted or not, with zones and rooms. A second robot is reached with ROS_NAMESPACE=robot1 vsx map "
-        "save.",
+        "folder, interrupted or not, with zones, rooms and dock. A second robot is reached with ROS_NAMESPACE=robot1 "
+        "vsx map save.",
     )
     save.add_argument("run_folder", type=Path, nargs="?", metavar="RUN", help="a run folder (default: the robot)")
     save.add_argument("--out", type=Path, metavar="FILE", help="default: map.vsxmap in the run folder")

@@ -1,5 +1,5 @@
-"""The small commands: ``vsx view``, ``status``, ``stop``, ``teleop``, ``go`` and ``record`` for a running robot;
-also ``config`` and ``completion``."""
+"""The small commands: ``vsx view``, ``status``, ``stop``, ``teleop``, ``go``, ``dock``, ``undock`` and ``record`` for a
+running robot; also ``config`` and ``completion``."""
 
 import argparse
 import math
@@ -50,6 +50,20 @@ def go(args: argparse.Namespace) -> int:
     from vsx_ros.ros.go import go
 
     return go(*args.place, stay=args.stay)
+
+
+def dock(args: argparse.Namespace) -> int:
+    """Send the robot to its dock."""
+    from vsx_ros.ros.dock_command import dock
+
+    return dock(args.at)
+
+
+def undock(_: argparse.Namespace) -> int:
+    """Let the robot leave its dock."""
+    from vsx_ros.ros.dock_command import undock
+
+    return undock()
 
 
 def record(args: argparse.Namespace) -> int:

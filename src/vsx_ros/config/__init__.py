@@ -22,13 +22,13 @@ from vsx_ros.config.maps import (
     RoomsConfig,
     SlamConfig,
 )
-from vsx_ros.config.running import ComputingConfig, RunsConfig
+from vsx_ros.config.running import ComputingConfig, DockingConfig, RunsConfig
 from vsx_ros.errors import ConfigError, did_you_mean
 
 __all__ = [
-    "ComputingConfig", "Config", "DenseConfig", "ExplorationConfig", "FollowerConfig", "GroundMapConfig",
-    "LimitsConfig", "MountConfig", "OdometryConfig", "PlannerConfig", "RobotConfig", "RoomsConfig", "RunsConfig",
-    "SlamConfig", "from_dict", "overridden", "to_dict",
+    "ComputingConfig", "Config", "DenseConfig", "DockingConfig", "ExplorationConfig", "FollowerConfig",
+    "GroundMapConfig", "LimitsConfig", "MountConfig", "OdometryConfig", "PlannerConfig", "RobotConfig", "RoomsConfig",
+    "RunsConfig", "SlamConfig", "from_dict", "overridden", "to_dict",
 ]  # fmt: skip
 
 
@@ -187,6 +187,7 @@ class Config(Branch, frozen=True):
     dense: DenseConfig = DenseConfig()
     rooms: RoomsConfig = RoomsConfig()
     exploration: ExplorationConfig = ExplorationConfig()
+    docking: DockingConfig = DockingConfig()
     runs: RunsConfig = RunsConfig()
     computing: ComputingConfig = ComputingConfig()
 

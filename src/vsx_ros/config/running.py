@@ -1,6 +1,34 @@
-"""Parameters of runs: what they store, and what computing costs in lock-step."""
+"""Parameters of runs: docking, what they store, and what computing costs in lock-step."""
 
-from vsx_ros.config.maps import Branch, NonNegative, Positive
+from typing import Annotated
+
+from msgspec import Meta
+
+from vsx_ros.config.maps import Branch, Count, NonNegative, Positive, Ratio
+
+
+class DockingConfig(Branch, frozen=True):
+    """Docking by the light of the dock. The remembered dock is off by remembered_sigma_*; after a try without contact,
+    the estimate is doubted by doubt_*. sweep_rad: so far it looks to each side first. battery_h: how long a battery
+    lasts, until that is measured. With return_to_charge the robot is back at its dock when reserve_ratio of the battery
+    and reserve_s are left; it goes on at charged_ratio."""
+
+    v_m_s: Annotated[float, Meta(gt=0, le=0.2)] = 0.12
+    creep_m_s: Annotated[float, Meta(gt=0, le=0.1)] = 0.05
+    omega_rad_s: Annotated[float, Meta(ge=0.2, le=1)] = 0.5
+    sweep_rad: Annotated[float, Meta(gt=0, le=3)] = 0.9
+    remembered_sigma_m: Positive = 0.15
+    remembered_sigma_rad: Positive = 0.25
+    doubt_m: NonNegative = 0.005
+    doubt_rad: NonNegative = 0.02
+    tries: Count = 9
+    back_off_m: Positive = 0.35
+    undock_m: Positive = 0.45
+    return_to_charge: bool = True
+    battery_h: Positive = 2.5
+    reserve_ratio: Ratio = 0.12
+    reserve_s: NonNegative = 180.0
+    charged_ratio: Annotated[float, Meta(gt=0, le=1)] = 0.95
 
 
 class RunsConfig(Branch, frozen=True):

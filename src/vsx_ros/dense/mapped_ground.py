@@ -26,6 +26,7 @@ from vsx_ros.occupancy.zoned_grid import with_zones
 from vsx_ros.occupancy.zones import AnchoredZones, Zone
 from vsx_ros.slam.snapshot import MapSnapshot
 
+_AT_DOCK_M = 0.3  # between the seat of the base and where a try ended beside it
 _QUARTERS = np.array([[-0.25, -0.25], [-0.25, 0.25], [0.25, -0.25], [0.25, 0.25]])  # [cells]
 
 
@@ -80,7 +81,7 @@ class MappedGround:
         self._news: deque[tuple[int | None, Callable[[], None]]] = deque()
         self.start = SE2()
         self.dense: AnchoredSurface | None = None
-        self.zones = AnchoredZones()
+        self.zones, self._docked = AnchoredZones(), AnchoredPoses(0.0)
         self._zone_margin_m, self._radius_m = config.planner.zone_margin_m, config.robot.radius_m
 
     def moved(self, pose: SE2, now_ns: int) -> None:
@@ -90,6 +91,19 @@ class MappedGround:
     def bumped(self, pose: SE2) -> None:
         """The bumper is pressed here [m]: a permanent obstacle."""
         self._news.append((None, partial(self._bumps.add, pose)))
+
+    def docked(self, pose: SE2) -> None:
+        """The base charges here [m]: the dock was last seen before it."""
+        self._news.append((None, partial(self._remember_dock, pose)))
+
+    def _remember_dock(self, pose: SE2) -> None:
+        self._docked = AnchoredPoses(0.0)
+        self._docked.add(pose)
+
+    def dock(self, snapshot: MapSnapshot) -> SE2 | None:
+        """Where the base stands when it charges, in the map of a snapshot; None if it never charged in this map."""
+        self._take_over()
+        return next(iter(self._docked.poses(snapshot.keyframe_ids, snapshot.T_world_cams)), None)
 
     def pushed(self, pose: SE2, now_ns: int) -> None:
         """The wheels turn here [m] without moving the base: an obstacle is suspected ahead, for some time."""
@@ -102,10 +116,11 @@ class MappedGround:
             self._now_ns = self._now_ns if now_ns is None else now_ns
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Start, trail, bumps and zones, for ``restore``. Surfaces are found again from the map; pushes are
+        """Start, trail, bumps, dock and zones, for ``restore``. Surfaces are found again from the map; pushes are
         forgotten."""
         self._take_over()
         driven = {"start": self.start.as_array(), "trail": self._trail.state(), "bumps": self._bumps.state()}
+        driven["dock"] = self._docked.state()
         return {**driven, **self.zones.state()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
@@ -114,6 +129,7 @@ class MappedGround:
             self.start = SE2(*(float(x) for x in state["start"]))
             self._trail.restore(state["trail"])
             self._bumps.restore(state["bumps"])
+            self._docked.restore(state.get("dock", np.zeros((0, 7))))  # sessions of older versions had none
             self.zones.restore(state)
         except (KeyError, TypeError) as error:
             raise InputError(f"the ground map to go on with is damaged ({error}); start a new run") from error
@@ -142,7 +158,10 @@ class MappedGround:
         """The ground map of a snapshot; without surfaces, the sparse one of the paper."""
         self._take_over()
         keyframes = snapshot.keyframe_ids, snapshot.T_world_cams
-        touched = self._bumps.poses(*keyframes) + self._suspected.poses(self._now_ns, *keyframes)
+        dock, bumps = self.dock(snapshot), self._bumps.poses(*keyframes)
+        if dock is not None:  # the dock is touched on purpose
+            bumps = [bump for bump in bumps if bump.distance_to(dock) > _AT_DOCK_M]
+        touched = bumps + self._suspected.poses(self._now_ns, *keyframes)
         return self._ground_map.build(
             snapshot.T_world_cams,
             snapshot.points_world,

@@ -14,15 +14,15 @@ import rospy
 from geometry_msgs.msg import TransformStamped, Vector3
 from nav_msgs.msg import Odometry as OdometryMsg
 from sensor_msgs.msg import BatteryState, Imu, JointState, PointCloud2
-from std_msgs.msg import String, UInt8
+from std_msgs.msg import Bool, String, UInt8, UInt8MultiArray
 from tf2_msgs.msg import TFMessage
 
-from vsx_hw.readings import BaseReading, BatteryReading, GyroReading, Hazard, OdometryReading, RateSample
+from vsx_hw.readings import BaseReading, GyroReading, Hazard, OdometryReading, RateSample
 from vsx_hw.safety import Decision, Supervisor
 from vsx_ros.control.operator_hold import OperatorHoldWatch
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry, OperatorHold
-from vsx_ros.ros import convert, headers, topics
+from vsx_ros.ros import convert, energy_messages, headers, topics
 from vsx_ros.ros.logs import ERROR, OK, WARN, Diagnostics
 from vsx_ros.ros.topic_drivers import topic_names
 
@@ -67,18 +67,6 @@ def joint_states(reading: OdometryReading) -> JointState:
     return JointState(header=headers.header("", reading.stamp_ns), name=_JOINTS, position=angles)
 
 
-def battery(reading: BatteryReading, stamp_ns: int) -> BatteryState:
-    """The base's battery; values that it does not measure are NaN."""
-    msg = BatteryState(header=headers.header("", stamp_ns), voltage=reading.voltage_v, percentage=reading.fraction)
-    msg.temperature = msg.current = msg.charge = msg.capacity = msg.design_capacity = math.nan
-    msg.present = True
-    charging, discharging = BatteryState.POWER_SUPPLY_STATUS_CHARGING, BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
-    msg.power_supply_status = charging if reading.charging else discharging
-    if reading.state == "charged":
-        msg.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_FULL
-    return msg
-
-
 def imu(reading: GyroReading, stamp_ns: int) -> Imu:
     """Heading and rate of the base's gyro; missing axes are marked unknown. The covariance grows while the wheels
     contradict the gyro."""
@@ -116,12 +104,6 @@ def bumper_cloud(hazards: Hazard, stamp_ns: int) -> PointCloud2:
     return convert.cloud_msg(np.array(points), topics.BODY_FRAME, stamp_ns)
 
 
-def is_nearly_empty(msg: BatteryState) -> bool:
-    """At most a tenth is left (13.3 V on a Kobuki) and the battery is discharging."""
-    discharging = msg.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
-    return bool(discharging and msg.percentage <= 0.1)
-
-
 class BaseTopics:
     """Publishes each reading. For a base with its own driver: only what that driver does not publish already."""
 
@@ -140,6 +122,8 @@ class BaseTopics:
         self._offer(topics.BATTERY, BatteryState, ours, queue_size=1)
         self._offer(topics.IMU, Imu, ours, **fast)
         self._offer(topics.IMU_RAW, Imu, ours, **fast)
+        self._offer(topics.DOCK_IR, UInt8MultiArray, ours, queue_size=5, tcp_nodelay=True)
+        self._offer(topics.DOCKED, Bool, ours, queue_size=5, latch=True)
         self._offer(topics.BUMPER_CLOUD, PointCloud2, queue_size=5, tcp_nodelay=True)
         self._offer(topics.HAZARDS, UInt8, queue_size=5, latch=True, tcp_nodelay=True)
         self._offer(topics.BUTTONS, UInt8, queue_size=5, latch=True)
@@ -172,6 +156,9 @@ class BaseTopics:
             for sample in reading.gyro.raw:
                 self._tell(topics.IMU_RAW, raw_imu(sample))
         self.tell_hazards(reading.hazards, reading.stamp_ns)
+        if reading.dock is not None:
+            self._tell(topics.DOCK_IR, energy_messages.dock_ir(reading.dock))
+        self._tell_new(topics.DOCKED, Bool(reading.battery.docked))
         self._tell_new(topics.BUTTONS, UInt8(reading.buttons))
         self._tell_new(topics.MUX_ACTIVE, String(active or "idle"))
 
@@ -184,7 +171,7 @@ class BaseTopics:
 
     def tell_battery(self, reading: BaseReading) -> None:
         """Publish the battery."""
-        self._tell(topics.BATTERY, battery(reading.battery, reading.stamp_ns))
+        self._tell(topics.BATTERY, energy_messages.battery(reading.battery, reading.stamp_ns))
 
     def _offer(self, topic: str, kind: Any, wanted: bool = True, *, queue_size: int, **options: Any) -> None:
         if wanted:

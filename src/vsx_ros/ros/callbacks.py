@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import rospy
+from diagnostic_msgs.srv import AddDiagnostics, AddDiagnosticsRequest, AddDiagnosticsResponse
 from genpy import Message
 from nav_msgs.msg import Odometry as OdometryMsg
 from sensor_msgs.msg import Image
@@ -91,6 +92,19 @@ def hear_operator_hold(callback: Callable[[OperatorHold | None], None]) -> rospy
         callback(OperatorHold(told["by"], told["since_ns"]) if told["by"] else None)
 
     return subscribe(topics.OPERATOR_HOLD, String, take, queue_size=5, tcp_nodelay=True)
+
+
+def offer_text(name: str, act: Callable[[str], str]) -> None:
+    """Offer a service that takes a text, usually JSON (AddDiagnostics, a standard type). ``act`` returns the answer's
+    message, or raises VsxError."""
+
+    def answer(request: AddDiagnosticsRequest) -> AddDiagnosticsResponse:
+        try:
+            return AddDiagnosticsResponse(success=True, message=act(request.load_namespace))
+        except VsxError as error:
+            return AddDiagnosticsResponse(success=False, message=str(error))
+
+    rospy.Service(name, AddDiagnostics, answer)
 
 
 def offer_trigger(name: str, act: Callable[[], str]) -> None:

@@ -16,88 +16,26 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import msgspec
 import numpy as np
 
 from vsx_hw.kinect.emulator import KinectEmulator
-from vsx_hw.readings import Hazard
-from vsx_hw.serial_emulator import PlantState
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.config import RobotConfig
 from vsx_ros.errors import VsxError
-from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.calibration_file import write_calibration
+from vsx_ros.ros.emulated_base import BodyState
 from vsx_ros.runs.journal import flat
 from vsx_ros.runs.world import open_world
-from vsx_ros.sim.body import Body
 from vsx_ros.sim.camera import EmulatedCamera
-from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.optics import scene_of
 from vsx_ros.sim.robot import SimulationConfig
 
 POSE = struct.Struct("<q4d")  # Time since the emulator's start [ns], x, y [m], theta [rad], travelled path [m]
 _KEPT = 600  # poses, for images that are rendered late
-_RATE_WINDOW_NS = 20_000_000  # emulated time over which the turn rate is averaged: one odometry period
-_SECTORS = Hazard.BUMPER_LEFT, Hazard.BUMPER_CENTER, Hazard.BUMPER_RIGHT
-
-
-class BodyState(NamedTuple):
-    """The truth at one instant since the emulator's start."""
-
-    time_ns: int
-    T_world_base: SE2
-    path_length_m: float
-
-
-class BodyPlant:
-    """``vsx_hw.serial_emulator.Plant`` for the emulated body; only the emulator's thread calls it. Any thread may read
-    ``state`` and the counters of ``body``. ``on_step`` is called after each step."""
-
-    def __init__(
-        self,
-        world: EmulatedWorld,
-        seed: int,
-        robot: RobotConfig,
-        on_step: Callable[[BodyState], None],
-        wheel_base_m: float,
-    ) -> None:
-        settings = msgspec.structs.replace(SimulationConfig().body, wheel_base_m=wheel_base_m)
-        rng = np.random.default_rng([seed, 1])  # as in the lock-step robot
-        segments = world.obstacle_segments(0.0, robot.height_m)
-        self._settings = settings
-        self.body = Body(segments, world.start_pose, robot.radius_m, settings, rng)
-        self._on_step = on_step
-        self._gyro_before = (0, 0.0)
-        self._rate_rad_s = 0.0
-        self.state = self._state()
-
-    def set_wheel_speeds(self, left_m_s: float, right_m_s: float) -> None:
-        """See Plant."""
-        self.body.set_wheel_speeds(left_m_s, right_m_s)
-
-    def advance(self, dt_ns: int) -> None:
-        """See Plant."""
-        self.body.advance(dt_ns)
-        self.state = self._state()
-        self._on_step(self.state)
-
-    def read(self) -> PlantState:
-        """See Plant. The rate is the change of the gyro's angle over the last 20 ms."""
-        body, tick_m = self.body, self._settings.tick_m
-        then_ns, angle_before = self._gyro_before
-        if body.time_ns - then_ns >= _RATE_WINDOW_NS:
-            self._rate_rad_s = (body.gyro_angle_rad - angle_before) / (body.time_ns - then_ns) * 1e9
-            self._gyro_before = body.time_ns, body.gyro_angle_rad
-        left, right = body.encoders()
-        hazards = Hazard(sum(sector for sector, pressed in zip(_SECTORS, body.bumper) if pressed))
-        gyro_rad, rate_rad_s = body.gyro_angle_rad, self._rate_rad_s
-        return PlantState(left * tick_m, right * tick_m, gyro_rad=gyro_rad, gyro_rate_rad_s=rate_rad_s, hazards=hazards)
-
-    def _state(self) -> BodyState:
-        return BodyState(self.body.time_ns, self.body.T_world_base, self.body.path_length_m)
 
 
 class RenderSettings(msgspec.Struct, frozen=True):

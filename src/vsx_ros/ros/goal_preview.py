@@ -5,16 +5,14 @@ import math
 from typing import Any
 
 import numpy as np
-import rospy
-from diagnostic_msgs.srv import AddDiagnostics, AddDiagnosticsRequest, AddDiagnosticsResponse
 from std_msgs.msg import String
 
 from vsx_ros.control.localization import MAP_FRAME
-from vsx_ros.errors import InputError, VsxError
+from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning.path import Refusal, TimedPlan
 from vsx_ros.ros import headers, topics
-from vsx_ros.ros.callbacks import json_number, json_object
+from vsx_ros.ros.callbacks import json_number, json_object, offer_text
 from vsx_ros.ros.planning_thread import PlanningThread
 from vsx_ros.ros.situation import LocalizationSubscriber
 
@@ -47,22 +45,19 @@ def preview(goal: SE2, way: TimedPlan) -> dict[str, Any]:
 
 
 class GoalPreview:
-    """Services: move_base/preview_goal (AddDiagnostics, because it is a standard type that takes a text: JSON
-    {"x": 1.0, "y": 2.0}; on success the message is JSON, as of ``preview``, else the reason)."""
+    """Services: move_base/preview_goal (AddDiagnostics: JSON {"x": 1.0, "y": 2.0}; on success the message is JSON, as
+    of ``preview``, else the reason)."""
 
     def __init__(self, planner: PlanningThread, where: LocalizationSubscriber) -> None:
         self._planner, self._where = planner, where
-        rospy.Service(topics.PREVIEW_GOAL, AddDiagnostics, self._on_preview)
+        offer_text(topics.PREVIEW_GOAL, self._preview)
 
-    def _on_preview(self, request: AddDiagnosticsRequest) -> AddDiagnosticsResponse:
-        try:
-            here = self._where.at(headers.now_ns()).pose(MAP_FRAME)
-            if here is None:
-                raise InputError("the robot does not know yet where it is in the map; wait until the camera tracks")
-            goal = asked_goal(request.load_namespace, here)
-            way = self._planner.way(here, goal)
-        except VsxError as error:
-            return AddDiagnosticsResponse(success=False, message=str(error))
+    def _preview(self, text: str) -> str:
+        here = self._where.at(headers.now_ns()).pose(MAP_FRAME)
+        if here is None:
+            raise InputError("the robot does not know yet where it is in the map; wait until the camera tracks")
+        goal = asked_goal(text, here)
+        way = self._planner.way(here, goal)
         if isinstance(way, Refusal):
-            return AddDiagnosticsResponse(success=False, message=way.reason)
-        return AddDiagnosticsResponse(success=True, message=json.dumps(preview(goal, way)))
+            raise InputError(way.reason)
+        return json.dumps(preview(goal, way))

@@ -57,14 +57,24 @@ def bringup(base: str = "auto", port: str = "/dev/kobuki", camera: str = "kinect
 
 
 def emulation(
-    world: str, seed: int = 0, devices: str = "/tmp", base: str = "kobuki", rate_hz: float = 15.0
+    world: str,
+    seed: int = 0,
+    devices: str = "/tmp",
+    base: str = "kobuki",
+    rate_hz: float = 15.0,
+    dock: str = "",
+    battery_pace: float = 1.0,
 ) -> list[LaunchNode]:
     """An emulated robot under the real drivers. devices: folder for port and socket. base: its kind; auto emulates a
-    Kobuki and leaves its driver on auto. rate_hz: images per second."""
+    Kobuki and leaves its driver on auto. rate_hz: images per second. dock: X,Y,DEG of a dock in the world.
+    battery_pace: how many times faster than a real one the battery drains and charges."""
     port, camera_socket = f"{devices}/vsx_base", f"{devices}/vsx_camera"
     kind = "kobuki" if base == "auto" else base
     emulator = {"world": world, "seed": seed, "robot_type": kind, "port": port, "camera_socket": camera_socket}
-    return [LaunchNode("emulator", {**emulator, "rate_hz": rate_hz}), *bringup(base, port, f"emulator:{camera_socket}")]
+    return [
+        LaunchNode("emulator", {**emulator, "rate_hz": rate_hz, "dock": dock, "battery_pace": battery_pace}),
+        *bringup(base, port, f"emulator:{camera_socket}"),
+    ]
 
 
 def exploration(
@@ -77,6 +87,7 @@ def exploration(
         LaunchNode("move_base", {"planner": planner, "seed": seed}, respawn=True),
         LaunchNode("follower", {}, respawn=True),
         LaunchNode("explore", {"run_dir": run_dir}),
+        LaunchNode("dock", {"seed": seed}, respawn=True),
     ]
 
 

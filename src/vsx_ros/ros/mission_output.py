@@ -188,11 +188,18 @@ class GoalSender:
         """Send the goal of a decision, or cancel our current goal. Other goals stay: during a pause another client may
         send one."""
         if decision.action is Action.GO and decision.goal is not None:
-            goal = convert.pose_stamped(decision.frame, now_ns, decision.goal)
-            self._goal = self._client.send_goal(MoveBaseGoal(goal))
-            self._sent_s, self._untaken = time.monotonic(), False
-        elif decision.action in (Action.CANCEL, Action.FINISH) and self.state()[0] is NavigationState.ACTIVE:
-            assert self._goal is not None
+            self.send(now_ns, decision.frame, decision.goal)
+        elif decision.action in (Action.CANCEL, Action.FINISH):
+            self.cancel()
+
+    def send(self, now_ns: int, frame: str, goal: SE2) -> None:
+        """Drive there; it replaces our last goal."""
+        self._goal = self._client.send_goal(MoveBaseGoal(convert.pose_stamped(frame, now_ns, goal)))
+        self._sent_s, self._untaken = time.monotonic(), False
+
+    def cancel(self) -> None:
+        """Cancel our goal, if it is pursued."""
+        if self._goal is not None and self.state()[0] is NavigationState.ACTIVE:
             self._goal.cancel()
 
     def state(self) -> tuple[NavigationState, str]:

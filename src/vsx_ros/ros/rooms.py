@@ -7,19 +7,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import rospy
-from diagnostic_msgs.srv import AddDiagnostics, AddDiagnosticsRequest, AddDiagnosticsResponse
 from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import MarkerArray
 
 from vsx_ros.config import Config
-from vsx_ros.errors import InputError, VsxError
+from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.room_file import load_rooms, room_file, room_of, room_tree, save_rooms
 from vsx_ros.limits import DAMAGE
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.rooms import Room, RoomMap, RoomTracker
 from vsx_ros.ros import headers, topics
-from vsx_ros.ros.callbacks import json_object
+from vsx_ros.ros.callbacks import json_object, offer_text
 from vsx_ros.ros.outlines import Outline, outline_markers
 from vsx_ros.runs.rooms import renamed
 
@@ -28,8 +27,7 @@ _COLOR = ColorRGBA(0.55, 0.75, 0.95, 1.0)
 
 class RoomServer:
     """Publishers: rooms (latched; "here" is the number of the room that the robot is in, or null), rooms/markers
-    (latched). Services: rooms/name (AddDiagnostics, because it is a standard type that takes a
-    text: JSON {"room": name or number, "name": new name})."""
+    (latched). Services: rooms/name (AddDiagnostics: JSON {"room": name or number, "name": new name})."""
 
     def __init__(self, config: Config, before: Path | None = None, kept: Path | None = None) -> None:
         """before: the file of the map that is continued; its rooms keep their numbers and names. kept: the file beside
@@ -44,7 +42,7 @@ class RoomServer:
         self._here: int | None = None
         self._rooms_pub = rospy.Publisher(topics.ROOMS, String, queue_size=1, latch=True)
         self._markers_pub = rospy.Publisher(topics.ROOM_MARKERS, MarkerArray, queue_size=1, latch=True)
-        rospy.Service(topics.NAME_ROOM, AddDiagnostics, self._on_name)
+        offer_text(topics.NAME_ROOM, self._name)
 
     def update(self, grid: OccupancyGrid, T_map_base: SE2 | None) -> None:
         """Split a new ground map, if the last one was a while ago. T_map_base: None if unknown."""
@@ -71,23 +69,20 @@ class RoomServer:
             self._rooms_pub.publish(text)
             self._markers_pub.publish(room_markers(rooms.rooms, headers.now_ns()))
 
-    def _on_name(self, request: AddDiagnosticsRequest) -> AddDiagnosticsResponse:
-        try:
-            tree = json_object(String(request.load_namespace), "room", "name")
-            with self._lock:
-                rooms = self._tracker.current
-                if rooms is None:
-                    return AddDiagnosticsResponse(success=False, message="there is no ground map yet, so no room")
-                for room in renamed(rooms, str(tree["room"]), str(tree["name"])).rooms:
-                    if room.name == tree["name"]:
-                        self._tracker.rename(room.number, room.name)
-                assert self._tracker.current is not None
-                self._publish(self._tracker.current)
-                if self._kept is not None:
-                    save_rooms(self._tracker.current, room_file(self._kept))
-        except VsxError as error:
-            return AddDiagnosticsResponse(success=False, message=str(error))
-        return AddDiagnosticsResponse(success=True, message=f"room {tree['room']} is called {tree['name']!r}")
+    def _name(self, text: str) -> str:
+        tree = json_object(String(text), "room", "name")
+        with self._lock:
+            rooms = self._tracker.current
+            if rooms is None:
+                raise InputError("there is no ground map yet, so no room")
+            for room in renamed(rooms, str(tree["room"]), str(tree["name"])).rooms:
+                if room.name == tree["name"]:
+                    self._tracker.rename(room.number, room.name)
+            assert self._tracker.current is not None
+            self._publish(self._tracker.current)
+            if self._kept is not None:
+                save_rooms(self._tracker.current, room_file(self._kept))
+        return f"room {tree['room']} is called {tree['name']!r}"
 
 
 def heard_rooms(msg: String) -> tuple[list[Room], int | None]:

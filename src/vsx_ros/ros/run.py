@@ -139,7 +139,8 @@ def _nodes(
         path = path.with_name("world_resumed.yaml")
         start = Start(x=T_world_base.x, y=T_world_base.y, theta_rad=T_world_base.theta)
         save_world(world.starting_at(start), path)
-    return [*launch.emulation(str(path), args.seed, str(devices), args.base, args.rate), *above]
+    wires = str(devices), args.base, args.rate, args.dock or "", args.battery_pace or 1.0
+    return [*launch.emulation(str(path), args.seed, *wires), *above]
 
 
 def _watch(

@@ -28,10 +28,11 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.virtual_scan import laser_scan
 from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.dense_process import DenseProcess
+from vsx_ros.ros.dock_memory import DockMemory
 from vsx_ros.ros.rooms import RoomServer
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.zones import ZoneServer
-from vsx_ros.runs.zones import write_zones
+from vsx_ros.runs.places import write_places
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.slam import ThreadedSlam
@@ -50,8 +51,8 @@ _SCAN_BEARINGS = 720  # every half degree
 
 class SlamMaps:
     """Makes the ground map on one thread and the dense map on another. Publishers: map, map_metadata, vslam/map_points,
-    vslam/keyframes, vslam/path (all latched), and those of ``DenseMapping``, ``ZoneServer`` and ``RoomServer``.
-    Services: static_map.
+    vslam/keyframes, vslam/path (all latched), and those of ``DenseMapping``, ``DockMemory``, ``ZoneServer`` and
+    ``RoomServer``. Services: static_map.
 
     driven: the newest state of the session's ground."""
 
@@ -73,6 +74,7 @@ class SlamMaps:
         self._keyframes_pub = rospy.Publisher(topics.KEYFRAMES, PoseArray, queue_size=1, latch=True)
         self._path_pub = rospy.Publisher(topics.SLAM_PATH, PathMsg, queue_size=1, latch=True)
         rospy.Service(topics.STATIC_MAP, GetMap, lambda _: GetMapResponse(self._message))
+        self._dock = DockMemory(session)
         self._zones = ZoneServer(
             session.ground, self._snapshot, lambda: session.where.T_map_base, config.robot.radius_m
         )
@@ -99,6 +101,7 @@ class SlamMaps:
         grid = self._ground(snapshot)
         where = session.where.T_map_base
         self._zones.publish(snapshot)
+        self._dock.publish(snapshot)
         self._rooms.update(grid, where)
         self._dense.publish(snapshot, grid, where or session.ground.start)
         self._status.map(snapshot if self._slam is not None else None)
@@ -111,7 +114,7 @@ class SlamMaps:
     def write_beside(self, slam_map: SlamMap | None, map_file: Path) -> None:
         """Write zones and rooms beside a map. Raises MapFileError."""
         with self._zones.lock:
-            write_zones(self._session.ground, slam_map, map_file)
+            write_places(self._session.ground, slam_map, map_file)
         self._rooms.write(map_file)
 
     def _ground(self, snapshot: MapSnapshot) -> OccupancyGrid:

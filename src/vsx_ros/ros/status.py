@@ -13,6 +13,7 @@ from sensor_msgs.msg import BatteryState, CameraInfo
 from std_msgs.msg import Float32, String, UInt8
 
 from vsx_ros.exploration.time_left import left_words
+from vsx_ros.navigation.docking_state import DockingState
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import convert, operator_command, topics
 from vsx_ros.ros.callbacks import hear_operator_hold, json_object, subscribe
@@ -27,13 +28,13 @@ _PATIENCE_S = 4.0  # Longest wait for values that nobody has published yet
 
 class StatusBoard:
     """Subscribers: explore/status, vslam/state, vslam/stats/tracked_ratio, camera/rgb/camera_info (each image has one),
-    battery, cmd_vel_mux/active, mobile_base/{hazards,operator_hold}, /diagnostics, zones, rooms."""
+    battery, cmd_vel_mux/active, mobile_base/{hazards,operator_hold}, dock/status, /diagnostics, zones, rooms."""
 
     def __init__(self) -> None:
         self._facts: dict[str, Any] = dict.fromkeys(
             ("state", "reason", "slam_state", "slam_reason", "tracked_ratio", "camera_hz", "driver", "base_reason",
-             "estop", "held_by", "held_since_ns", "hazards", "battery_fraction", "battery_v", "charging", "zones",
-             "zones_entered", "room", "left_s")
+             "estop", "held_by", "held_since_ns", "hazards", "battery_fraction", "battery_v", "charging",
+             "battery_left_s", "docking", "docking_reason", "zones", "zones_entered", "room", "left_s")
         )  # fmt: skip
         self._safety = f"{rospy.resolve_name('mobile_base').lstrip('/')}: safety"
         self._images_s: deque[float] = deque(maxlen=200)
@@ -44,6 +45,7 @@ class StatusBoard:
         subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
         subscribe(topics.MUX_ACTIVE, String, lambda m: self._set(driver=m.data), queue_size=1)
         subscribe(topics.HAZARDS, UInt8, lambda m: self._set(hazards=convert.hazard_words(m.data)), queue_size=1)
+        subscribe(topics.DOCK_STATUS, String, self._on_dock, queue_size=1)
         hear_operator_hold(self._on_hold)
         subscribe(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
         subscribe(topics.ZONES, String, self._on_zones, queue_size=1)
@@ -68,6 +70,10 @@ class StatusBoard:
 
     def _on_slam(self, msg: DiagnosticStatus) -> None:
         self._set(slam_state=msg.name, slam_reason=msg.message)
+
+    def _on_dock(self, msg: String) -> None:
+        status = json_object(msg, "state", "reason", "battery_left_s")
+        self._set(docking=status["state"], docking_reason=status["reason"], battery_left_s=status["battery_left_s"])
 
     def _on_hold(self, hold: OperatorHold | None) -> None:
         self._set(held_by=hold.by if hold is not None else "", held_since_ns=hold.since_ns if hold is not None else 0)
@@ -108,6 +114,8 @@ def screen(facts: dict[str, Any]) -> str:
         held = f"HELD BY THE OPERATOR ({facts['held_by']}) since {since:%H:%M:%S}; "
     wheels = "EMERGENCY STOP, 'vsx stop --release' ends it" if facts["estop"] else held + shown("base_reason")
     battery = shown("battery_fraction", "{:.0%}") + shown("battery_v", ", {:.1f} V", "")
+    if facts["battery_left_s"] is not None:
+        battery += f", lasts about {_words(facts['battery_left_s'])}"
     found = shown("tracked_ratio", "; {:.0%} of the points searched are found", "")
     entered = " and ".join(repr(str(name)) for name in facts["zones_entered"] or [])
     zones = "; ".join(facts["zones"] or []) or shown("zones", "none")
@@ -122,7 +130,15 @@ def screen(facts: dict[str, Any]) -> str:
         "zones": (f"THE ROBOT REACHES INTO {entered}; " if entered else "") + zones,
         "room": shown("room"),
     }
+    if facts["docking"] not in (None, DockingState.IDLE.value):
+        lines["dock"] = with_reason("docking", "docking_reason")
     return "".join(f"{name:12} {text}\n" for name, text in lines.items())
+
+
+def _words(seconds: float) -> str:
+    """A time of minutes or hours."""
+    hours, minutes = divmod(round(seconds / 60.0), 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
 
 
 @operator_command.command
@@ -131,7 +147,7 @@ def status(*, watch: bool, as_json: bool) -> int:
     operator_command.join("status")
     board = StatusBoard()
     time.sleep(_LISTEN_S)
-    always = board.facts().keys() - {"left_s"}
+    always = board.facts().keys() - {"left_s", "battery_left_s"}
     deadline_s = time.monotonic() + _PATIENCE_S - _LISTEN_S
     while any(board.facts()[name] is None for name in always) and time.monotonic() < deadline_s:
         time.sleep(0.1)

@@ -9,6 +9,7 @@ _NODES = (
     "move_base",
     "follower",
     "explore",
+    "dock",
     "teleop",
     "emulator",
     "dashboard",
@@ -65,11 +66,13 @@ BUTTONS = _topic("mobile_base/buttons", "std_msgs/UInt8", "mobile_base")
 BATTERY = _topic("battery", "sensor_msgs/BatteryState", "mobile_base")
 IMU = _topic("mobile_base/sensors/imu_data", "sensor_msgs/Imu", "mobile_base")
 IMU_RAW = _topic("mobile_base/sensors/imu_data_raw", "sensor_msgs/Imu", "mobile_base")
+DOCK_IR = _topic("mobile_base/sensors/dock_ir", "std_msgs/UInt8MultiArray", "mobile_base")  # right, centre, left
+DOCKED = _topic("mobile_base/docked", "std_msgs/Bool", "mobile_base")
 BUMPER_CLOUD = _topic("mobile_base/sensors/bumper_pointcloud", "sensor_msgs/PointCloud2", "mobile_base")
 MUX_ACTIVE = _topic("cmd_vel_mux/active", "std_msgs/String", "mobile_base")
 COMMAND_SAFETY = "cmd_vel_mux/input/safety_controller"
 COMMAND_TELEOP = _topic("cmd_vel_mux/input/teleop", "geometry_msgs/Twist", "teleop", "dashboard")
-COMMAND_NAVI = _topic("cmd_vel_mux/input/navi", "geometry_msgs/Twist", "follower")
+COMMAND_NAVI = _topic("cmd_vel_mux/input/navi", "geometry_msgs/Twist", "follower", "dock")
 COMMANDS = {"safety_controller": COMMAND_SAFETY, "teleop": COMMAND_TELEOP, "navi": COMMAND_NAVI}
 ESTOP = _service("mobile_base/estop", "std_srvs/SetBool", "mobile_base")
 RESET_ODOMETRY = _service("mobile_base/reset_odometry", "std_srvs/Trigger", "mobile_base")
@@ -93,6 +96,7 @@ CHANGE_ZONES = _service("zones/change", "diagnostic_msgs/AddDiagnostics", "vslam
 ROOMS = _topic("rooms", "std_msgs/String", "vslam")  # JSON, latched: rooms of the map
 ROOM_MARKERS = _topic("rooms/markers", "visualization_msgs/MarkerArray", "vslam")
 NAME_ROOM = _service("rooms/name", "diagnostic_msgs/AddDiagnostics", "vslam")
+DOCK_POSE = _topic("dock/pose", "geometry_msgs/PoseStamped", "vslam")  # of the base when it charges; latched
 SAVE_MAP = _service("vslam/save_map", "std_srvs/Trigger", "vslam")
 SAVE_MAP_TO = "vslam/save_map_to"
 STATS = "vslam/stats"
@@ -117,8 +121,8 @@ FOLLOWER_LEASE = _topic("follower/lease", "std_msgs/String", "vslam", "move_base
 
 # move_base: the planner
 MOVE_BASE_ACTION = "move_base"
-MOVE_BASE_GOAL = _topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore", "dashboard")
-MOVE_BASE_CANCEL = _topic("move_base/cancel", "actionlib_msgs/GoalID", "explore", "dashboard")
+MOVE_BASE_GOAL = _topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore", "dock", "dashboard")
+MOVE_BASE_CANCEL = _topic("move_base/cancel", "actionlib_msgs/GoalID", "explore", "dock", "dashboard")
 MOVE_BASE_STATUS = _topic("move_base/status", "actionlib_msgs/GoalStatusArray", "move_base")
 _topic("move_base/result", "move_base_msgs/MoveBaseActionResult", "move_base")
 _topic("move_base/feedback", "move_base_msgs/MoveBaseActionFeedback", "move_base")
@@ -131,7 +135,7 @@ TRAJECTORY = _topic("move_base/trajectory", "trajectory_msgs/MultiDOFJointTrajec
 PLAN_MS = _topic("move_base/stats/plan_ms", "std_msgs/Float32", "move_base")
 MAKE_PLAN = _service("move_base/make_plan", "nav_msgs/GetPlan", "move_base")
 PREVIEW_GOAL = _service("move_base/preview_goal", "diagnostic_msgs/AddDiagnostics", "move_base")  # JSON in and out
-NAVIGATION_LEASE = _topic("move_base/lease", "std_msgs/String", "explore")
+NAVIGATION_LEASE = _topic("move_base/lease", "std_msgs/String", "explore", "dock")
 
 # explore
 FRONTIERS = _topic("explore/frontiers", "visualization_msgs/MarkerArray", "explore")
@@ -142,6 +146,12 @@ EXPLORE_PAUSE = _service("explore/pause", "std_srvs/Trigger", "explore")
 EXPLORE_RESUME = _service("explore/resume", "std_srvs/Trigger", "explore")
 EXPLORE_STOP = _service("explore/stop", "std_srvs/Trigger", "explore")
 EXPLORE_HOME = _service("explore/home", "std_srvs/Trigger", "explore")
+
+# dock
+DOCK_STATUS = _topic("dock/status", "std_msgs/String", "dock")  # JSON: see nodes.dock
+DOCK_START = _service("dock/start", "diagnostic_msgs/AddDiagnostics", "dock")  # JSON in; success, words out
+DOCK_LEAVE = _service("dock/leave", "std_srvs/Trigger", "dock")
+DOCK_CANCEL = _service("dock/cancel", "std_srvs/Trigger", "dock")
 
 # emulator: only for evaluation
 TRUTH_ODOMETRY = _topic("emulator/ground_truth/odometry", "nav_msgs/Odometry", "emulator")

@@ -5,21 +5,20 @@ import threading
 from collections.abc import Callable, Sequence
 
 import rospy
-from diagnostic_msgs.srv import AddDiagnostics, AddDiagnosticsRequest, AddDiagnosticsResponse
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import MarkerArray
 
 from vsx_ros.config import Config
 from vsx_ros.dense.mapped_ground import MappedGround
-from vsx_ros.errors import InputError, VsxError
+from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.limits import json_tree
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import with_zones
 from vsx_ros.occupancy.zones import MAX_ZONES, Zone, ZoneKind, entered, zone_of
 from vsx_ros.ros import convert, headers, topics
-from vsx_ros.ros.callbacks import json_object, subscribe
+from vsx_ros.ros.callbacks import json_object, offer_text, subscribe
 from vsx_ros.ros.outlines import Outline, outline_markers
 from vsx_ros.slam.snapshot import MapSnapshot
 
@@ -33,8 +32,8 @@ _COLORS = {
 
 
 class ZoneServer:
-    """Publishers: zones, zones/markers (both latched). Services: zones/change (AddDiagnostics, because it is a standard
-    type that takes a text: JSON {"add": zone}, {"remove": name} or {"clear": true}).
+    """Publishers: zones, zones/markers (both latched). Services: zones/change (AddDiagnostics:
+    JSON {"add": zone}, {"remove": name} or {"clear": true}).
 
     lock: guards the ground's zones; hold it around everything that reads or moves them."""
 
@@ -49,7 +48,7 @@ class ZoneServer:
         self._zones_pub = rospy.Publisher(topics.ZONES, String, queue_size=1, latch=True)
         self._markers_pub = rospy.Publisher(topics.ZONE_MARKERS, MarkerArray, queue_size=1, latch=True)
         self.publish(snapshot())
-        rospy.Service(topics.CHANGE_ZONES, AddDiagnostics, self._on_change)
+        offer_text(topics.CHANGE_ZONES, self._change)
 
     def publish(self, snapshot: MapSnapshot) -> None:
         """Publish the zones in the map of a snapshot, if they changed or moved, and which of them the body reaches
@@ -68,15 +67,12 @@ class ZoneServer:
                 self._zones_pub.publish(text)
                 self._markers_pub.publish(zone_markers(zones, headers.now_ns()))
 
-    def _on_change(self, request: AddDiagnosticsRequest) -> AddDiagnosticsResponse:
-        try:
-            with self.lock:
-                said = changed(self._ground, request.load_namespace)
-                self.publish(self._snapshot())
-        except VsxError as error:
-            return AddDiagnosticsResponse(success=False, message=str(error))
+    def _change(self, text: str) -> str:
+        with self.lock:
+            said = changed(self._ground, text)
+            self.publish(self._snapshot())
         rospy.loginfo("%s", said)
-        return AddDiagnosticsResponse(success=True, message=said)
+        return said
 
 
 def changed(ground: MappedGround, text: str) -> str:

@@ -17,6 +17,7 @@ from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
+from vsx_ros.runs.places import begin_places, rooms_known, write_places
 from vsx_ros.runs.process import DONE, LOST, STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
@@ -24,7 +25,6 @@ from vsx_ros.runs.rooms import write_rooms
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
-from vsx_ros.runs.zones import begin_places, rooms_known, write_zones
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.robot import EmulatedRobot, Observation, SimulationConfig
 from vsx_ros.sim.world import Start
@@ -200,7 +200,7 @@ class FastRun:
         calibration, known = system.session.calibration, self._config.robot.odometry
         more: list[Callable[[], object]] = [
             lambda: folder.write_poses("groundtruth", self.truth),
-            lambda: write_zones(system.ground, system.slam.slam_map(), folder.path / "map.yaml"),
+            lambda: write_places(system.ground, system.slam.slam_map(), folder.path / "map.yaml"),
             lambda: write_rooms(system.grid, folder.path / "map.yaml", self._config, self.continued),
             lambda: write_self_calibration(folder.path, calibration, known),
             lambda: write_report(folder),

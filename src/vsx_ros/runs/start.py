@@ -17,11 +17,11 @@ from vsx_ros.io.recording import Recording
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import load, robot_file_here
+from vsx_ros.runs.places import given_zones
 from vsx_ros.runs.process import DONE, FAILED, LOST
 from vsx_ros.runs.rooms import room_beside
 from vsx_ros.runs.session import end_trail
 from vsx_ros.runs.world import open_world
-from vsx_ros.runs.zones import given_zones
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.world_file import load_world, save_world
@@ -30,6 +30,7 @@ from vsx_ros.slam.state import TrackingState
 DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov"}
 REMEMBERED = (
     "world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map", "zones", "room",
+    "dock", "battery_pace",
 )  # fmt: skip
 
 

@@ -22,6 +22,8 @@ def commands() -> dict[str, Command]:
         "stop": _call(topics.EXPLORE_STOP, Trigger),
         "estop": _call(topics.ESTOP, SetBool, True, said="the wheels stand until the emergency stop is released"),
         "release": _call(topics.ESTOP, SetBool, False, said="the robot may drive"),
+        "dock": _call(topics.DOCK_START, AddDiagnostics, "{}"),
+        "undock": _call(topics.DOCK_LEAVE, Trigger),
         "zones?": _tell(topics.CHANGE_ZONES),
         "name-room?": _tell(topics.NAME_ROOM),
     }

@@ -130,6 +130,7 @@ class Feed:
         hear(topics.GLOBAL_PLAN, PathMsg, "plan", plan)
         hear(topics.HAZARDS, UInt8, "hazards", lambda msg: convert.hazard_words(msg.data))
         hear(topics.OPERATOR_HOLD, String, "held", json_object)
+        hear(topics.DOCK_STATUS, String, "dock", json_object)
         hear(topics.MUX_ACTIVE, String, "driver", lambda msg: msg.data)
         hear(topics.DIAGNOSTICS, DiagnosticArray, "health", self._condition, queue_size=20)
         hear(topics.PLAN_MS, Float32, "stats", self._statistic("plan_ms"))

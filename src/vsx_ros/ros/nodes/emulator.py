@@ -7,7 +7,9 @@ Publishers: emulator/ground_truth/odometry (frame world: that of the world file,
 Parameters: ~world (lab): a generator, a Gazebo file, a world.yaml or a map. ~seed (0). ~robot_type (kobuki).
     ~port (ttyVSX in the folder for temporary files): the serial port it makes. ~camera_socket (vsx_kinect, there):
     the socket it makes; the camera's calibration is written beside it, with .yaml appended. ~rate_hz (15.0): maximum
-    images per second. ~config (tree of 'vsx config'). The board runs at 200 Hz; a child process renders."""
+    images per second. ~dock (X,Y,DEG: a dock stands there in the world and looks to DEG; none). ~battery_pace (1.0):
+    how many times faster than a real one the battery drains and charges. ~config (tree of
+    'vsx config'). The board runs at 200 Hz; a child process renders."""
 
 import tempfile
 import time
@@ -25,7 +27,8 @@ from vsx_ros.io.recording import with_speeds
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import convert, logs, node, threads, topics
 from vsx_ros.ros.base_drivers import wired
-from vsx_ros.ros.emulation import BodyPlant, RenderChild, RenderSettings
+from vsx_ros.ros.emulated_base import BodyPlant, dock_pose
+from vsx_ros.ros.emulation import RenderChild, RenderSettings
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.runs.journal import unflat
 from vsx_ros.runs.world import open_world
@@ -43,22 +46,24 @@ class EmulatorNode:
         rate_hz = float(rospy.get_param("~rate_hz", 15.0))
         if not 1.0 <= rate_hz <= 60.0:
             raise ConfigError(f"~rate_hz is {rate_hz:g}; give 1 to 60 images a second")
+        battery_pace = float(rospy.get_param("~battery_pace", 1.0))
+        if not 0.0 <= battery_pace <= 1000.0:
+            raise ConfigError(f"~battery_pace is {battery_pace:g}; give 0 to 1000 times a real battery's")
         world = open_world(world_name, seed)
         self._rate_pub = rospy.Publisher(topics.RENDER_RATE, Float32, queue_size=1)
-        self._frames, self._skipped, self._render_ms = 0, 0, 0.0
-        self._diagnostics = Diagnostics("emulator")
+        self._frames, self._skipped, self._render_ms, self._diagnostics = 0, 0, 0.0, Diagnostics("emulator")
         start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
         self._truth = TruthTopics(start_ns)
-        folder = tempfile.gettempdir()
-        socket = str(rospy.get_param("~camera_socket", f"{folder}/vsx_kinect"))
-        port = str(rospy.get_param("~port", f"{folder}/ttyVSX"))
+        socket = str(rospy.get_param("~camera_socket", f"{tempfile.gettempdir()}/vsx_kinect"))
+        port = str(rospy.get_param("~port", f"{tempfile.gettempdir()}/ttyVSX"))
         settings = RenderSettings(
             world=world_name, seed=seed, socket=socket, rate_hz=rate_hz, start_ns=start_ns, robot=config.robot
         )
         self._child = RenderChild(settings)
         threads.worker("frames", lambda: self._child.listen(self._on_frame))
-        self._plant = BodyPlant(world, seed, config.robot, self._child.move, wired(robot_type).wheel_base_m)
-        self._base = base_emulator(robot_type, self._plant, port, seed)
+        wheel_base_m, dock = wired(robot_type).wheel_base_m, dock_pose(str(rospy.get_param("~dock", "")))
+        self._plant = BodyPlant(world, seed, config.robot, self._child.move, wheel_base_m, dock)
+        self._base = base_emulator(robot_type, self._plant, port, seed, battery_pace)
         self._base.start(start_monotonic_ns)
         threads.every(_TRUTH_PERIOD_S, "truth", lambda: self._truth.body(self._plant))
         threads.every(1.0, "rate", self._report)

@@ -1,7 +1,8 @@
 """Node ``explore``: chooses the next view and lets move_base drive there.
 
 Subscribers: map, zones, vslam/map_points, vslam/pose, vslam/state, odom, mobile_base/{hazards,operator_hold}, battery
-    (nearly empty: the robot goes home, once), follower/lease, move_base/{goal,status} (goals of others come first).
+    (nearly empty: the robot goes home, once, if no dock is known), dock/pose, follower/lease,
+    move_base/{goal,status} (goals of others come first).
 Publishers: explore/frontiers (as explore_lite), explore/status (latched String, JSON, 1 Hz and on change),
     explore/events (String, JSON: every change of state and every choice, with its reason), explore/coverage (known
     area, m2), move_base/lease.
@@ -15,6 +16,7 @@ from collections.abc import Callable
 from functools import partial
 
 import rospy
+from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import BatteryState
 
 from vsx_ros.config import Config
@@ -23,7 +25,7 @@ from vsx_ros.exploration.decision import Action, MissionState
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.planner import Planner
-from vsx_ros.ros import base_messages, headers, node, threads, topics
+from vsx_ros.ros import energy_messages, headers, node, threads, topics
 from vsx_ros.ros.callbacks import offer_trigger, subscribe
 from vsx_ros.ros.driving import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
@@ -49,6 +51,9 @@ class ExploreNode:
         self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
         self._topics = MissionTopics(self._mission, config.exploration.stop_cost_m)
         self._goals = GoalSender()
+        self._charges = False  # the node dock takes care of the battery
+        if config.docking.return_to_charge:
+            subscribe(topics.DOCK_POSE, PoseStamped, self._on_dock, queue_size=1)
         subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
         for name, request, answer in (
             (topics.EXPLORE_PAUSE, self._mission.pause, "the robot stands until the exploration is resumed"),
@@ -61,8 +66,11 @@ class ExploreNode:
         threads.every(PERIOD_S, "lease", self._lease.keep)
         threads.every(config.exploration.decide_s, "mission", self._decide)
 
+    def _on_dock(self, _: PoseStamped) -> None:
+        self._charges = True
+
     def _on_battery(self, msg: BatteryState) -> None:
-        empty = base_messages.is_nearly_empty(msg)
+        empty = energy_messages.is_nearly_empty(msg) and not self._charges
         if empty and not self._battery_empty:
             rospy.logwarn("battery at %.1f V is nearly empty: going home", msg.voltage)
             with self._lock:

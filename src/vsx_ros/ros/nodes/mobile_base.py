@@ -9,8 +9,9 @@ Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/
     1, 2, 4 are B0, B1, B2; Create: 1 Play, 4 Advance; Create 2: 1 Clean, 2 Spot, 4 Dock), battery (1 Hz),
     cmd_vel_mux/active (latched, on change), mobile_base/operator_hold (latched String, JSON, on change: by, since_ns;
     "by" is "emergency stop", teleop, safety_controller or empty),
-    mobile_base/sensors/imu_data (if the base has a gyro) and imu_data_raw
-    (Kobuki: 100 samples a second of its three axes, bias not removed),
+    mobile_base/sensors/imu_data (if the base has a gyro) and imu_data_raw (Kobuki: 100 samples a second of its three
+    axes, bias not removed), mobile_base/docked (latched, on change), mobile_base/sensors/dock_ir (UInt8MultiArray: the
+    dock's beams on the right, centre, left receiver, bits of vsx_hw.readings.DockBeam; its label: the kind of base),
     mobile_base/sensors/bumper_pointcloud (while a bumper is pressed or a cliff seen, and once after).
 Services: mobile_base/estop (true stops, false allows; survives a restart of the node), mobile_base/reset_odometry.
 Parameters: ~robot_type (auto: whichever answers; kobuki, create, create2; ros or ros:ODOMETRY,COMMAND: a base with its

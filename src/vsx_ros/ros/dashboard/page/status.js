@@ -26,6 +26,13 @@ hear("mission", mission => {
 hear("slam", state);
 hear("hazards", state);
 hear("held", state);
+hear("dock", dock => {
+  $("dock").hidden = !dock.known && !dock.docked;
+  $("dock").textContent = dock.docked ? "Leave dock" : "Charge";
+  $("dock").dataset.command = dock.docked ? "undock" : "dock";
+  state();
+  numbers();
+});
 function showEnd(over) {
   document.body.classList.toggle("ended", over);
   $("end").hidden = !over;
@@ -86,17 +93,29 @@ function state() {
   if (known.end) return;
   const [words, figures] = (mission.reason || "").split(" [");
   $("why").textContent =
-    [known.hazards && "hazard: " + known.hazards, sentence(words), slam[1] && "camera: " + slam[1]]
+    [known.hazards && "hazard: " + known.hazards, docking(), sentence(words), slam[1] && "camera: " + slam[1]]
       .filter(Boolean)
       .join(" · ") || "waiting for the robot";
   $("figures").hidden = !figures;
   $("figuresText").textContent = (figures || "").replace(/\]$/, "");
 }
 
+// What the docking does; nothing before the first one, and after the dock is left.
+function docking() {
+  const dock = known.dock || {};
+  return dock.reason && dock.state !== "undocked" && "dock: " + dock.reason;
+}
+
 function component(name) {
   // level, message, values; a namespace may stand before the name
   const found = Object.entries(known.health || {}).find(([key]) => key.endsWith(name));
   return found ? found[1] : [0, "", {}];
+}
+
+function lasts(left_s) {
+  const hours = Math.floor(left_s / 3600),
+    minutes = Math.round((left_s % 3600) / 60);
+  return hours ? `${hours} h ${minutes} min` : `${minutes} min`;
 }
 
 const elapsed = s => (s == null ? "–" : Math.floor(s / 60) + ":" + String(Math.floor(s % 60)).padStart(2, "0"));
@@ -106,6 +125,7 @@ export function numbers() {
     [, images, input] = component("vslam: input"),
     battery = component("mobile_base: battery")[2];
   const mission = known.mission || {},
+    dock = known.dock || {},
     unit = (value, digits, name) => (value == null ? "–" : value.toFixed(digits) + " " + name);
   const shown = [
     ["elapsed", elapsed(mission.elapsed_s)],
@@ -116,6 +136,7 @@ export function numbers() {
     ["images / s", /^\d/.test(images) ? parseInt(images) : "–"],
     ["skipped", input.dropped ?? "–"],
     ["battery", battery.fraction ? (100 * battery.fraction).toFixed(0) + " %" : "–"],
+    ["battery lasts", dock.battery_left_s == null ? "–" : lasts(dock.battery_left_s)],
   ];
   $("numbers").replaceChildren(
     ...shown.map(([name, value]) => {

@@ -1,10 +1,11 @@
-"""The zones of a run: given at its start, read beside the map that it continues, written beside its own."""
+"""Zones and dock of a run: given at its start, read beside the map that it continues, written beside its own."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.errors import ConfigError
+from vsx_ros.io.dock_file import dock_file, load_dock, save_dock
 from vsx_ros.io.room_file import room_file
 from vsx_ros.io.zone_file import load_zones, save_zones, zone_file
 from vsx_ros.occupancy.zones import Zone, ZoneKind
@@ -22,19 +23,23 @@ def given_zones(path: Path) -> list[Zone]:
 
 
 def begin_places(ground: MappedGround, map_file: Path | None, zones: Path | None, room: str | None) -> None:
-    """Take over the zones beside a map that is continued, then those of a file of the user's; of two with one name the
-    latter counts. room: explore only this room of the map. Raises as ``given_zones`` and ``room_beside``."""
+    """Take over zones and dock beside a map that is continued, then the zones of a file of the user's; of two with one
+    name the latter counts. room: explore only this room of the map. Raises as ``given_zones`` and ``room_beside``."""
     beside = load_zones(zone_file(map_file)) if map_file is not None else []
     for zone in [*beside, *(given_zones(zones) if zones is not None else [])]:
         ground.zones.add(zone)
+    if map_file is not None and (docked := load_dock(dock_file(map_file))) is not None:
+        ground.docked(docked)
     if map_file is not None and room:
         look_into(ground, map_file, room)
 
 
-def write_zones(ground: MappedGround, slam_map: SlamMap | None, map_file: Path) -> None:
-    """Write the zones beside a map, where they are in it; nothing without a map. Raises MapFileError."""
+def write_places(ground: MappedGround, slam_map: SlamMap | None, map_file: Path) -> None:
+    """Write zones and dock beside a map, where they are in it; nothing without a map. Raises MapFileError."""
     if slam_map is not None:
-        keep_zones(ground.zones_in(snapshot(slam_map.view)), map_file)
+        now = snapshot(slam_map.view)
+        keep_zones(ground.zones_in(now), map_file)
+        save_dock(ground.dock(now), dock_file(map_file))
 
 
 def keep_zones(zones: Sequence[Zone], map_file: Path) -> None:

@@ -1,0 +1,30 @@
+"""The table of docking."""
+
+from collections.abc import Sequence
+from statistics import median
+from typing import Any
+
+from vsx_ros.experiments.rows import Row
+
+
+def docking(rows: Sequence[Row]) -> list[str]:
+    """One line for each base, with the dock in its place and shifted."""
+    lines = [
+        "| base | dock | docked | at the first try | left it again | touched a wall | seconds: median, longest |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for base in ("kobuki", "create", "create2"):
+        for shifted in (False, True):
+            of = [row.result for row in rows if (row.asked["base"], row.asked["shifted"]) == (base, shifted)]
+            if of:
+                lines.append(f"| {base} | {'20 cm and 20 deg off' if shifted else 'as remembered'} | {_cells(of)} |")
+    return lines
+
+
+def _cells(results: Sequence[dict[str, Any]]) -> str:
+    docked = [result for result in results if result["docked"]]
+    seconds = [result["seconds"] for result in docked] or [float("nan")]
+    first, left = sum(not result["tries"] for result in docked), sum(result["left"] for result in docked)
+    touched = sum(result["touches"] > 0 for result in results)
+    times = f"{median(seconds):.0f}, {max(seconds):.0f}"
+    return f"{len(docked)} of {len(results)} | {first} | {left} | {touched} | {times}"

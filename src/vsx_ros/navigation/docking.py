@@ -1,0 +1,236 @@
+"""Docks a base by the light of its dock, and leaves the dock again. One state machine for the robot and for lock-step.
+
+    dock                                        seen           on the axis        touched, or where the dock should be
+    ----> APPROACHING --(there)--> SEARCHING --------> ALIGNING -------> CREEPING ----------------> VERIFYING
+              ^                        |                  ^                 | light lost, obstacle    |      | current
+              +--(nothing to be seen)--+                  +-- BACKING_OFF <-+-------------------------+      v
+    undock ----> UNDOCKING --> UNDOCKED                                            no current              DOCKED
+
+APPROACHING drives to a place before the remembered dock, by the planner. All later motion follows the estimate of the
+``DockFilter``, slowly. FAILED when the tries are used up. Call ``step`` with every reading of the base; it returns
+what to do. Safety stays below it: a pressed bumper ends driving ahead, also at the dock."""
+
+import math
+
+import numpy as np
+
+from vsx_ros.config import DockingConfig
+from vsx_ros.exploration.decision import NavigationState
+from vsx_ros.geometry.se2 import SE2, wrap_angle
+from vsx_ros.navigation.dock_filter import DockFilter
+from vsx_ros.navigation.dock_light import dock_light
+from vsx_ros.navigation.dock_moves import LookAround, creep, towards, turn
+from vsx_ros.navigation.docking_state import DockingAct, DockingSeen, DockingState
+from vsx_ros.robot import STOP, VelocityCommand
+
+_SEEN_PLACES = 4  # at so many the dock was seen: no ghost
+_ON_AXIS_RATIO, _NEAREST_M, _FARTHEST_M = 0.10, 0.42, 1.0  # off the axis per metre; where creeping may begin
+_AT_PLACE_M, _FACING_RAD = 0.05, 0.06
+_AT_DOCK_M = 0.25  # before its seat: a contact here, in the light of the dock, is one with the dock
+_BESIDE_M = (0.0, 0.02, -0.02)
+"""How far beside the estimated axis a try goes. In the middle beam nothing tells where the middle is: if a contact is
+missed there, the next tries are made to both sides of it. Then the dock is looked for anew: it is known where it was
+touched, but its axis may be wrong."""
+_TOUCHED_M, _TOUCHED_RAD = 0.08, 0.6  # how well the dock is then known
+_BEYOND_M = 0.20  # driven past the seat without contact: the dock was believed so much too near, or missed
+_BLOCKED_S, _DARK_S, _NO_CONTACT_S, _NO_CURRENT_S, _STEADY_S = 1.5, 1.5, 2.5, 10.0, 1.0
+_STATE_S = 60.0  # longest time in one state
+_AROUND_RAD, _ALIGNMENTS = math.radians(35.0), 4
+_BEGINNINGS = DockingState.APPROACHING, DockingState.SEARCHING, DockingState.UNDOCKING
+_BY_LIGHT = DockingState.SEARCHING, DockingState.ALIGNING, DockingState.CREEPING
+
+
+class Docking:
+    """One attempt at a time; not thread-safe. reason: of the present state, in words. tries: that did not succeed."""
+
+    def __init__(self, config: DockingConfig, seed: int) -> None:
+        self._config, self._rng = config, np.random.default_rng(seed)
+        self._light = dock_light("kobuki")
+        self._filter = DockFilter(self._light, self._rng)
+        self.state, self.reason, self.tries = DockingState.IDLE, "", 0
+        self._T_map_dock, self._places = SE2(), list[SE2]()
+        self._prior = SE2(), 0.0, 0.0
+        self._turn_rad, self._reached = 0.0, False
+        self._since_ns, self._entered, self._epoch = 0, True, 0
+        self._begun = self._moved = SE2()  # T_odom_base where the state began, and where the base moved last
+        self._look = LookAround(0.0, 0.0)
+        self._alignments, self._faces = 0, False
+        self._lit_ns = self._moved_ns = self._steady_ns = 0
+
+    def dock(self, now_ns: int, kind: str, T_map_dock: SE2) -> None:
+        """Dock a base of this kind; the dock was last here. Raises ConfigError for a base without a known dock."""
+        self._light = light = dock_light(kind)
+        self._filter = DockFilter(light, self._rng)
+        self._T_map_dock, self.tries, self._reached = T_map_dock, 0, False
+        around = (0.0, _AROUND_RAD, -_AROUND_RAD)
+        self._places = [T_map_dock @ SE2(0.0, 0.0, a) @ SE2(light.stand_m, 0.0, math.pi) for a in around]
+        self._enter(now_ns, DockingState.APPROACHING, "driving to the dock")
+
+    def undock(self, now_ns: int, turn_rad: float = 0.0) -> None:
+        """Leave the dock backwards, then turn on the spot by this angle."""
+        self._turn_rad = turn_rad
+        self._enter(now_ns, DockingState.UNDOCKING, "leaving the dock backwards")
+
+    def cancel(self, now_ns: int, reason: str) -> None:
+        """Stand, and give up."""
+        if not self.state.rests:
+            self._fail(now_ns, reason)
+
+    def T_odom_dock(self) -> SE2:
+        """Where the dock is believed to be."""
+        return self._filter.estimate().T_odom_dock
+
+    def step(self, now_ns: int, seen: DockingSeen) -> DockingAct:
+        """What to do now."""
+        if self.state.rests:
+            return DockingAct(STOP)
+        begins, self._entered = self._entered, False
+        if begins:
+            self._begin(now_ns, seen)
+        if seen.odometry.odom_epoch != self._epoch:
+            return self._fail(now_ns, "the base has restarted its odometry")
+        if self.state in _BY_LIGHT and seen.sight is not None:
+            self._filter.add(seen.odometry.T_odom_base, seen.sight)
+            self._lit_ns = now_ns if any(seen.sight) else self._lit_ns
+        if seen.docked and self.state not in (DockingState.VERIFYING, DockingState.UNDOCKING, DockingState.BACKING_OFF):
+            return self._verify(now_ns, "the contacts touch")
+        if self.state is DockingState.APPROACHING:
+            return self._approach(now_ns, seen, begins)
+        if now_ns - self._since_ns > _STATE_S * 1e9:
+            ends = self._fail if self.state is DockingState.UNDOCKING else self._retry
+            return ends(now_ns, f"{self.state.value} took too long")
+        return {
+            DockingState.SEARCHING: self._search, DockingState.ALIGNING: self._align,
+            DockingState.CREEPING: self._creep, DockingState.VERIFYING: self._check,
+            DockingState.BACKING_OFF: self._back_off, DockingState.UNDOCKING: self._leave,
+        }[self.state](now_ns, seen)  # fmt: skip
+
+    def _enter(self, now_ns: int, state: DockingState, reason: str) -> DockingAct:
+        self.state, self.reason, self._since_ns, self._entered = state, reason, now_ns, True
+        return DockingAct(STOP)
+
+    def _begin(self, now_ns: int, seen: DockingSeen) -> None:
+        """The first step in a state."""
+        pose = seen.odometry.T_odom_base
+        self._begun = self._moved = pose
+        self._lit_ns = self._moved_ns = self._steady_ns = now_ns
+        self._alignments, self._faces = 0, False
+        if self.state in _BEGINNINGS:
+            self._epoch = seen.odometry.odom_epoch
+        if self.state is DockingState.SEARCHING:
+            self._look = LookAround(pose.theta, self._config.sweep_rad)
+            self._filter.restart(*self._prior)
+
+    def _approach(self, now_ns: int, seen: DockingSeen, begins: bool) -> DockingAct:
+        if seen.T_map_base is None:
+            return self._fail(now_ns, "the base does not know where it is in the map")
+        if begins:
+            if not self._places:
+                unseen = "the dock is not to be seen from any place before it that can be driven to"
+                return self._fail(now_ns, unseen if self._reached else f"no way to the dock: {seen.navigation_reason}")
+            return DockingAct(None, self._places.pop(0))
+        if seen.navigation is NavigationState.SUCCEEDED:
+            T_odom_dock = seen.odometry.T_odom_base @ seen.T_map_base.inverse() @ self._T_map_dock
+            self._reached = True
+            self._prior = T_odom_dock, self._config.remembered_sigma_m, self._config.remembered_sigma_rad
+            return self._enter(now_ns, DockingState.SEARCHING, "looking for the light of the dock")
+        if seen.navigation is NavigationState.ABORTED:
+            return self._enter(now_ns, DockingState.APPROACHING, "no way there; trying another place before the dock")
+        return DockingAct(None)
+
+    def _search(self, now_ns: int, seen: DockingSeen) -> DockingAct:
+        """Look to both sides, then all around."""
+        if seen.hazard:
+            return self._retry(now_ns, seen.hazard)
+        command = self._look.step(seen.odometry.T_odom_base.theta, self._config.omega_rad_s)
+        if command is not None:
+            return DockingAct(command)
+        if self._filter.seen >= _SEEN_PLACES:
+            return self._enter(now_ns, DockingState.ALIGNING, "driving onto the axis of the dock")
+        if not self._look.circled:
+            self._look.circle()
+            return DockingAct(STOP)
+        return self._enter(now_ns, DockingState.APPROACHING, "no light of the dock here; trying another place")
+
+    def _align(self, now_ns: int, seen: DockingSeen) -> DockingAct:
+        """Drive to the axis and face the dock, again and again while the estimate still moves."""
+        if seen.hazard:
+            return self._retry(now_ns, seen.hazard)
+        config, base = self._config, seen.odometry.T_odom_base
+        dock = self.T_odom_dock()
+        at = dock.inverse() @ base
+        ready = _NEAREST_M <= at.x <= _FARTHEST_M and abs(at.y) <= _ON_AXIS_RATIO * at.x
+        if not self._faces and not ready:
+            stand = base.inverse() @ dock @ SE2(self._light.stand_m, 0.0, 0.0)
+            if math.hypot(stand.x, stand.y) > _AT_PLACE_M:
+                return DockingAct(towards(stand, config.v_m_s, config.omega_rad_s))
+        self._faces = True
+        bearing = wrap_angle(math.atan2(dock.y - base.y, dock.x - base.x) - base.theta)
+        if abs(bearing) > _FACING_RAD:
+            return DockingAct(turn(bearing, config.omega_rad_s))
+        self._alignments, self._faces = self._alignments + 1, False
+        if ready or self._alignments > _ALIGNMENTS:
+            return self._enter(now_ns, DockingState.CREEPING, "driving slowly onto the dock")
+        return DockingAct(STOP)
+
+    def _creep(self, now_ns: int, seen: DockingSeen) -> DockingAct:
+        base = seen.odometry.T_odom_base
+        beside_m = _BESIDE_M[self.tries % len(_BESIDE_M)]
+        at = (self.T_odom_dock() @ SE2(0.0, beside_m, 0.0)).inverse() @ base
+        left_m = at.x - self._light.seat_m
+        if base.distance_to(self._moved) > 0.01 or abs(base.angle_to(self._moved)) > 0.02:
+            self._moved, self._moved_ns = base, now_ns
+        stuck = "the wheels do not move the base" if now_ns - self._moved_ns > _BLOCKED_S * 1e9 else ""
+        if told := seen.hazard or stuck:
+            if left_m > _AT_DOCK_M:
+                return self._retry(now_ns, told)
+            self._filter.touched(base, self._light.seat_m)
+            return self._verify(now_ns, told)
+        if left_m < -_BEYOND_M:
+            return self._verify(now_ns, "no contact where the dock should be")
+        if left_m > _AT_DOCK_M and now_ns - self._lit_ns > _DARK_S * 1e9:
+            return self._retry(now_ns, "the light of the dock is lost")
+        return DockingAct(creep(at, left_m, self._config))
+
+    def _verify(self, now_ns: int, reason: str) -> DockingAct:
+        return self._enter(now_ns, DockingState.VERIFYING, reason)
+
+    def _check(self, now_ns: int, seen: DockingSeen) -> DockingAct:
+        if not seen.docked:
+            self._steady_ns = now_ns
+            late = now_ns - self._since_ns > _NO_CONTACT_S * 1e9
+            return self._retry(now_ns, "the contacts do not touch") if late else DockingAct(STOP)
+        if seen.charging and now_ns - self._steady_ns >= _STEADY_S * 1e9:
+            return self._enter(now_ns, DockingState.DOCKED, "on the dock, and it charges")
+        late = now_ns - self._since_ns > _NO_CURRENT_S * 1e9
+        return self._retry(now_ns, "the contacts touch, but no current flows") if late else DockingAct(STOP)
+
+    def _retry(self, now_ns: int, reason: str) -> DockingAct:
+        self.tries += 1
+        if self.tries >= self._config.tries:
+            return self._fail(now_ns, f"{reason}; given up after {self.tries} tries")
+        if self.tries % len(_BESIDE_M) == 0 and self._filter.seen >= _SEEN_PLACES:
+            self._prior = self.T_odom_dock(), _TOUCHED_M, _TOUCHED_RAD
+            self._filter.seen = 0
+        self._filter.loosen(self._config.doubt_m, self._config.doubt_rad)
+        return self._enter(now_ns, DockingState.BACKING_OFF, f"{reason}; backing off to try again")
+
+    def _back_off(self, now_ns: int, seen: DockingSeen) -> DockingAct:
+        if seen.odometry.T_odom_base.distance_to(self._begun) < self._config.back_off_m:
+            return DockingAct(VelocityCommand(-self._config.v_m_s, 0.0))
+        if self._filter.seen < _SEEN_PLACES:
+            return self._enter(now_ns, DockingState.SEARCHING, "looking for the light of the dock")
+        return self._enter(now_ns, DockingState.ALIGNING, "driving onto the axis of the dock")
+
+    def _leave(self, now_ns: int, seen: DockingSeen) -> DockingAct:
+        base = seen.odometry.T_odom_base
+        if base.distance_to(self._begun) < self._config.undock_m:
+            return DockingAct(VelocityCommand(-self._config.v_m_s, 0.0))
+        if seen.docked:
+            return self._fail(now_ns, "the contacts still touch; look at the dock")
+        if abs(left_rad := wrap_angle(self._begun.theta + self._turn_rad - base.theta)) > _FACING_RAD:
+            return DockingAct(turn(left_rad, self._config.omega_rad_s))
+        return self._enter(now_ns, DockingState.UNDOCKED, "off the dock")
+
+    def _fail(self, now_ns: int, reason: str) -> DockingAct:
+        return self._enter(now_ns, DockingState.FAILED, reason)

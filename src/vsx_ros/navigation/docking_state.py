@@ -1,0 +1,51 @@
+"""What docking knows, is in, and does."""
+
+from enum import Enum
+from typing import NamedTuple
+
+from vsx_ros.exploration.decision import NavigationState
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.navigation.dock_light import DockSight
+from vsx_ros.robot import Odometry, VelocityCommand
+
+
+class DockingState(Enum):
+    """The boxes of the diagram in ``docking``."""
+
+    IDLE = "idle"
+    APPROACHING = "approaching"
+    SEARCHING = "searching"
+    ALIGNING = "aligning"
+    CREEPING = "creeping"
+    VERIFYING = "verifying"
+    BACKING_OFF = "backing off"
+    DOCKED = "docked"
+    UNDOCKING = "undocking"
+    UNDOCKED = "undocked"
+    FAILED = "failed"
+
+    @property
+    def rests(self) -> bool:
+        """Whether nothing is driven, and nothing will be."""
+        return self in (DockingState.IDLE, DockingState.DOCKED, DockingState.UNDOCKED, DockingState.FAILED)
+
+
+class DockingSeen(NamedTuple):
+    """What is known. sight: None until the receivers were read again. charging: current flows, or the battery is full.
+    hazard: what stops the base, e.g. a bumper; empty: nothing. navigation: how the goal of ``DockingAct`` fares."""
+
+    odometry: Odometry
+    sight: DockSight | None
+    docked: bool
+    charging: bool
+    hazard: str
+    T_map_base: SE2 | None
+    navigation: NavigationState
+    navigation_reason: str = ""
+
+
+class DockingAct(NamedTuple):
+    """command: None: leave the wheels to navigation. goal: drive there, in the map; given once."""
+
+    command: VelocityCommand | None
+    goal: SE2 | None = None

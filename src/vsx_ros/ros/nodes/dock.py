@@ -1,0 +1,121 @@
+"""Node ``dock``: drives the base onto its dock and off it again; in time by itself, when the battery runs low.
+
+Subscribers: mobile_base/sensors/dock_ir, mobile_base/{docked,hazards,operator_hold}, battery, dock/pose,
+    explore/status, odom, vslam/pose, vslam/state.
+Publishers: cmd_vel_mux/input/navi (while it docks or undocks), dock/status (latched String, JSON, 1 Hz and on change:
+    state, reason, tries, docked, known: a dock; battery_left_s: until it is empty, null while unknown), /diagnostics,
+    move_base/lease.
+Services: dock/start (AddDiagnostics, a standard type that takes a text: JSON {}, or {"at": [x, y, heading]}: the pose
+    in the map [m, rad] in which the base charges), dock/leave, dock/cancel (Trigger).
+Actions: client of move_base, for the way to the dock.
+Parameters: ~config (tree of 'vsx config', branch docking), ~seed (int, 0).
+
+The exploration is paused before docking, and goes on after undocking if it was paused by that; one that begins on the
+dock leaves it first. Bumpers, cliffs and emergency stop act as always; whoever takes the wheels ends the docking."""
+
+import math
+import threading
+
+import rospy
+from geometry_msgs.msg import Twist
+
+from vsx_ros.config import Config
+from vsx_ros.errors import InputError, VsxError
+from vsx_ros.navigation.dock_light import dock_light
+from vsx_ros.navigation.docking import Docking
+from vsx_ros.navigation.docking_state import DockingState
+from vsx_ros.navigation.energy import ChargeKeeper, Errand
+from vsx_ros.robot import STOP
+from vsx_ros.ros import convert, headers, node, threads, topics
+from vsx_ros.ros.callbacks import offer_text, offer_trigger
+from vsx_ros.ros.docking import DockStatus, Errands, ExplorationPause, HeardDock, wanted_dock
+from vsx_ros.ros.driving import PERIOD_S, Lease
+from vsx_ros.ros.mission_output import GoalSender
+
+_CONTROL_S, _BATTERY_S, _DECIDE_WITHIN_S = 1.0 / 30.0, 1.0, 1.0
+
+
+class DockNode:
+    """One loop drives; another watches the battery. Services only begin and end things, under the lock."""
+
+    def __init__(self, config: Config) -> None:
+        self._lock = threading.Lock()
+        self._docking = Docking(config.docking, int(rospy.get_param("~seed", 0)))
+        self._keeper = ChargeKeeper(config.docking)
+        self._heard, self._goals, self._pause = HeardDock(self._keeper), GoalSender(), ExplorationPause()
+        self._errands = Errands(config.docking, self._heard, self._keeper, self._pause)
+        self._status, self._busy = DockStatus(), False
+        self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
+        self._command_pub = rospy.Publisher(topics.COMMAND_NAVI, Twist, queue_size=1, tcp_nodelay=True)
+        offer_text(topics.DOCK_START, self._start)
+        offer_trigger(topics.DOCK_LEAVE, self._leave)
+        offer_trigger(topics.DOCK_CANCEL, lambda: self._cancel("cancelled by the operator"))
+        threads.every(PERIOD_S, "lease", self._lease.keep)
+        threads.every(_CONTROL_S, "docking", self._control)
+        threads.every(_BATTERY_S, "battery", self._watch)
+
+    def _start(self, text: str = "{}") -> str:
+        seat, kind = wanted_dock(text) or self._heard.seat, self._heard.kind
+        if seat is None:
+            raise InputError("no dock is known in this map: give its place with 'vsx dock --at', or drive onto it once")
+        light = dock_light(kind)
+        self._pause.begin()
+        with self._lock:
+            self._docking.dock(headers.now_ns(), kind, light.dock_at(seat))
+        return "driving to the dock"
+
+    def _leave(self) -> str:
+        if not self._heard.docked:
+            raise InputError("the base is not on its dock")
+        with self._lock:  # a new exploration drives ahead
+            self._docking.undock(headers.now_ns(), math.pi if self._pause.began_here else 0.0)
+        return "leaving the dock backwards"
+
+    def _cancel(self, reason: str) -> str:
+        with self._lock:
+            self._docking.cancel(headers.now_ns(), reason)
+        return reason
+
+    def _control(self) -> None:
+        now_ns = headers.now_ns()
+        if self._heard.hold is not None:
+            self._cancel(self._heard.hold.words())
+        with self._lock:
+            if not self._docking.state.rests:
+                self._busy = True
+                self._drive(now_ns)
+            ended, self._busy = self._busy and self._docking.state.rests, not self._docking.state.rests
+            if ended:
+                self._goals.cancel()
+                self._command_pub.publish(convert.twist(STOP))
+            self._status.publish(self._docking, self._heard, self._keeper.meter.left_s)
+        if ended and self._docking.state in (DockingState.UNDOCKED, DockingState.FAILED):
+            self._pause.end()
+
+    def _drive(self, now_ns: int) -> None:
+        self._lease.promise(_DECIDE_WITHIN_S)
+        seen = self._heard.seen(now_ns, self._goals.state())
+        act = self._docking.step(now_ns, seen) if seen is not None else None
+        if act is not None and act.goal is not None:
+            self._goals.send(now_ns, topics.MAP_FRAME, act.goal)
+        command = STOP if act is None or self._heard.odometry_is_old else act.command
+        if command is not None and not threads.is_ending():
+            self._command_pub.publish(convert.twist(command))
+
+    def _watch(self) -> None:
+        errand = self._errands.due(headers.now_ns(), self._docking.state)
+        try:
+            if errand is not None:
+                (self._start if errand is Errand.DOCK else self._leave)()
+        except VsxError as error:
+            rospy.logwarn("%s", error)
+
+    def close(self) -> None:
+        """Stand before the node ends."""
+        self._cancel("shutting down")
+        self._command_pub.publish(convert.twist(STOP))
+
+
+def main() -> None:
+    """Entry point of scripts/dock."""
+    node.run("dock", DockNode)

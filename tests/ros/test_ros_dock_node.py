@@ -1,0 +1,210 @@
+"""The node dock on an emulated base, in one process and simulated time: its topics and services are functions here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rospy
+from docking_robot import DockingRobot, Room
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Path
+from nav_msgs.srv import GetPlanResponse
+from std_msgs.msg import Bool, String, UInt8
+
+from vsx_hw.readings import Hazard
+from vsx_ros.config import Config, DockingConfig
+from vsx_ros.control.localization import MAP_FRAME
+from vsx_ros.exploration.decision import NavigationState
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.navigation.dock_light import DOCK_LIGHTS
+from vsx_ros.robot import STOP, VelocityCommand
+from vsx_ros.ros import (
+    base_messages,
+    calls,
+    convert,
+    docking,
+    driving,
+    energy_messages,
+    headers,
+    situation,
+    threads,
+    topics,
+)
+from vsx_ros.ros.nodes import dock
+from vsx_ros.slam.state import TrackingState
+
+CONTROL_NS, BATTERY_NS, COMMAND_NS = 33_333_333, 1_000_000_000, 250_000_000
+SEAT = DOCK_LIGHTS["kobuki"].seat(SE2())
+
+
+class Wires:
+    """Topics and services within this process. said: the last message of each topic. asked: services that the node
+    called."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_ns = lambda: 0
+        self.said: dict[str, Any] = {}
+        self.asked: list[str] = []
+        self.served: dict[str, Callable[[Any], Any]] = {}
+        self.steps: dict[str, Callable[[], None]] = {}
+        self._hearers: dict[str, list[Callable[[Any], None]]] = {}
+        publisher = lambda topic, *_, **__: SimpleNamespace(publish=lambda msg: self.say(topic, msg))  # noqa: E731
+        monkeypatch.setattr(rospy, "Publisher", publisher)
+        monkeypatch.setattr(rospy, "Subscriber", lambda topic, _, hear, *__, **___: self._hear(topic, hear))
+        monkeypatch.setattr(rospy, "Service", lambda name, _, answer: self.served.update({name: answer}))
+        monkeypatch.setattr(rospy, "get_param", lambda _, usual=None: usual)
+        monkeypatch.setattr(rospy, "get_name", lambda: "/dock")
+        monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+        monkeypatch.setattr(threads, "is_ending", lambda: False)
+        monkeypatch.setattr(threads, "every", lambda _, name, step: self.steps.update({name: step}))
+        monkeypatch.setattr(headers, "now_ns", lambda: self.now_ns())
+        clock = SimpleNamespace(monotonic=lambda: 1e-9 * self.now_ns())
+        for module in (situation, docking, driving):
+            monkeypatch.setattr(module, "time", clock)
+        monkeypatch.setattr(calls, "service", self._ask)
+
+    def _hear(self, topic: str, hear: Callable[[Any], None]) -> None:
+        self._hearers.setdefault(topic, []).append(hear)
+
+    def say(self, topic: str, msg: Any) -> None:
+        self.said[topic] = msg if not isinstance(msg, str) else String(msg)
+        for hear in self._hearers.get(topic, []):
+            hear(self.said[topic])
+
+    def _ask(self, service: str, *words: Any, within_s: float) -> Any:
+        self.asked.append(service)
+        if service == topics.MAKE_PLAN:
+            start, goal = words[1:3]
+            return GetPlanResponse(Path(poses=[start, goal]))
+        return SimpleNamespace(success=True)
+
+    def status(self) -> dict[str, Any]:
+        return dict(json.loads(self.said[topics.DOCK_STATUS].data))
+
+
+class WiredRobot(DockingRobot):
+    """Its docking is the node's; its navigator answers the node's goals."""
+
+    def __init__(self, wires: Wires, monkeypatch: pytest.MonkeyPatch, config: Config) -> None:
+        self.wires, self.states_seen = wires, []
+        self._heard_ns, self._battery_ns, self._command = 0, 0, (0, STOP)
+        self.node: Any = None
+        super().__init__("kobuki", Room(SE2(1.5, 0.4, 2.5)), 7, config)
+        wires.now_ns = lambda: self.now_ns
+        goals = SimpleNamespace(
+            state=lambda: (self.navigator.state, ""), cancel=lambda: None,
+            send=lambda now_ns, frame, goal: self._go(now_ns, frame, goal),
+        )  # fmt: skip
+        monkeypatch.setattr(dock, "GoalSender", lambda: goals)
+        self.node = dock.DockNode(config)
+        wires._hear(topics.COMMAND_NAVI, self._on_command)
+        wires.say(topics.SLAM_STATE, convert.state_msg(TrackingState.GOOD, ""))
+
+    def _go(self, now_ns: int, frame: str, goal: SE2) -> None:
+        assert frame == MAP_FRAME
+        self.navigator.go(now_ns, goal, frame)
+        self.navigator.state = NavigationState.ACTIVE
+
+    def _on_command(self, msg: Any) -> None:
+        self._command = self.now_ns, VelocityCommand(msg.linear.x, msg.angular.z)
+
+    def _docked(self, reading: Any, moved: Any, where: Any, hazard: str) -> VelocityCommand | None:
+        if self.node is None:
+            return STOP
+        say = self.wires.say
+        say(topics.ODOM, base_messages.dead_reckoning(moved))
+        say(topics.DOCK_IR, energy_messages.dock_ir(reading.dock))
+        say(topics.DOCKED, Bool(reading.battery.docked))
+        say(topics.HAZARDS, UInt8(int(reading.hazards & Hazard.TOUCHED)))
+        if where.T_map_base is not None:
+            msg = PoseWithCovarianceStamped()
+            msg.header = headers.header(topics.MAP_FRAME, moved.stamp_ns)
+            msg.pose.pose = convert.pose_msg(where.T_map_base)
+            say(topics.POSE, msg)
+        if self.now_ns - self._heard_ns >= CONTROL_NS:
+            self._heard_ns = self.now_ns
+            self.wires.steps["docking"]()
+            state = self.wires.status()["state"]
+            if state not in self.states_seen[-1:]:
+                self.states_seen.append(state)
+        if self.now_ns - self._battery_ns >= BATTERY_NS:
+            self._battery_ns = self.now_ns
+            say(topics.BATTERY, energy_messages.battery(reading.battery, moved.stamp_ns))
+            self.wires.steps["battery"]()
+        sent_ns, command = self._command
+        if self.states_seen[-1:] == ["approaching"]:
+            return None
+        return command if self.now_ns - sent_ns < COMMAND_NS else STOP
+
+    def until(self, state: str, seconds: float) -> None:
+        end_ns = self.now_ns + round(seconds * 1e9)
+        while self.states_seen[-1:] != [state]:
+            assert self.now_ns < end_ns, f"waited for {state}: {self.states_seen}, {self.wires.status()}"
+            self.wait(0.1)
+
+
+@pytest.fixture
+def wires(monkeypatch: pytest.MonkeyPatch) -> Wires:
+    return Wires(monkeypatch)
+
+
+def robot_on(wires: Wires, monkeypatch: pytest.MonkeyPatch, **docking_options: Any) -> WiredRobot:
+    robot = WiredRobot(wires, monkeypatch, Config(docking=DockingConfig(**docking_options)))
+    wires.say(topics.EXPLORE_STATUS, json.dumps({"state": "mapping"}))
+    wires.say(topics.DOCK_POSE, convert.pose_stamped(topics.MAP_FRAME, 1, SEAT))
+    return robot
+
+
+def test_an_emptying_battery_sends_it_to_the_dock_and_a_full_one_off_it(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch)
+    robot.wait(2.0)
+    assert wires.status()["state"] == "idle"
+    assert wires.status()["battery_left_s"] > 3600
+    robot.board.battery.fraction = 0.1
+    robot.until("docked", 90.0)
+    assert wires.asked.count(topics.EXPLORE_PAUSE) == 1
+    assert topics.MAKE_PLAN in wires.asked
+    robot.board.battery.pace = 1000.0
+    robot.until("undocking", 60.0)
+    assert robot.board.battery.fraction > 0.9
+    robot.board.battery.pace = 1.0
+    robot.until("undocked", 20.0)
+    assert wires.asked.count(topics.EXPLORE_RESUME) == 1
+    assert robot.states_seen[0] == "idle"
+    assert robot.states_seen[1:5] == ["approaching", "searching", "aligning", "creeping"]
+    assert robot.touches == 0
+
+
+def test_a_user_docks_and_undocks_it_and_teleop_ends_a_docking(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    robot.wait(0.5)
+    assert not wires.served[topics.DOCK_LEAVE](None).success
+    started = wires.served[topics.DOCK_START](SimpleNamespace(load_namespace='{"at": [0.21, 0.0, 3.14159]}'))
+    assert started.success, started.message
+    robot.until("searching", 60.0)
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "teleop", "since_ns": 5}))
+    robot.until("failed", 1.0)
+    assert "teleop" in wires.status()["reason"]
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.until("docked", 90.0)
+    assert robot.reading.battery.charging
+    assert wires.served[topics.DOCK_LEAVE](None).success
+    robot.until("undocked", 20.0)
+    assert wires.asked.count(topics.EXPLORE_PAUSE) == wires.asked.count(topics.EXPLORE_RESUME) == 2
+
+
+def test_without_a_dock_or_with_nonsense_it_says_why(wires, monkeypatch):
+    robot = WiredRobot(wires, monkeypatch, Config())
+    robot.wait(0.2)
+    for text, words in (("", "no dock is known"), ("{", "is not JSON"), ('{"at": 1}', "no place of a dock")):
+        answer = wires.served[topics.DOCK_START](SimpleNamespace(load_namespace=text))
+        assert not answer.success
+        assert words in answer.message
