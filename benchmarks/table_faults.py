@@ -86,6 +86,24 @@ def posts(rows: Sequence[Row]) -> list[str]:
     return lines
 
 
+def operators(rows: Sequence[Row]) -> list[str]:
+    """An operator who takes the wheels; went_on_s is None if the robot did not explore on by itself."""
+    lines = [
+        "| the operator | said by mission, base and event | said after: median, most | goals given meanwhile "
+        "| views blacklisted for it | explored on after: median, most |",
+        "|---|---|---|---|---|---|",
+    ]
+    acts = {"emergency stop": "presses the emergency stop", "teleop": "drives by teleop", "goal": "sends it to a goal"}
+    for (what,), results in _parts(rows, "what"):
+        told, goals, listed = (sum(result[key] for result in results) for key in ("told", "goals", "blacklisted"))
+        said, on = ([r[key] for r in results if r[key] is not None] for key in ("said_s", "went_on_s"))
+        lines.append(
+            f"| {acts[what]} | {told} of {len(results)} | {_spread(said)} | {goals} | {listed} "
+            f"| {_spread(on)} of {len(on)} |"
+        )
+    return lines
+
+
 def disks(rows: Sequence[Row]) -> list[str]:
     """Results of the runs whose disk failed."""
     lines = [

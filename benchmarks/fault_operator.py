@@ -1,0 +1,129 @@
+"""Does an exploring robot yield to its operator, blame nothing for it, and explore on by itself?
+
+python benchmarks/fault_operator.py [--what "emergency stop" teleop goal] [--held 300] [--repetitions 10] [--minutes M]
+
+As benchmarks/fault_nodes.py, on the same stack: real nodes and drivers, an emulated office. While the robot drives, the
+operator presses the emergency stop, or turns the base by teleop, for so many seconds; or a client of move_base sends
+it to the place where it began, which is driven to. A row is one repetition: the time until the mission says so
+(``said_s``), whether status, base and event name the operator (``told``), the goals that the explorer gave meanwhile
+(``goals``), the views that were blacklisted because of it (``blacklisted``), and the time until the robot explores on
+after the end (``went_on_s``; null: not within two minutes; from an emergency stop: after its release).
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from exploring_robot import home, measure, new_stack
+from tables import RESULTS, rooms_of
+
+from vsx_ros.experiments.rows import Store
+from vsx_ros.robot import EMERGENCY_STOP
+
+WHATS = (EMERGENCY_STOP, "teleop", "goal")
+SAID_WITHIN_S, ON_WITHIN_S, GOAL_S, TELEOP_RAD_S = 10.0, 120.0, 300.0, 0.3
+
+
+class Operator:
+    """Create it once a stack is running."""
+
+    def __init__(self, stack: Any, held_s: float) -> None:
+        import actionlib
+        import rospy
+        from geometry_msgs.msg import Twist
+        from mission_listener import MissionListener
+        from move_base_msgs.msg import MoveBaseAction
+        from std_srvs.srv import SetBool
+
+        from vsx_ros.ros import topics
+
+        rospy.init_node("operator", anonymous=True, disable_signals=True)
+        self._stack, self._held_s, self._heard = stack, held_s, MissionListener()
+        self._estop = rospy.ServiceProxy(f"/{topics.ESTOP}", SetBool)
+        self._keys, self._turn = rospy.Publisher(f"/{topics.COMMAND_TELEOP}", Twist, queue_size=1), Twist()
+        self._turn.angular.z = TELEOP_RAD_S
+        self._client = actionlib.SimpleActionClient(f"/{topics.MOVE_BASE_ACTION}", MoveBaseAction)
+
+    def once(self, what: str) -> dict[str, Any] | None:
+        """One row; None if the robot is not on the way to a view."""
+        heard = self._heard
+        if heard.status.get("state") != "mapping":
+            return None
+        heard.events.clear()
+        begun_s = time.monotonic()
+        said_s = {EMERGENCY_STOP: self._stop, "teleop": self._teleop, "goal": self._goal}[what]()
+        goals, told = sum("driving" in event["reason"] for event in heard.events), self._told
+        if what == EMERGENCY_STOP:
+            self._estop(False)
+        ended_s = time.monotonic()
+        on = self._until(lambda: heard.status["state"] == "mapping" and self._stack.plant.moving, ON_WITHIN_S)
+        return {
+            "said_s": None if said_s is None else round(said_s - begun_s, 2), "told": told, "goals": goals,
+            "blacklisted": len(heard.blamed()), "went_on_s": round(time.monotonic() - ended_s, 2) if on else None,
+        }  # fmt: skip
+
+    def _stop(self) -> float | None:
+        self._estop(True)
+        said_s = self._said("held")
+        time.sleep(self._held_s)
+        self._told = self._named(EMERGENCY_STOP)
+        return said_s
+
+    def _teleop(self) -> float | None:
+        said_s, end_s = None, time.monotonic() + self._held_s
+        while time.monotonic() < end_s:
+            self._keys.publish(self._turn)
+            time.sleep(0.05)
+            said_s = time.monotonic() if said_s is None and self._heard.status["state"] == "held" else said_s
+        self._told = self._named("teleop")
+        return said_s
+
+    def _goal(self) -> float | None:
+        from move_base_msgs.msg import MoveBaseGoal
+
+        from vsx_ros.geometry.se2 import SE2
+        from vsx_ros.ros import convert, topics
+
+        self._client.wait_for_server()
+        self._client.send_goal(MoveBaseGoal(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), SE2())))
+        said_s = self._said("user goal")
+        self._told = "/operator" in self._heard.status["reason"]
+        self._until(lambda: self._client.get_state() > 1, GOAL_S)
+        return said_s
+
+    def _said(self, state: str) -> float | None:
+        return time.monotonic() if self._until(lambda: self._heard.status["state"] == state, SAID_WITHIN_S) else None
+
+    def _named(self, by: str) -> bool:
+        """Whether status, base and one event name who holds the wheels."""
+        heard = self._heard
+        events = [event["reason"] for event in heard.events if event["state"] == "held"]
+        return by in heard.status["reason"] and heard.held.get("by") == by and len(events) == 1 and by in events[0]
+
+    @staticmethod
+    def _until(condition: Callable[[], bool], seconds: float) -> bool:
+        end_s = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > end_s:
+                return False
+            time.sleep(0.02)
+        return True
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--what", nargs="+", default=list(WHATS), choices=WHATS)
+    parser.add_argument("--held", type=float, default=300.0, help="seconds of an emergency stop or of teleop")
+    parser.add_argument("--repetitions", type=int, default=10)
+    parser.add_argument("--minutes", type=float, default=240.0)
+    parser.add_argument("--out", type=Path, default=RESULTS / "fault_operator.jsonl")
+    args = parser.parse_args()
+    folder = home()
+    store = Store(args.out, rooms=rooms_of("fault_operator"))
+    measure(store, "what", args.what, args, new_stack(folder), lambda stack: Operator(stack, args.held).once)
+
+
+if __name__ == "__main__":
+    main()
