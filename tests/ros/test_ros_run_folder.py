@@ -30,6 +30,7 @@ HANGS_S = 60.0
 def params(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Those of the launch."""
     told: dict[str, Any] = {"emulator/world": "lab", "emulator/seed": 3, "emulator/rate_hz": 20.0}
+    told |= {"emulator/dock": "1,2,90", "emulator/battery_pace": 40.0}
     monkeypatch.setattr(rospy, "get_param", lambda name, default: told.get(name, default))
     return told
 
@@ -48,6 +49,7 @@ def test_a_launch_is_resumed_with_its_options(params: dict[str, Any], tmp_path: 
     args = parse(["explore", "--resume", str(folder.path)])
     begin(args)
     assert (args.world, args.seed, args.rate, args.room) == ("lab", 3, 20.0, "hall")
+    assert (args.dock, args.battery_pace) == ("1,2,90", 40.0)
     assert (args.load_map, args.zones) == tuple(str(Path(name).resolve()) for name in ("lab.vsxmap", "z.yaml"))
     assert (args.base, args.port) == (DEFAULTS["base"], DEFAULTS["port"]), "no mobile_base was launched"
     assert set(REMEMBERED) <= set(folder.read_config()[1])

@@ -93,7 +93,9 @@ def test_odometry_is_even_and_the_battery_known(stack: Stack) -> None:
     steps_ms = [(b.header.stamp - a.header.stamp).to_nsec() * 1e-6 for a, b in zip(readings, readings[1:])]
     assert max(abs(step - 20.0) for step in steps_ms if step < 30.0) < 5.0
     battery = rospy.wait_for_message(absolute(topics.BATTERY), BatteryState, timeout=PATIENCE_S)
-    assert battery.voltage == pytest.approx(16.2)
+    emulated_v = stack._base._board.battery.voltage_v  # it drains; a Kobuki tells tenths of a volt
+    assert 15.0 < emulated_v <= 16.25
+    assert battery.voltage == pytest.approx(emulated_v, abs=0.1)
     assert math.isnan(battery.current)
 
 
