@@ -51,12 +51,15 @@ def test_it_begins_with_a_straight_drive_by_odometry():
     assert (decision.goal.x, decision.goal.y) == pytest.approx((1.0, 2.0 + Config().exploration.init_drive_m))
 
 
-def test_it_gives_up_starting_after_its_attempts_and_says_why():
+def test_it_gives_up_starting_when_all_headings_are_tried_and_says_why():
     mission = Mission(Config(), euclid)
     blind = situation(slam_state=TrackingState.NOT_INITIALISED, slam_reason="12 corners seen")
     decisions = [mission.decide(k * 2 * SECOND, blind) for k in range(12)]
-    drives = [d for d in decisions if d.action is Action.GO]
-    assert len(drives) == 1 + Config().exploration.init_attempts
+    goals = [d.goal for d in decisions if d.action is Action.GO]
+    turned = [round(float(np.degrees(abs(goal.theta)))) for goal in goals]
+    assert turned == [0, 0, 90] * (Config().exploration.init_headings - 1) + [0, 0]
+    drive_m = Config().exploration.init_drive_m
+    assert [goal.x for goal in goals] == pytest.approx([drive_m, -drive_m, 0.0] * 3 + [drive_m, -drive_m])
     assert decisions[-1].action is Action.FINISH
     assert mission.outcome is Outcome.NOT_STARTED
     assert "12 corners seen" in decisions[-1].reason
