@@ -69,6 +69,7 @@ def test_a_goal_that_is_nowhere_is_refused_with_its_name(plans: GoalPlanner) -> 
     assert isinstance(answer, Refusal)
     assert "goal pose (nan" in answer.reason
 
+
 def top_speed(plan: TimedPlan | Refusal) -> float:
     assert isinstance(plan, TimedPlan)
     return float(np.abs(plan.trajectory.v).max())
