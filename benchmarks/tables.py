@@ -17,7 +17,6 @@ import table_docking
 import table_exploration
 import table_faults
 import table_free_cells
-import table_lockstep
 import table_paper
 
 from vsx_ros.config import Config
