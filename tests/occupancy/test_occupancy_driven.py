@@ -69,6 +69,15 @@ def test_when_its_keyframe_is_gone_it_stays_and_follows_the_nearest(driven):
     assert rows(moved) == pytest.approx(rows([correction @ pose for pose in before]), abs=1e-9)
 
 
+def test_when_its_keyframe_goes_while_a_loop_is_closed_it_moves_with_the_others():
+    anchored, correction = AnchoredPoses(0.05), SE2(0.3, -0.2, 0.4)
+    anchored.add(SE2(2.0, 0.1, 0.2))
+    third = SE2(2.3, 0.0, 0.5)
+    before = anchored.poses(np.array([3, 7, 8]), cameras(FIRST, SECOND, third))
+    after = anchored.poses(np.array([3, 8]), cameras(FIRST, correction @ third))
+    assert rows(after) == pytest.approx(rows([correction @ pose for pose in before]), abs=1e-9)
+
+
 def test_what_it_pushed_against_ahead_and_behind_are_two():
     bumps = AnchoredPoses(0.1, 0.5)
     for heading in (0.2, 0.2 + np.pi, 0.2 + np.pi - 0.4, 0.2 + 3.0 * np.pi, 0.2 - np.pi):

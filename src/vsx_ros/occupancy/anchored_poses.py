@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, stacked
@@ -24,13 +24,15 @@ _DRIVEN_ON_M, _BESIDE_M = 0.1, 0.1
 
 
 class AnchoredPoses:
-    """Poses on the floor, each tied to a keyframe. If that is removed, the pose is tied to the nearest one."""
+    """Poses on the floor, each tied to a keyframe. If that is removed, the pose is tied to the one that was nearest."""
 
     def __init__(self, spacing_m: float, spacing_rad: float = math.inf) -> None:
         """A pose closer than this to the one before, in both position [m] and heading [rad], is left out."""
         self._spacing_m, self._spacing_rad = spacing_m, spacing_rad
         self._world, self._relative = np.zeros((0, 3)), np.zeros((0, 3))
         self._anchor = np.zeros(0, np.int64)
+        # The keyframes' ids and headings in the last call of ``poses``.
+        self._last: tuple[IntArray, FloatArray] = np.zeros(0, np.int64), np.zeros((0, 3))
 
     def __len__(self) -> int:
         return len(self._world)
@@ -72,10 +74,20 @@ class AnchoredPoses:
         return self.last_poses()
 
     def _move(self, ids: IntArray, cameras: FloatArray) -> None:
+        # A keyframe is often removed when a loop is closed: the map that the pose was in is the one before.
+        before, there = self._last
+        lasting = np.isin(before, ids)
+        if lasting.any():
+            self._tie(~np.isin(self._anchor, [_LOOSE, *ids]), before[lasting], there[lasting])
         at = np.minimum(np.searchsorted(ids, self._anchor), len(ids) - 1)
         tied = ids[at] == self._anchor
         self._world[tied] = _composed(cameras[at[tied]], self._relative[tied])
-        loose = np.flatnonzero(~tied)
+        self._tie(~tied, ids, cameras)
+        self._last = ids, cameras
+
+    def _tie(self, which: BoolArray, ids: IntArray, cameras: FloatArray) -> None:
+        """Tie these poses to the nearest of the keyframes."""
+        loose = np.flatnonzero(which)
         away = np.linalg.norm(self._world[loose, None, :2] - cameras[None, :, :2], axis=2)
         nearest = away.argmin(axis=1)
         self._anchor[loose] = ids[nearest]
