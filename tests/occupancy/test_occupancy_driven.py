@@ -1,5 +1,8 @@
 """Poses move with the keyframes they were made beside."""
 
+import sys
+import threading
+
 import numpy as np
 import pytest
 
@@ -149,3 +152,28 @@ def test_the_dock_moves_with_its_keyframe_survives_a_session_and_is_touched_with
     assert again.dock(after) is None
     assert np.count_nonzero(ground.grid(after).data == OCCUPIED) == 0
     assert np.count_nonzero(again.grid(after).data == OCCUPIED) > 0
+
+
+def test_who_asks_for_the_dock_does_not_disturb_who_builds_the_map():
+    """Both once took the news over; the trail lost poses, and then its columns had different lengths."""
+    ground, snapshot, steps, asked = MappedGround(Config()), snapshot_at(FIRST), 4000, threading.Event()
+
+    def ask():
+        while not asked.is_set():
+            ground.dock(snapshot)
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    asking = threading.Thread(target=ask)
+    asking.start()
+    try:
+        for k in range(steps):
+            ground.moved(SE2(0.06 * k, 0.0, 0.0), k)
+            if k % 20 == 0:
+                assert ground.counts[0] <= k + 1
+    finally:
+        asked.set()
+        asking.join()
+        sys.setswitchinterval(before)
+    assert len(ground.trail(snapshot)) == steps
+    assert len(ground.state()["trail"]) == steps
