@@ -11,6 +11,7 @@ from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy import anchored_poses
 from vsx_ros.occupancy.anchored_poses import AnchoredPoses
 from vsx_ros.occupancy.grid import OCCUPIED
 from vsx_ros.slam.snapshot import MapSnapshot
@@ -152,6 +153,22 @@ def test_the_dock_moves_with_its_keyframe_survives_a_session_and_is_touched_with
     assert again.dock(after) is None
     assert np.count_nonzero(ground.grid(after).data == OCCUPIED) == 0
     assert np.count_nonzero(again.grid(after).data == OCCUPIED) > 0
+
+
+def test_a_trail_driven_again_and_again_does_not_grow_and_frees_as_much(monkeypatch):
+    monkeypatch.setattr(anchored_poses, "_WHOLE", 100)
+    trail, angles = AnchoredPoses(0.05), 0.1 * np.arange(1300)
+    way = [SE2(np.cos(a), np.sin(a), a) for a in angles]  # 63 poses a lap
+    sizes = []
+    for pose in way:
+        trail.add(pose)
+        sizes.append(len(trail))
+    kept = rows(trail.last_poses())
+    assert max(sizes) == sizes[-1] < 170
+    assert trail.added == len(way)
+    assert (kept[-100:] == rows(way[-100:])).all()
+    away = np.linalg.norm(rows(way)[:, None, :2] - kept[None, :, :2], axis=2).min(axis=1)
+    assert away.max() < 0.1
 
 
 def test_who_asks_for_the_dock_does_not_disturb_who_builds_the_map():

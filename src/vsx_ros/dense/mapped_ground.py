@@ -135,9 +135,10 @@ class MappedGround:
 
     @property
     def counts(self) -> tuple[int, int, int]:
-        """Numbers of trail poses, bumps and active pushes. If these and the snapshot are the same, so is the grid."""
+        """Numbers of poses ever driven, bumps and active pushes. Where they and the snapshot are the same, so is the
+        grid."""
         self._take_over()
-        return len(self._trail), len(self._bumps), self._suspected.count(self._now_ns)
+        return self._trail.added, len(self._bumps), self._suspected.count(self._now_ns)
 
     def trail(self, snapshot: MapSnapshot) -> list[SE2]:
         """The driven poses, in the map of a snapshot."""
