@@ -459,6 +459,23 @@ def test_a_resumed_mission_that_knows_neither_place_nor_way_looks_around_on_the_
     assert again.outcome is Outcome.LOST
 
 
+def test_found_at_the_last_thing_to_try_and_lost_for_a_moment_it_explores_on():
+    mission = Mission(Config(), euclid)
+    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", T_map_base=None, grid=None)
+    turns, now_ns = 0, SECOND
+    while turns < 8:
+        turns += mission.decide(now_ns, lost).action is Action.GO
+        now_ns += 2 * SECOND
+    for k in range(3):
+        mission.decide(now_ns + k * SECOND, situation(grid=None))
+    assert mission.state is MissionState.MAPPING
+    mission.decide(now_ns + 4 * SECOND, situation(slam_state=TrackingState.LOST, slam_reason="dark", grid=None))
+    for k in range(5, 9):
+        mission.decide(now_ns + k * SECOND, situation(grid=None))
+    assert mission.outcome is None
+    assert mission.state is MissionState.MAPPING
+
+
 def test_in_a_map_made_before_it_first_looks_for_its_place_and_then_explores():
     mission = Mission(Config(), euclid)
     lost = situation(slam_state=TrackingState.LOST, slam_reason="not yet recognised", T_map_base=None, grid=None)

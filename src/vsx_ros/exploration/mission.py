@@ -245,4 +245,6 @@ class Mission:
         drive = self._recovery.next(self._trail, situation)
         if drive is not None:
             return self._log.go(now_ns, drive[0], "odom", drive[1])
+        if tracked:
+            return self._log.answer(Action.WAIT, "a place of the map is recognised")
         return self._log.finish(now_ns, Outcome.LOST, f"tracking lost for good: {situation.slam_reason}")
