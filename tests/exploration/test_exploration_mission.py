@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
+from vsx_ros.exploration import view_selector
 from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, SavedMission, Situation
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.recovery import Trail, escape_arc
@@ -208,6 +209,25 @@ def test_a_goal_whose_view_was_seen_on_the_way_is_left_without_blame():
     assert mission.decide(3 * SECOND + SECOND // 4, stopped).action is Action.WAIT
     assert mission.decide(4 * SECOND, stopped).goal == goal
     assert not any("blacklisted" in event.reason for event in mission.drain_events())
+
+
+def test_a_goal_is_judged_by_the_map_around_it(monkeypatch):
+    """So that it costs the same in a building as in a room, at every map of every drive."""
+    judged, gain_at = [], view_selector.gain_at
+
+    def noted(grid, *args):
+        judged.append(grid.shape)
+        return gain_at(grid, *args)
+
+    monkeypatch.setattr(view_selector, "gain_at", noted)
+    seen, unseen = np.full((2000, 3000), FREE, np.int8), np.full((2000, 3000), FREE, np.int8)
+    unseen[:, 1500:] = UNKNOWN
+    before, *after = (OccupancyGrid(data, 0.05, -73.5, -50.0) for data in (unseen, unseen, seen, seen, seen))
+    expected = view_selector.ExpectedGain(SE2(0.5, 0.0, 0.0), before, 0.2, np.zeros((0, 3)), Config().exploration)
+    told = [expected.why_obsolete(grid) for grid in after]
+    assert told[:3] == ["", "", ""]
+    assert told[3].startswith("seen on the way: 0.0 of")
+    assert max(max(shape) for shape in judged) < 200
 
 
 def test_where_every_view_is_out_of_reach_it_steps_back_then_turns_and_only_then_gives_up():
