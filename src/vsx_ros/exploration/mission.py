@@ -76,12 +76,12 @@ class Mission:
         if self.state not in (MissionState.DONE, MissionState.PAUSED):
             if self.state not in _YIELDING:
                 self._after_pause = self.state
+            self._tour.forget_drive()
             self._log.enter(now_ns, MissionState.PAUSED, "paused by the operator")
 
     def resume(self, now_ns: int) -> None:
         """Continue after a pause."""
         if self.state is MissionState.PAUSED:
-            self._tour.forget_goal()
             self._log.enter(now_ns, self._after_pause, "resumed by the operator")
 
     def stop(self, now_ns: int) -> None:
@@ -242,4 +242,6 @@ class Mission:
         drive = self._recovery.next(self._trail, situation)
         if drive is not None:
             return self._log.go(now_ns, drive[0], "odom", drive[1])
+        if tracked:
+            return self._log.answer(Action.WAIT, "a place of the map is recognised")
         return self._log.finish(now_ns, Outcome.LOST, f"tracking lost for good: {situation.slam_reason}")
