@@ -144,7 +144,7 @@ def is_master(entry: Path, port: int) -> bool:
 @pytest.mark.parametrize("base", ["kobuki", "create", "create2"])
 def test_each_base_explores_over_its_emulator(tmp_path: Path, base: str) -> None:
     out = tmp_path / "run"
-    command = run_command("--world", "lab", "--seed", "1", "--base", base, "--time", "10", "--out", str(out))
+    command = run_command("--world", "lab", "--seed", "1", "--base", base, "--time", "20", "--out", str(out))
     done = subprocess.run(
         command, env=environment(tmp_path, free_port()), capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
