@@ -71,9 +71,9 @@ def _off_plane(plane: Plane, points: Points3) -> FloatArray:
 
 
 class MappedGround:
-    """Any thread may call ``moved``, ``bumped``, ``pushed`` and ``docked`` when they happen, and ask for the ``dock``;
-    none of these waits while a grid is built. One thread sets ``dense`` when there are new surfaces, and then calls
-    ``grid``."""
+    """Any thread may call ``moved``, ``bumped``, ``pushed``, ``docked`` and ``corrected`` when they happen, and ask for
+    the ``dock``; none of these waits while a grid is built. One thread sets ``dense`` when there are new surfaces, and
+    then calls ``grid``."""
 
     def __init__(self, config: Config) -> None:
         self._ground_map = GroundMap(config.ground_map, config.robot)
@@ -92,6 +92,10 @@ class MappedGround:
     def bumped(self, pose: SE2) -> None:
         """The bumper is pressed here [m]: a permanent obstacle."""
         self._news.append((None, partial(self._bumps.add, pose)))
+
+    def corrected(self) -> None:
+        """The map was corrected: later poses are in another one than those before."""
+        self._news += [(None, self._trail.settle), (None, self._bumps.settle)]
 
     def docked(self, pose: SE2) -> None:
         """The base charges here [m]: the dock was last seen before it."""

@@ -76,9 +76,15 @@ class AnchoredPoses:
         self._world, self._relative = state[:, :3].astype(float), state[:, 3:6].astype(float)
         self._anchor, self.added = state[:, 6].astype(np.int64), len(state)
 
+    def settle(self) -> None:
+        """Tie poses that are tied to no keyframe yet to those of the last ``poses``: they are in that map, and the next
+        one is corrected."""
+        if len(self._last[0]):
+            self._tie(self._anchor == _LOOSE, *self._last)
+
     def poses(self, keyframe_ids: IntArray, T_world_cams: Sequence[SE3]) -> list[SE2]:
         """The poses in a map of these keyframes (K,), ids ascending."""
-        if len(keyframe_ids) and len(self._world):
+        if len(keyframe_ids):
             self._move(np.asarray(keyframe_ids, np.int64), _headings(T_world_cams))
         return self.last_poses()
 
