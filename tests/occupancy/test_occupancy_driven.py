@@ -82,6 +82,19 @@ def test_when_its_keyframe_goes_while_a_loop_is_closed_it_moves_with_the_others(
     assert rows(after) == pytest.approx(rows([correction @ pose for pose in before]), abs=1e-9)
 
 
+def test_what_was_driven_in_a_second_copy_of_a_place_moves_with_that_copy():
+    """The wheels drifted by 20 cm around a loop: the first pass of this place is nearer than the second."""
+    first, second, closed = SE2(2.0, 0.0, 0.0), SE2(2.05, -0.2, 0.0), SE2(2.05, 0.0, 0.0)
+    ground = MappedGround(Config())
+    here, there = SE2(2.1, -0.05, 0.0), SE2(2.1, 0.15, 0.0)
+    ground.moved(here, 1, 7)
+    ground.bumped(here)
+    ground.grid(snapshot_at(first, second))
+    after = snapshot_at(first, closed)
+    assert rows(ground.trail(after)) == pytest.approx(rows([there]), abs=1e-9)
+    assert rows(ground._bumps.poses(after.keyframe_ids, after.T_world_cams)) == pytest.approx(rows([there]), abs=1e-9)
+
+
 def test_what_was_driven_just_before_a_loop_is_closed_moves_with_the_map():
     ground, correction = MappedGround(Config()), SE2(0.3, -0.2, 0.4)
     before, after = snapshot_at(FIRST, SECOND), snapshot_at(FIRST, correction @ SECOND)
