@@ -53,7 +53,7 @@ class RunRecord:
         self, result: TrackingResult, odometry: Odometry | None, track_s: float, u2_frames: float | None
     ) -> None:
         """Add a tracked frame, the odometry at its time, its tracking time [s], and U2 after it."""
-        self.results.append(result)
+        self.results.append(result._replace(covariance=None))  # nobody asks for it here, and it is a quarter of a frame
         self._T_odom_bases.append(odometry.T_odom_base if odometry is not None else None)
         self._epochs.append(odometry.odom_epoch if odometry is not None else self.odom_epoch)
         self.track_ms.append(1e3 * track_s)
