@@ -389,6 +389,37 @@ def test_a_goal_that_fails_again_is_left_alone_twice_as_long():
     assert not again.near(17 * SECOND, here).any()
 
 
+def test_a_robot_that_only_gets_refusals_soon_chooses_elsewhere():
+    """Each of the many views of a room is refused, say for its dark door: another room comes soon, not after all."""
+    data = np.full((80, 400), UNKNOWN, np.int8)
+    data[:, :60] = data[:, 340:] = FREE
+    two_rooms = OccupancyGrid(data, 0.05, -1.5, -2.0)
+    far = LANDMARKS + [13.0, 0.0, 0.0]
+    mission, refused, now_ns = mapping_mission(), 0, 2 * SECOND
+    both = situation(grid=two_rooms, landmarks_world=np.vstack([LANDMARKS, far]), navigation=NavigationState.ABORTED)
+    while (decision := mission.decide(now_ns, both)).goal is None or decision.goal.x < 5.0:
+        refused += decision.action is Action.GO
+        now_ns += SECOND
+        assert refused < 10
+    near, room = np.array([[0.8, 0.5, 0.0]]), mission.view_selector.blacklist
+    assert room.near(now_ns, near).all()
+    room.choose_at(decision.goal)
+    assert not room.near(now_ns + 60 * SECOND, near).any()
+
+
+def test_a_view_near_refused_ones_is_tried_when_nothing_else_is_left():
+    blacklist, near = GoalBlacklist(radius_m=0.4, first_s=10.0), np.array([[2.0, 1.0, 0.0]])
+    blacklist.choose_at(SE2())
+    for k in range(5):
+        for _ in range(3):
+            blacklist.add(0, SE2(0.5 * k, 0.0, 0.0))
+    assert blacklist.near(SECOND, near).all()
+    assert blacklist.release(SECOND) > 0
+    assert not blacklist.near(SECOND, near).any()
+    assert blacklist.near(SECOND, np.zeros((1, 3))).all(), "failed too often"
+    assert blacklist.release(SECOND) == 0
+
+
 def test_a_swing_stays_on_free_ground_and_turns():
     data = np.full((60, 60), FREE, np.int8)
     grid = OccupancyGrid(data, 0.05, -1.5, -1.5)
