@@ -14,7 +14,18 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from planning_problems import LIMITS, OMPL, ROBOT, TOPPRA, map_names, map_problems, peer_rrt_connect, peer_toppra, problems, random_goals
+from planning_problems import (
+    LIMITS,
+    OMPL,
+    ROBOT,
+    TOPPRA,
+    map_names,
+    map_problems,
+    peer_rrt_connect,
+    peer_toppra,
+    problems,
+    random_goals,
+)
 
 from vsx_ros.config import PlannerConfig
 from vsx_ros.geometry.se2 import SE2
@@ -153,8 +164,13 @@ def section_maps(quick: bool, phis: list[float]) -> list[Row]:
             length_m = np.mean([path.length_m for path in paths])
             drive_s = np.mean([time_scale(path, LIMITS).duration_s for path in paths])
             cusps = np.mean([len(path.cusps) for path in paths])
-            print(f"phi {phi}, {name}: {len(paths)}/{n} solved, {sum(jumps)} needless stops in {np.count_nonzero(jumps)}")
-            print(f"  {length_m:.2f} m, {drive_s:.2f} s, {cusps:.2f} cusps; ms: {percentiles(seconds[before:], 1e3)}", flush=True)
+            print(
+                f"phi {phi}, {name}: {len(paths)}/{n} solved, {sum(jumps)} needless stops in {np.count_nonzero(jumps)}"
+            )
+            print(
+                f"  {length_m:.2f} m, {drive_s:.2f} s, {cusps:.2f} cusps; ms: {percentiles(seconds[before:], 1e3)}",
+                flush=True,
+            )
         if asked:
             rows += [
                 Row(f"maps, phi {phi}: solved [%]", 99.0, 100.0, 100.0 * solved / asked, True),

@@ -71,7 +71,7 @@ def map_names(tuning: bool) -> list[str]:
 
 
 def map_problems(name: str, n: int) -> list[tuple[OccupancyGrid, SE2, SE2]]:
-    """n problems in a map of a real building: random poses on ground that is joined for a base that turns on the spot."""
+    """n problems in a map of a real building, random poses that a base joins which turns on the spot."""
     grid = plan_of_picture(File(os.environ["VSX_DATA"]) / "maps" / f"{name}.png")
     field, rng = clearance_field(grid), np.random.default_rng(0)
     field = field._replace(values=field.values - ROBOT.radius_m - PlannerConfig().clearance_m - 0.01)

@@ -56,21 +56,32 @@ class CoarsePath:
         """The longest leg driven in reverse [m]."""
         return float(reverse_run(self.lengths))
 
-    def halved(self, longest_m: float) -> tuple[CoarsePath, frozenset[int]]:
-        """The same path with straight lines above longest_m cut in the middle, and the segments that end at a cut."""
-        long = (self.turns == 0) & (np.abs(self.lengths) > longest_m)
-        parts = np.where(long, 2, 1)
-        cuts = np.flatnonzero(long) + np.arange(np.count_nonzero(long))
-        way = CoarsePath(np.repeat(self.turns, parts), np.repeat(self.lengths / parts, parts), self.phi)
-        return way, frozenset(cuts.tolist())
+    def cut(self, longest_m: float, longest_radii: float) -> tuple[CoarsePath, frozenset[int]]:
+        """The same path with straight lines cut, and the segments that end at a cut: those above longest_m in the
+        middle, those above longest_radii one radius (1 / phi) from both ends."""
+        turns: list[int] = []
+        lengths: list[float] = []
+        cuts: set[int] = set()
+        for turn, length in zip(self.turns.tolist(), self.lengths.tolist()):
+            parts = [length]
+            if turn == 0 and abs(length) > longest_radii / self.phi:
+                end = math.copysign(1.0 / self.phi, length)
+                parts = [end, length - 2.0 * end, end]
+            elif turn == 0 and abs(length) > longest_m:
+                parts = [0.5 * length, 0.5 * length]
+            cuts |= set(range(len(turns), len(turns) + len(parts) - 1))
+            turns += [turn] * len(parts)
+            lengths += parts
+        return CoarsePath(np.array(turns, np.int64), np.array(lengths), self.phi), frozenset(cuts)
 
-    def parted(self) -> list[CoarsePath]:
-        """The path in two parts: cut at the middle one of its changes of direction, else between its segments."""
+    def part(self, first: int, last: int) -> CoarsePath:
+        """Its segments from ``first`` on, before ``last``."""
+        return CoarsePath(self.turns[first:last], self.lengths[first:last], self.phi)
+
+    def without_rounding(self) -> CoarsePath:
+        """Without the segments whose length is rounding."""
         keep = np.abs(self.lengths) >= _SHORTEST_M
-        turns, lengths = self.turns[keep], self.lengths[keep]
-        cusps = np.flatnonzero(lengths[1:] * lengths[:-1] < 0.0) + 1
-        half = [cusps[(len(cusps) - 1) // 2] if len(cusps) else len(turns) // 2]
-        return [CoarsePath(*part, self.phi) for part in zip(np.split(turns, half), np.split(lengths, half))]
+        return CoarsePath(self.turns[keep], self.lengths[keep], self.phi)
 
     def arcs(self, start: SE2) -> list[Piece]:
         """An arc or line for every segment."""
@@ -83,7 +94,7 @@ class CoarsePath:
 
     def pieces(self, start: SE2) -> tuple[Piece, ...]:
         """Arcs and lines, without those of zero length."""
-        return tuple(piece for piece in self.arcs(start) if piece.length_m >= _SHORTEST_M)
+        return tuple(self.without_rounding().arcs(start))
 
 
 def nanometres(cost_m: float) -> int:

@@ -17,7 +17,7 @@ from vsx_ros.planning.corridor import REVERSE_SLACK_M, Corridor, Visibility, bui
 from vsx_ros.planning.joint_qp import check_question, connections, same_pose
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import turn_piece
-from vsx_ros.planning.smoothing import smoothed
+from vsx_ros.planning.sliding_fit import smoothed
 
 _TIGHT = 0.9  # of phi, for arcs and lines: smoothing needs the rest
 _DIRECT = 4  # connections compared by the landmarks they see, or by their legs in reverse
@@ -180,7 +180,7 @@ class Planner:
             if coarse.length_m < _ANOTHER * before_m:
                 continue
             before_m = coarse.length_m
-            found += [p for p in smoothed(coarse, start, goal, phi, corridor) if corridor.allows(p, limit)]
+            found += [p for p in smoothed(coarse, start, goal, config, corridor) if corridor.allows(p, limit)]
             best = min(found, key=lambda path: path.cost_m(config), default=None)
             if best is not None and not best.jumps and best.cost_m(config) < coarse.length_m + 2.0 * config.stop_cost_m:
                 break
