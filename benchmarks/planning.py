@@ -1,10 +1,10 @@
 """How well and how fast motion planning works: ``python benchmarks/planning.py [--quick] [--phi 0.5] [section ...]``,
 src and hw in PYTHONPATH.
 
-Sections: connect, lab, maps, costs, time, paper (all by default); at the end comes a table of required and desired values.
-Seeds are fixed, so everything except the milliseconds repeats exactly. The peers (planning_problems.py) are measured in
-the same run if installed, else skipped with a note. Times are processor time of this process, including Python.
-tests/control measures how well trajectories are followed.
+Sections: connect, lab, maps, costs, time, paper (all by default); at the end comes a table of required and desired
+values. Seeds are fixed, so everything except the milliseconds repeats exactly. The peers (planning_problems.py) are
+measured in the same run if installed, else skipped with a note. Times are processor time of this process, including
+Python. tests/control measures how well trajectories are followed.
 """
 
 import argparse
@@ -265,8 +265,8 @@ def main() -> None:
     parser.add_argument("--phi", type=float, action="append", help="a bound on the change of view; may be repeated")
     args = parser.parse_args()
     todo = {
-        "connect": section_connect, "lab": section_lab, "maps": section_maps, "costs": section_costs, "time": section_time,
-        "paper": section_paper,
+        "connect": section_connect, "lab": section_lab, "maps": section_maps, "costs": section_costs,
+        "time": section_time, "paper": section_paper,
     }  # fmt: skip
     unknown = set(args.sections) - set(todo)
     if unknown:

@@ -54,7 +54,7 @@ class Planner:
             nothing = certified(start, goal, (), "start and goal are the same")
             return Plan(goal, corridor.measured(nothing), "fov")
         remaining = joined_distance(corridor.margin, (goal.x, goal.y))
-        wide = build_corridor(grid, start, goal, self._wide, self._robot)
+        wide = build_corridor(grid, start, goal, self._wide, self._robot, corridor.clearance)
         if isinstance(wide, Corridor):
             remaining_wide = joined_distance(wide.margin, (goal.x, goal.y))
             cell = corridor.margin.cell(start.x, start.y)
