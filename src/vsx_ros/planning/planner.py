@@ -12,9 +12,10 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.flood import flood, flood_costs
 from vsx_ros.occupancy.distance import joined_distance
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.coarse_path import OCTILE, ArcBounds, coarse_lattice, free_words, search, shortened
+from vsx_ros.planning.coarse_path import ArcBounds, free_words, shortened
 from vsx_ros.planning.corridor import REVERSE_SLACK_M, Corridor, Visibility, build_corridor
 from vsx_ros.planning.joint_qp import check_question, connections, same_pose
+from vsx_ros.planning.lattice_ways import OCTILE, coarse_lattice, search
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import turn_piece
 from vsx_ros.planning.sliding_fit import smoothed

@@ -34,7 +34,7 @@ class _SlidingFit:
     """``pieces`` are final and lead to the pose ``_at``, from which the segments from ``_first`` on are left."""
 
     def __init__(self, coarse: CoarsePath, start: SE2, goal: SE2, config: PlannerConfig, corridor: Corridor) -> None:
-        self._way, self._cuts = coarse.without_rounding().cut(_CUT_M, _LONG_RADII)
+        self._way, self._cuts = coarse.joined().cut(_CUT_M, _LONG_RADII)
         self._arcs = self._way.arcs(start)
         self._lengths = self._way.lengths.tolist()
         long_m = 0.999 / coarse.phi
