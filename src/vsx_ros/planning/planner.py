@@ -6,19 +6,20 @@ import msgspec
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
-from vsx_ros.config import PlannerConfig, RobotConfig
+from vsx_ros.config import LimitsConfig, PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.flood import flood, flood_costs
 from vsx_ros.occupancy.distance import joined_distance
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.coarse_path import ArcBounds, free_words, shortened
+from vsx_ros.planning.coarse_path import ArcBounds, free_words, shortened, shortest_word
 from vsx_ros.planning.corridor import REVERSE_SLACK_M, Corridor, Visibility, build_corridor
 from vsx_ros.planning.joint_qp import check_question, connections, same_pose
 from vsx_ros.planning.lattice_ways import OCTILE, coarse_lattice, search
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import turn_piece
 from vsx_ros.planning.sliding_fit import smoothed
+from vsx_ros.planning.time_scaling import estimated_s
 
 _TIGHT = 0.9  # of phi, for arcs and lines: smoothing needs the rest
 _DIRECT = 4  # connections compared by the landmarks they see, or by their legs in reverse
@@ -26,13 +27,15 @@ _SHORTENINGS = 3  # random shortcuts give different paths; the best of so many i
 _NEAR_BOUND = 1.15  # times the least possible length: no search would find a much shorter path
 _ANOTHER = 1.002  # a path hardly longer than the previous one is most likely the same
 _MOST_BLIND_M, _SAME_PLACE_M = 1.5, 0.02  # for the first drive or backing out; a goal so near is at the base's place
+USUAL_LIMITS = LimitsConfig()
 
 
 class Planner:
     """Plans whose change of view is bounded by config.phi_rad_m everywhere (paper 4)."""
 
-    def __init__(self, config: PlannerConfig, robot: RobotConfig) -> None:
-        self._config, self._robot = config, robot
+    def __init__(self, config: PlannerConfig, robot: RobotConfig, limits: LimitsConfig = USUAL_LIMITS) -> None:
+        """limits: of the drive, for the choice between a wide way and a short one."""
+        self._config, self._robot, self._limits = config, robot, limits
         preferred_m = max(config.clearance_m, config.preferred_clearance_m)
         self._wide = msgspec.structs.replace(config, clearance_m=preferred_m)
 
@@ -55,15 +58,43 @@ class Planner:
             nothing = certified(start, goal, (), "start and goal are the same")
             return Plan(goal, corridor.measured(nothing), "fov")
         remaining = joined_distance(corridor.margin, (goal.x, goal.y))
+        plan = self._wide_plan(start, goal, corridor, remaining, grid, rng, visibility)
+        if isinstance(plan, Plan) and not self._is_detour(plan.path, self._least_m(start, goal, corridor, remaining)):
+            return plan
+        if isinstance(plan, Refusal) and plan.kind is RefusalKind.BLIND:
+            return plan
+        short = self._in_corridor(start, goal, corridor, remaining, grid, rng, visibility)
+        if isinstance(plan, Plan):
+            return short if isinstance(short, Plan) and self._is_slow(plan.path, short.path) else plan
+        return short
+
+    def _wide_plan(
+        self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, grid: OccupancyGrid,
+        rng: np.random.Generator, visibility: Visibility | None,
+    ) -> Plan | Refusal | None:  # fmt: skip
+        """The plan with the preferred clearance; None where that is surely a detour."""
         wide = build_corridor(grid, start, goal, self._wide, self._robot, corridor.clearance)
-        if isinstance(wide, Corridor):
-            remaining_wide = joined_distance(wide.margin, (goal.x, goal.y))
-            cell = corridor.margin.cell(start.x, start.y)
-            if remaining_wide[cell] < self._config.detour_ratio * remaining[cell] + self._config.detour_m:
-                plan = self._in_corridor(start, goal, wide, remaining_wide, grid, rng, visibility)
-                if isinstance(plan, Plan) or plan.kind is RefusalKind.BLIND:
-                    return plan
-        return self._in_corridor(start, goal, corridor, remaining, grid, rng, visibility)
+        if isinstance(wide, Refusal):
+            return None
+        remaining_wide = joined_distance(wide.margin, (goal.x, goal.y))
+        cell = corridor.margin.cell(start.x, start.y)
+        if remaining_wide[cell] >= self._config.detour_ratio * remaining[cell] + self._config.detour_m:
+            return None
+        return self._in_corridor(start, goal, wide, remaining_wide, grid, rng, visibility)
+
+    def _least_m(self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray) -> float:
+        """No path is shorter [m]."""
+        around_m = OCTILE * float(remaining[corridor.margin.cell(start.x, start.y)])
+        return max(around_m, shortest_word(start, goal, self._config.phi_rad_m).length_m)
+
+    def _is_detour(self, path: Path, least_m: float) -> bool:
+        """Whether a path is so long that one with less clearance may be a better choice."""
+        return path.cost_m(self._config) > self._config.detour_ratio * least_m + self._config.detour_m
+
+    def _is_slow(self, wide: Path, short: Path) -> bool:
+        """Whether a drive with the preferred clearance takes too much longer than one with the least."""
+        wide_s, short_s = (estimated_s(path, self._limits) for path in (wide, short))
+        return wide_s > self._config.detour_ratio * short_s + self._config.detour_m / self._limits.v_m_s
 
     def _in_corridor(
         self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, grid: OccupancyGrid,

@@ -56,6 +56,18 @@ def _scale_turn(piece: Piece, limits: LimitsConfig, sample_s: float) -> _Samples
     return times, poses, np.zeros_like(times), sign * rate
 
 
+def estimated_s(path: Path, limits: LimitsConfig) -> float:
+    """About how long a drive takes [s], without its profile: the speed that bends allow, and a loss at each stop."""
+    loss_s = limits.v_m_s / limits.a_m_s2 + limits.a_m_s2 / limits.jerk_m_s3
+    total = loss_s * len(path.stretches())
+    for piece in path.pieces:
+        bend = np.abs(piece.table[:, 4])
+        per_m = np.maximum(1.0 / limits.v_m_s, bend / limits.omega_rad_s)
+        total += float(np.sum(0.5 * (per_m[1:] + per_m[:-1]) * np.diff(piece.table[:, 0])))
+        total += abs(piece.turn_rad) / limits.omega_rad_s if piece.direction == 0 else 0.0
+    return total
+
+
 def time_scale(
     path: Path, limits: LimitsConfig, slow_spans: FloatArray | None = None, sample_s: float = SAMPLE_S
 ) -> Trajectory:
