@@ -136,6 +136,7 @@ def _planning() -> None:
     search = lattice.lattice_search(field, start, 1.0, arcs, 1.5, goal, remaining, table)
     turns, lengths = lattice.lattice_way(*search[:3], search[4], search[3], goal, 1.0)
     lattice.reverse_run(lengths)
+    shortcuts.way_cost(lengths, 0.1)
     pockets.best_exit(field, *search[:4], 1.0, 0.3, remaining, field)
     level, step = flood.flood(field, start, 1.0, arcs, 1.5)
     flood.flood_costs(level, step, 0.0, field, 0.1, 1.0, field.values >= 0.0, goal[None])

@@ -14,7 +14,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
 from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_shortest, reeds_shepp_words, room_for
-from vsx_ros.kernels.planning.shortcuts import MAX_SEGMENTS, shorten
+from vsx_ros.kernels.planning.shortcuts import MAX_SEGMENTS, shorten, way_cost
 from vsx_ros.planning.pieces import Piece, arc_piece
 
 _SHORTEST_M = 1e-9  # shorter pieces are rounding
@@ -47,6 +47,10 @@ class CoarsePath:
     def longest_reverse_m(self) -> float:
         """The longest leg driven in reverse [m]."""
         return float(reverse_run(self.lengths))
+
+    def cost_m(self, cusp_cost_m: float) -> float:
+        """Length plus the cost of cusps [m]."""
+        return float(way_cost(self.lengths, cusp_cost_m))
 
     def cut(self, longest_m: float, longest_radii: float) -> tuple[CoarsePath, frozenset[int]]:
         """The same path with straight lines cut, and the segments that end at a cut: those above longest_m in the

@@ -16,7 +16,8 @@ from vsx_ros.planning.path import Path, certified
 from vsx_ros.planning.pieces import Piece
 from vsx_ros.planning.smoothing import fit, reverse_legs
 
-_MOST_PIECES = 7  # in a window
+_MOST_PIECES, _IN_NEED = 5, 8  # in a window; in one where no smaller one fits
+_OVERLAP = 2  # pieces of a window that the next one fits again
 _FEWER = 3  # pieces less than that at which a window may end
 _ENDS = 3  # of a window, tried until one fits
 _CUT_M, _BREAK_M = 0.1, 0.5  # straight lines in which a window may end, or that may be two pieces: more freedom
@@ -51,7 +52,22 @@ class _SlidingFit:
             self._go_on()
 
     def _go_on(self) -> None:
-        for last in self._ends():
+        if self._fit_window(_MOST_PIECES):
+            return
+        if self._tail:  # the rest of the window before leads back to the coarse path
+            self.pieces += self._tail
+            self._at, self._first, self._joined = self._tail[-1].end, self._tail_last, self._goes_on(self._tail_last)
+            self._tail = []
+        elif self._fit_window(_IN_NEED):
+            return
+        elif self._joined:
+            self._joined = False
+        else:
+            self._take_arcs()
+
+    def _fit_window(self, most_pieces: int) -> bool:
+        """Fit a window from ``_at``; False if none fits."""
+        for last in self._ends(most_pieces):
             tried: list[HeadingSequence] = []
             for sequence in (self._sequence(last, breaks) for breaks in self._breaks):
                 if sequence is None or sequence in tried:
@@ -60,31 +76,24 @@ class _SlidingFit:
                 path = self._fitted(sequence, last)
                 if path is not None:
                     self._keep(sequence, path, last)
-                    return
-        if self._tail:  # the rest of the window before leads back to the coarse path
-            self.pieces += self._tail
-            self._at, self._first, self._joined = self._tail[-1].end, self._tail_last, self._goes_on(self._tail_last)
-            self._tail = []
-        elif self._joined:
-            self._joined = False
-        else:
-            self._take_arcs()
+                    return True
+        return False
 
     def _goes_on(self, last: int) -> bool:
         """Whether the base need not stop before a segment."""
         return last < len(self._lengths) and self._lengths[last - 1] * self._lengths[last] > 0.0
 
-    def _ends(self) -> list[int]:
+    def _ends(self, most_pieces: int) -> list[int]:
         """The segments before which the next window may end, best first."""
         sequence = self._sequence(len(self._arcs), self._breaks[0])
         if sequence is None:
             return []
         members = [[self._first + i for i in piece] for piece in sequence.members]
-        if len(members) <= _MOST_PIECES:
+        if len(members) <= most_pieces:
             whole = [len(self._arcs)]
             members = members[:-1]
         else:
-            whole, members = [], members[:_MOST_PIECES]
+            whole, members = [], members[:most_pieces]
         ends = []
         for piece in reversed(members[-_FEWER - 1 :]):
             cuts = [i for i in piece if i in self._cuts]
@@ -103,7 +112,7 @@ class _SlidingFit:
 
     def _fitted(self, sequence: HeadingSequence, last: int) -> Path | None:
         """The path of a window, from ``_at`` to the coarse path."""
-        if len(sequence.turns) > 2 * _MOST_PIECES:
+        if len(sequence.turns) > 2 * _IN_NEED:
             return None
         end = self._arcs[last - 1].end if last < len(self._arcs) else self._goal
         members = [[self._first + i for i in piece] for piece in sequence.members]
@@ -127,7 +136,7 @@ class _SlidingFit:
     def _keep(self, sequence: HeadingSequence, path: Path, last: int) -> None:
         """Take over the first half of a window, or all of the last one."""
         n = len(path.pieces)
-        kept = n if last == len(self._arcs) else max(1, n // 2)
+        kept = n if last == len(self._arcs) else max(1, n - _OVERLAP)
         self.pieces += path.pieces[:kept]
         self._tail, self._tail_last = list(path.pieces[kept:]), last
         if kept == n:
