@@ -18,7 +18,7 @@ from vsx_ros.kernels.planning.shortcuts import MAX_SEGMENTS, shorten, way_cost
 from vsx_ros.planning.pieces import Piece, arc_piece
 
 _SHORTEST_M = 1e-9  # shorter pieces are rounding
-_SHORTCUTS = 300  # random ones tried per path
+_SHORTCUTS, _SHORTCUTS_PER_M = 300, 30  # random ones tried per path: at least, and for a long one
 
 
 class ArcBounds(NamedTuple):
@@ -143,6 +143,6 @@ def shortened(
     seed = np.uint64(rng.integers(1, 2**62))
     turns, lengths = shorten(
         bounds.margin, start.as_array(), coarse.turns, coarse.lengths, coarse.phi, bounds.max_reverse_m, cusp_cost_m,
-        seed, _SHORTCUTS,
+        seed, max(_SHORTCUTS, round(_SHORTCUTS_PER_M * coarse.length_m)),
     )  # fmt: skip
     return CoarsePath(turns, lengths, coarse.phi)
