@@ -20,8 +20,9 @@ _MOST_PIECES, _IN_NEED = 5, 8  # in a window; in one where no smaller one fits
 _OVERLAP = 2  # pieces of a window that the next one fits again
 _FEWER = 3  # pieces less than that at which a window may end
 _ENDS = 3  # of a window, tried until one fits
-_CUT_M, _BREAK_M = 0.1, 0.5  # straight lines in which a window may end, or that may be two pieces: more freedom
+_CUT_M = 0.1  # a window may end in the middle of straight lines longer than this
 _LONG_RADII = 3.0  # longer lines are pieces of their own but for their ends: one polynomial bends too early
+_PIECE_RADII = (4.0, 1.0)  # longer pieces are divided in the next straight line; then shorter ones, for more freedom
 
 
 def smoothed(coarse: CoarsePath, start: SE2, goal: SE2, config: PlannerConfig, corridor: Corridor) -> list[Path]:
@@ -38,10 +39,7 @@ class _SlidingFit:
         self._way, self._cuts = coarse.joined().cut(_CUT_M, _LONG_RADII)
         self._arcs = self._way.arcs(start)
         self._lengths = self._way.lengths.tolist()
-        long_m = 0.999 / coarse.phi
-        long = frozenset(i for i in self._cuts if max(abs(self._lengths[j]) for j in (i, i + 1)) > long_m)
-        some = frozenset(i for i in self._cuts if 2.0 * abs(self._lengths[i]) > _BREAK_M)
-        self._breaks = (long, long | some)
+        self._breaks = tuple(self._breaks_every(radii / coarse.phi) for radii in _PIECE_RADII)
         self._goal, self._config, self._corridor = goal, config, corridor
         self.pieces: list[Piece] = []
         self._at, self._first, self._joined = start, 0, False
@@ -50,6 +48,19 @@ class _SlidingFit:
         self._guide: list[Piece | None] = list(self._arcs)  # for each segment; None: part of the one before
         while self._first < len(self._arcs):
             self._go_on()
+
+    def _breaks_every(self, longest_m: float) -> frozenset[int]:
+        """Cuts at which a new piece begins: in long lines, and where a piece would become longer than longest_m."""
+        breaks, piece_m, bend, before_m = set(), 0.0, 0, 0.0
+        for i, (turn, length_m) in enumerate(zip(self._way.turns.tolist(), self._lengths)):
+            if turn * bend < 0 or length_m * before_m < 0.0:
+                piece_m, bend = 0.0, 0
+            piece_m, bend, before_m = piece_m + abs(length_m), turn or bend, length_m
+            long = i in self._cuts and length_m != self._lengths[i + 1]
+            if i in self._cuts and (long or piece_m > longest_m):
+                breaks.add(i)
+                piece_m, bend = 0.0, 0
+        return frozenset(breaks)
 
     def _go_on(self) -> None:
         if self._fit_window(_MOST_PIECES):
