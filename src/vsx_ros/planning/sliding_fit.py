@@ -22,7 +22,7 @@ _FEWER = 3  # pieces less than that at which a window may end
 _ENDS = 3  # of a window, tried until one fits
 _CUT_M = 0.1  # a window may end in the middle of straight lines longer than this
 _LONG_RADII = 3.0  # longer lines are pieces of their own but for their ends: one polynomial bends too early
-_PIECE_RADII = (4.0, 1.0)  # longer pieces are divided in the next straight line; then shorter ones, for more freedom
+_PIECE_RADII = (4.0, 0.5)  # longer pieces are divided in the next straight line; then shorter ones, for more freedom
 
 
 def smoothed(coarse: CoarsePath, start: SE2, goal: SE2, config: PlannerConfig, corridor: Corridor) -> list[Path]:

@@ -68,7 +68,7 @@ def fit(
             break
         duals = np.zeros(len(kept))
         duals[kept] = answer.duals
-        x = answer.x[:-1]
+        before, x = x, answer.x[:-1]
         path = joint_qp.verified(base, x, sequence, start, goal, phi)
         if path is None:
             break
@@ -78,10 +78,10 @@ def fit(
                 break
             gap += short + _GAP_M
             trust *= 0.6
-        elif best is not None and path.length_m > (1.0 - _CONVERGED) * best.length_m:
-            return best if best.length_m <= path.length_m else path
         else:
-            best = path
+            best = path if best is None or path.length_m < best.length_m else best
+            if base.q @ x > (1.0 - _CONVERGED) * (base.q @ before):  # q x is proportional to the length
+                break
     return best
 
 
