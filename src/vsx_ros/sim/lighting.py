@@ -6,8 +6,10 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from vsx_ros.arrays import BoolArray, FloatArray
+from vsx_ros.errors import ConfigError, did_you_mean
 
 Factor = Annotated[float, Meta(ge=0, le=10)]
 Strength = Annotated[float, Meta(ge=0, le=100)]
@@ -18,8 +20,8 @@ SUN_ASIDE_RAD = 0.5  # at most, at the beginning, from straight into the first w
 class Lighting(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The light of a world. lamps, ambient: factors on the strength of the lamps and of the light from everywhere.
     circuits: neighbouring lamps are switched together; lit: share of the circuits that are on at the beginning; then
-    one is switched, on or off, every switch_every_s (0: never), but one always stays on. windows: their number; each
-    gives the strength ``daylight``, as a lamp does. sun: irradiance of sunlight, head on, through the windows; its
+    one is switched, on or off, at even intervals (switches_per_min), but one always stays on. windows: their number;
+    each gives the strength ``daylight``, as a lamp does. sun: irradiance of sunlight, head on, through the windows; its
     patches wander as the sun turns. Strengths in units of full-scale reflectance."""
 
     seed: Annotated[int, Meta(ge=0)] = 0
@@ -27,7 +29,7 @@ class Lighting(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ambient: Factor = 1.0
     circuits: Annotated[int, Meta(ge=1, le=16)] = 4
     lit: Annotated[float, Meta(ge=0, le=1)] = 1.0
-    switch_every_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+    switches_per_min: Annotated[float, Meta(ge=0, le=60)] = 0.0
     windows: Annotated[int, Meta(ge=0, le=20)] = 0
     daylight: Strength = 0.0
     sun: Strength = 0.0
@@ -35,7 +37,7 @@ class Lighting(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 LIGHTS = {
-    "switched": Lighting(lit=0.75, switch_every_s=60.0),
+    "switched": Lighting(lit=0.75, switches_per_min=1.0),
     "day": Lighting(lamps=0.0, ambient=0.7, windows=3, daylight=2.5, sun=1.5, sun_deg_per_min=1.0),
     "sun": Lighting(windows=3, sun=2.0, sun_deg_per_min=10.0),
     "evening": Lighting(lamps=0.5, ambient=0.3),
@@ -44,6 +46,13 @@ LIGHTS = {
     "dim": Lighting(lamps=0.1, ambient=0.1),
 }
 """Kinds of light by name, for ``vsx world --light``."""
+
+
+def light_named(name: str, seed: int) -> Lighting:
+    """One of ``LIGHTS``, with circuits, windows and sun by seed. Raises ConfigError for an unknown name."""
+    if name not in LIGHTS:
+        raise ConfigError(f"there is no light {name!r}; choose one of {', '.join(LIGHTS)}{did_you_mean(name, LIGHTS)}")
+    return replace(LIGHTS[name], seed=seed)
 
 
 def circuits_on(lighting: Lighting, switched: int) -> BoolArray:
@@ -61,7 +70,7 @@ def circuits_on(lighting: Lighting, switched: int) -> BoolArray:
 
 def times_switched(lighting: Lighting, time_s: float) -> int:
     """How often a circuit has been switched until then."""
-    return int(time_s / lighting.switch_every_s) if lighting.switch_every_s else 0
+    return int(time_s * lighting.switches_per_min / 60.0)
 
 
 def sunbeam(lighting: Lighting, into_first_window_rad: float, time_s: float) -> FloatArray:
