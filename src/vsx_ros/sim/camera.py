@@ -17,6 +17,7 @@ from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.kernels.sim.raycast_pixels import expose
 from vsx_ros.sim.body import NonNegative, Positive
+from vsx_ros.sim.changing_light import ChangingScene
 from vsx_ros.sim.optics import AnyScene, optics_of
 from vsx_ros.sim.renderer import Picture, lit
 
@@ -39,7 +40,8 @@ VIBRATION_WAVES_PER_M = np.array([7.0, 13.0, 23.0, 41.0])  # without a common pe
 
 class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A Kinect's colour camera: rolling shutter of 26 ms, indoor exposure, noise of its small pixels. lens: may be
-    replaced by any other. samples: rays a pixel in Gazebo worlds."""
+    replaced by any other. samples: rays a pixel in Gazebo worlds. In a world with lighting, automatic exposure reaches
+    most_gain, and the noise grows with all gain above amplified_from, as the light no longer does."""
 
     lens: PinholeCamera = KINECT
     readout_ns: Annotated[int, Meta(ge=0)] = 26_000_000
@@ -50,6 +52,8 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     response_exponent: Positive = 0.6
     target_signal: Positive = 0.30
     exposure_ramp: Annotated[float, Meta(ge=0, le=1)] = 0.15
+    amplified_from: Positive = 1.2
+    most_gain: Annotated[float, Meta(ge=1, le=1000)] = 24.0
     vibration_rad: NonNegative = 0.0008
     focal_error: NonNegative = 0.003
     centre_error_px: NonNegative = 1.0
@@ -82,7 +86,7 @@ class EmulatedCamera:
         self._vibration_phases = rng.uniform(0.0, 2.0 * math.pi, len(VIBRATION_WAVES_PER_M))
         self._settings = settings
         self._renderer = optics_of(scene, camera, threads, settings.samples)
-        self._sensor = Sensor(camera, settings, rng)
+        self._sensor = Sensor(camera, settings, rng, amplifies=isinstance(scene, ChangingScene))
 
     @property
     def span_ns(self) -> int:
@@ -101,6 +105,7 @@ class EmulatedCamera:
     def picture(self, stamp_ns: int, poses_at: PosesAt, bayer: bool = False, want_depth: bool = False) -> Picture:
         """The radiance before the sensor, with true depth if wanted."""
         settings = self._settings
+        self._renderer.enlighten(stamp_ns)
         ends = self.poses_cam(poses_at(np.array([stamp_ns, stamp_ns + settings.exposure_ns])))
         sub_frames = self._renderer.sub_frames(*ends)
         rows_ns = settings.readout_ns * self._renderer.border_rows / self.camera_true.height
@@ -125,14 +130,18 @@ class EmulatedCamera:
 
 
 NOISE_DRAWS = 1 << 18  # drawn once; each row starts at a random one
-GAIN_MIN, GAIN_MAX = 0.3, 6.0  # of the automatic exposure
+GAIN_MIN, GAIN_MAX = 0.3, 6.0  # of the automatic exposure, in steady light
 
 
 class Sensor:
-    """Turns radiance into 8-bit images; stores the gain of its automatic exposure."""
+    """Turns radiance into 8-bit images; stores the gain of its automatic exposure. amplifies: noise grows with it."""
 
-    def __init__(self, camera: PinholeCamera, settings: CameraSettings, rng: np.random.Generator) -> None:
+    def __init__(
+        self, camera: PinholeCamera, settings: CameraSettings, rng: np.random.Generator, amplifies: bool = False
+    ) -> None:
         self._settings = settings
+        self._most_gain = settings.most_gain if amplifies else GAIN_MAX
+        self._amplified_from = settings.amplified_from if amplifies else GAIN_MAX
         self._rng = rng
         v, u = np.mgrid[0 : camera.height, 0 : camera.width]
         r2 = ((u - camera.cx) / camera.fx) ** 2 + ((v - camera.cy) / camera.fy) ** 2
@@ -149,13 +158,14 @@ class Sensor:
         settings = self._settings
         ratio = settings.target_signal / max(float(radiance[4::8, 4::8].mean()), 1e-4)
         ramp = settings.exposure_ramp if self._metered else 1.0
-        self.gain = float(np.clip(self.gain * (ratio / self.gain) ** ramp, GAIN_MIN, GAIN_MAX))
+        self.gain = float(np.clip(self.gain * (ratio / self.gain) ** ramp, GAIN_MIN, self._most_gain))
+        amplified = max(self.gain / self._amplified_from, 1.0)
         self._metered = True
         height, width = radiance.shape
         image = np.empty((height, width), np.uint8)
         starts = self._rng.integers(0, NOISE_DRAWS - width, height)
         expose(
-            radiance, self._vignette, np.float32(self.gain), np.float32(settings.shot_noise),
-            np.float32(settings.read_noise**2), self._noise, starts, self._response, image,
+            radiance, self._vignette, np.float32(self.gain), np.float32(settings.shot_noise * amplified),
+            np.float32((settings.read_noise * amplified) ** 2), self._noise, starts, self._response, image,
         )  # fmt: skip
         return image

@@ -51,6 +51,9 @@ class MeshRenderer:
         """As ``blur_sub_frames``; at least as many as samples, at most 8 or these."""
         return max(self._samples, min(blur_sub_frames(self.camera, R, t), MOST_PASSES))
 
+    def enlighten(self, stamp_ns: int) -> None:
+        """Nothing: the light of a Gazebo world is steady."""
+
     def render(self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False) -> Picture:
         """As ``Renderer.render``; ident is the triangle."""
         passes, shape = len(R), (self.camera.height, self.camera.width)

@@ -6,6 +6,7 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.kernels.sim.mesh_scene import MeshScene
 from vsx_ros.kernels.sim.raycast_cull import Scene
+from vsx_ros.sim.changing_light import ChangingScene
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.mesh_renderer import MeshRenderer
 from vsx_ros.sim.mesh_scene import compile_mesh
@@ -14,7 +15,7 @@ from vsx_ros.sim.renderer import Picture, Renderer
 from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.world import World
 
-AnyScene: TypeAlias = Scene | MeshScene
+AnyScene: TypeAlias = Scene | ChangingScene | MeshScene
 
 
 class Optics(Protocol):
@@ -24,6 +25,8 @@ class Optics(Protocol):
     def border_rows(self) -> FloatArray: ...  # noqa: D102
 
     def sub_frames(self, R: FloatArray, t: FloatArray) -> int: ...  # noqa: D102
+
+    def enlighten(self, stamp_ns: int) -> None: ...  # noqa: D102
 
     def render(  # noqa: D102
         self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False
@@ -35,7 +38,7 @@ def scene_of(world: EmulatedWorld) -> AnyScene:
     if isinstance(world, MeshWorld):
         return compile_mesh(world)
     assert isinstance(world, World)
-    return compile_scene(world)
+    return compile_scene(world) if world.lighting is None else ChangingScene(world, world.lighting)
 
 
 def optics_of(scene: AnyScene, camera: PinholeCamera, threads: int, samples: int) -> Optics:

@@ -18,6 +18,7 @@ from vsx_ros.kernels.sim.raycast_cull import Scene, plane_forms
 from vsx_ros.kernels.sim.raycast_pixels import View
 from vsx_ros.kernels.sim.raycast_render import render_tile_rows
 from vsx_ros.kernels.sim.raycast_shade import TILE
+from vsx_ros.sim.changing_light import ChangingScene
 
 BLUR_STEP_PX = 1.2  # between sub-frames, so that blur looks even
 MAX_SUB_FRAMES = 16  # to save time
@@ -94,9 +95,10 @@ def blur_sub_frames(camera: PinholeCamera, R: FloatArray, t: FloatArray) -> int:
 class Renderer:
     """Images of a scene through a camera. ``threads`` share the rows; any number gives the same bits."""
 
-    def __init__(self, scene: Scene, camera: PinholeCamera, threads: int = 1) -> None:
+    def __init__(self, scene: Scene | ChangingScene, camera: PinholeCamera, threads: int = 1) -> None:
         self.camera = camera
-        self._scene = scene
+        self._changing = scene if isinstance(scene, ChangingScene) else None
+        self._scene = scene.at(0) if isinstance(scene, ChangingScene) else scene
         self._threads = max(1, threads)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self.tile_rows = math.ceil(camera.height / TILE)
@@ -118,6 +120,11 @@ class Renderer:
     def sub_frames(self, R: FloatArray, t: FloatArray) -> int:
         """As ``blur_sub_frames``, at most 16."""
         return min(blur_sub_frames(self.camera, R, t), MAX_SUB_FRAMES)
+
+    def enlighten(self, stamp_ns: int) -> None:
+        """Draw the next images in the light of this moment, if it changes."""
+        if self._changing is not None:
+            self._scene = self._changing.at(stamp_ns)
 
     def render(self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False) -> Picture:
         """The image from poses T_world_cam at S sub-frames of the exposure and B borders of tile rows: R (S, B, 3, 3),

@@ -33,7 +33,8 @@ def _tree(world: EmulatedWorld) -> Any:
     if isinstance(world, MeshWorld):
         models = [str(folder) for folder in world.folders]
         return msgspec.to_builtins(GazeboReference(gazebo=str(world.file), models=models, start=world.start))
-    return msgspec.to_builtins(world)
+    tree: dict[str, Any] = msgspec.to_builtins(world)
+    return {name: part for name, part in tree.items() if part is not None}
 
 
 def save_world(world: EmulatedWorld, path: Path) -> None:

@@ -120,13 +120,14 @@ class Relocalizer:
         return self._found(track, view, reference) if expected.is_firm or seen.is_sure(self._config) else None
 
     def _likely(self, data: FrameData, view: MapView, expected: ExpectedPose | None) -> list[int]:
-        """The most similar keyframes, and some of the rest in turn."""
+        """The keyframe of an unconfirmed recognition, the most similar ones, and some of the rest in turn."""
         among = view.living if expected is None or not expected.is_firm else view.part(expected.map_id).living
         ranked = [int(k) for k in self._places.ranked(data.small, view, among)]
+        again = [k for k in ranked if self._unconfirmed is not None and k == self._unconfirmed[1].reference]
         best, rest = ranked[:BEST_LIKELY], ranked[BEST_LIKELY:]
         in_turn = [rest[(self._turn + n) % len(rest)] for n in range(min(IN_TURN, len(rest)))]
         self._turn += IN_TURN
-        return best + in_turn
+        return list(dict.fromkeys(again + best + in_turn))
 
     def _found(self, track: Track, view: MapView, keyframe: int) -> Relocalization:
         map_id = view.keyframes[keyframe].map_id

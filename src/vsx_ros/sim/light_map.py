@@ -1,0 +1,87 @@
+"""The light on a quad: irradiance at a lattice of nodes, by lamps and by sunlight through windows, without shadows of
+things; and its packing for the ray caster."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vsx_ros.arrays import FloatArray, Int32Array
+from vsx_ros.sim.world import Light
+
+LIGHT_SPACING_M = 0.25  # between the nodes of a light map
+LONGEST_M = 16.0  # side of a quad whose nodes are so near each other; on longer ones they are farther apart
+SOFT_M = 0.05  # width of the edge of a patch of sunlight
+
+
+class Nodes(NamedTuple):
+    """points (nv, nu, 3) [m] of a quad with this normal (3,)."""
+
+    points: FloatArray
+    normal: FloatArray
+
+
+class Window(NamedTuple):
+    """An opening: middle (3,) [m], unit vectors along the wall and into the room (3,), width and height [m]."""
+
+    middle: FloatArray
+    along: FloatArray
+    inwards: FloatArray
+    width: float
+    height: float
+
+
+def node_counts(edge_u: FloatArray, edge_v: FloatArray, spacing_m: float) -> tuple[int, int]:
+    """Numbers of nodes of a quad's light map along its edges."""
+    lengths, most = (float(np.linalg.norm(edge)) for edge in (edge_u, edge_v)), round(LONGEST_M / spacing_m)
+    along_u, along_v = (min(max(math.ceil(length / spacing_m) + 1, 2), most) for length in lengths)
+    return along_u, along_v
+
+
+def nodes_of(corner: FloatArray, edge_u: FloatArray, edge_v: FloatArray, counts: tuple[int, int]) -> Nodes:
+    """The nodes of a quad. counts: along u and along v."""
+    u, v = np.meshgrid(np.linspace(0, 1, counts[0]), np.linspace(0, 1, counts[1]))
+    points = corner + u[..., None] * edge_u + v[..., None] * edge_v
+    normal = np.cross(edge_v, edge_u)
+    return Nodes(points, normal / max(float(np.linalg.norm(normal)), 1e-12))
+
+
+def irradiance(nodes: Nodes, lamps: Sequence[Light], ambient: float) -> FloatArray:
+    """(nv, nu) at the nodes: ambient plus every lamp by cosine and inverse square law."""
+    points, normal = nodes
+    total = np.full(points.shape[:2], ambient)
+    for lamp in lamps:
+        to_lamp = np.array([lamp.x, lamp.y, lamp.z]) - points
+        distance2 = (to_lamp**2).sum(axis=2) + 0.25
+        cosine = np.maximum(to_lamp @ normal / np.sqrt(distance2), 0.0)
+        total += lamp.strength * cosine / distance2
+    # A soft contact shadow: upright surfaces are darker near the floor.
+    if abs(normal[2]) < 0.5:
+        total *= 1.0 - 0.25 * np.exp(-points[..., 2] / 0.3)
+    return total
+
+
+def sunlight(nodes: Nodes, windows: Sequence[Window], beam: FloatArray) -> FloatArray:
+    """(nv, nu) share of sunlight that travels along beam (3,) and falls through one of the windows onto the nodes."""
+    points, normal = nodes
+    most = np.zeros(points.shape[:2])
+    cosine = -float(beam @ normal)
+    for window in windows if cosine > 0.0 else ():
+        entering = float(beam @ window.inwards)
+        if entering <= 1e-3:
+            continue
+        behind = (points - window.middle) @ window.inwards
+        through = points - window.middle - (behind / entering)[..., None] * beam
+        aside = 0.5 * window.width - np.abs(through @ window.along)
+        inside = np.minimum(aside, 0.5 * window.height - np.abs(through[..., 2]))
+        most = np.maximum(most, np.where(behind > 0.0, np.clip(inside / SOFT_M + 0.5, 0.0, 1.0), 0.0))
+    return cosine * most
+
+
+def pack_light(light: FloatArray, scale: float) -> Int32Array:
+    """Nodes as bytes, packed 2x2 like texels but clamped at the border; flat int32."""
+    t = np.clip(np.rint(light * (255.0 / scale)), 0, 255).astype(np.uint32)
+    t = np.pad(t, ((0, 1), (0, 1)), mode="edge")
+    packed = t[:-1, :-1] | t[:-1, 1:] << 8 | t[1:, :-1] << 16 | t[1:, 1:] << 24
+    return np.ascontiguousarray(packed).ravel().view(np.int32)
