@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from vsx_ros.cli.option_values import add_models, add_parameters, place, pose, positive
+from vsx_ros.cli.option_values import add_hard_things, add_models, add_parameters, place, pose, positive
 from vsx_ros.control.keyboard import KEYS
 
 
@@ -134,6 +134,7 @@ def world(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=int, default=0, metavar="N", help="which of the generator's worlds, or which start (default 0)")
     add("--start", type=pose, metavar="X,Y,DEG", help="where the robot starts and looks to")
     add_models(parser)
+    add_hard_things(parser)
     add(
         "--out", type=Path, metavar="FILE", help="write the world to this YAML file; with render, the view to this .png"
     )

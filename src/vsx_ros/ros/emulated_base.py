@@ -16,6 +16,7 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.sim.body import Body
 from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.hard_settings import body_in
 from vsx_ros.sim.robot import SimulationConfig
 
 _RATE_WINDOW_NS = 20_000_000  # emulated time over which the turn rate is averaged: one odometry period
@@ -46,7 +47,7 @@ class BodyPlant:
         dock: SE2 | None = None,
     ) -> None:
         """dock: where one stands in the world, as ``vsx_hw.dock_emulator`` says."""
-        settings = msgspec.structs.replace(SimulationConfig().body, wheel_base_m=wheel_base_m)
+        settings = body_in(world.hard, msgspec.structs.replace(SimulationConfig().body, wheel_base_m=wheel_base_m))
         rng = np.random.default_rng([seed, 1])  # as in the lock-step robot
         segments = world.obstacle_segments(0.0, robot.height_m)
         self._settings = settings

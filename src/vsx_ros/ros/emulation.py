@@ -31,6 +31,7 @@ from vsx_ros.ros.emulated_base import BodyState
 from vsx_ros.runs.journal import flat
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.camera import EmulatedCamera
+from vsx_ros.sim.hard_settings import camera_in
 from vsx_ros.sim.optics import scene_of
 from vsx_ros.sim.robot import SimulationConfig
 
@@ -39,10 +40,12 @@ _KEPT = 600  # poses, for images that are rendered late
 
 
 class RenderSettings(msgspec.Struct, frozen=True):
-    """Settings for the child process. start_ns: host time at the emulator's start."""
+    """Settings for the child process. hard: NAME=AMOUNT of hard things, beside the world's own. start_ns: host time at
+    the emulator's start."""
 
     world: str
     seed: int
+    hard: str
     socket: str
     rate_hz: float
     start_ns: int
@@ -118,8 +121,9 @@ class PoseHistory:
 def render(settings: RenderSettings, history: PoseHistory) -> None:
     """Render frames every 1 / rate_hz until the history ends; frames that are too late are skipped and counted."""
     rng = np.random.default_rng([settings.seed, 2])  # as in the lock-step robot
-    world = open_world(settings.world, settings.seed)
+    world = open_world(settings.world, settings.seed, hard=[settings.hard])
     optics = msgspec.structs.replace(SimulationConfig().camera, samples=1)  # for time
+    optics = camera_in(world.hard, settings.seed, optics)
     camera = EmulatedCamera(scene_of(world), settings.robot.mount, optics, rng)
     write_calibration(Path(settings.socket + ".yaml"), camera.camera_given, "emulated")
     history.wait_for(0)
@@ -127,10 +131,11 @@ def render(settings: RenderSettings, history: PoseHistory) -> None:
     period_ns = 1e9 / settings.rate_hz
     slot = 0
     with KinectEmulator(settings.socket, settings.seed) as kinect:
-        while (now_ns := history.wait_for(round((slot + 1) * period_ns) + camera.span_ns)) >= 0:
-            newest = int((now_ns - camera.span_ns) / period_ns)
+        late_ns = camera.span_ns + optics.delay_ns
+        while (now_ns := history.wait_for(round((slot + 1) * period_ns) + late_ns)) >= 0:
+            newest = int((now_ns - late_ns) / period_ns)
             skipped, slot = newest - slot - 1, newest
-            if not kinect.streaming:
+            if camera.loses_image() or not kinect.streaming:
                 continue
             stamp_ns = round(slot * period_ns)
             began_s = time.perf_counter()

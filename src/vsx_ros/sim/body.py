@@ -16,6 +16,7 @@ HISTORY = 512  # substeps, 2.5 s: longer than an image needs the body's motion
 FREE_AGAIN_M = 0.003  # play of a bumper between pressed and released
 BUMPER_CENTRE_RAD = math.radians(25.0)  # of the middle one of three, to each side
 BUMPER_SIDE_RAD = math.radians(90.0)  # the bumper is the front half
+STUCK_NS = 400_000_000  # of a wheel that sticks
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
 
@@ -23,7 +24,7 @@ NonNegative = Annotated[float, Meta(ge=0)]
 class BodySettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A Kobuki by default: wheel base, encoder step and gyro step are its own; errors are half-widths or deviations.
     true_way, true_track: true distance rolled and true wheel distance, relative to the driver's. gyro_scale: read turn
-    / true turn. gyro_zero_rad_s: reading at standstill."""
+    / true turn. gyro_zero_rad_s: reading at standstill. sticks_every_s: mean time until a wheel sticks; 0: never."""
 
     wheel_base_m: Positive = 0.230
     tick_m: Positive = 0.000085292
@@ -38,6 +39,7 @@ class BodySettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     true_track: Positive = 1.0
     gyro_scale: Positive = 1.0
     gyro_zero_rad_s: float = 0.0
+    sticks_every_s: NonNegative = 0.0
 
 
 class Bumper(NamedTuple):
@@ -46,6 +48,24 @@ class Bumper(NamedTuple):
     left: bool = False
     centre: bool = False
     right: bool = False
+
+
+class StickyWheel:
+    """One wheel that sometimes stands still for a moment, whatever it is told."""
+
+    def __init__(self, every_s: float, rng: np.random.Generator) -> None:
+        self._every_s, self._rng = every_s, rng
+        self._is_left = bool(rng.integers(2))
+        self._from_ns = self._until_ns = 0
+
+    def turned(self, now_ns: int, left: float, right: float) -> tuple[float, float]:
+        """The speeds [m/s] that the wheels are driven with."""
+        if now_ns >= self._until_ns:
+            self._from_ns = now_ns + round(1e9 * float(self._rng.exponential(self._every_s)))
+            self._until_ns = self._from_ns + STUCK_NS
+        if now_ns < self._from_ns:
+            return left, right
+        return (0.0, right) if self._is_left else (left, 0.0)
 
 
 class Body:
@@ -76,6 +96,7 @@ class Body:
         self._rolled_left = self._rolled_right = 0.0
         self._gyro = 0.0
         self._history: deque[tuple[int, float, float, float, float]] = deque(maxlen=HISTORY)
+        self._sticky = StickyWheel(settings.sticks_every_s, rng.spawn(1)[0]) if settings.sticks_every_s else None
         self._remember()
 
     def set_wheel_speeds(self, left: float, right: float) -> None:
@@ -135,9 +156,10 @@ class Body:
         while self._pending and self._pending[0][0] <= self.time_ns:
             _, left, right = self._pending.popleft()
             self._wanted = (left, right)
+        wanted = self._wanted if self._sticky is None else self._sticky.turned(self.time_ns, *self._wanted)
         follow = 1.0 - math.exp(-dt / self._settings.lag_s)
-        left = self._wheels[0] + follow * (self._wanted[0] - self._wheels[0])
-        right = self._wheels[1] + follow * (self._wanted[1] - self._wheels[1])
+        left = self._wheels[0] + follow * (wanted[0] - self._wheels[0])
+        right = self._wheels[1] + follow * (wanted[1] - self._wheels[1])
         self._wheels = (left, right)
         self._rolled_left += left * dt
         self._rolled_right += right * dt

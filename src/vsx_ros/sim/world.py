@@ -129,7 +129,7 @@ class Start(_Placed, frozen=True, kw_only=True):
 
 
 class World(_Part, frozen=True, kw_only=True):
-    """A whole emulated building. ``world_file`` reads and writes it."""
+    """A whole emulated building. ``world_file`` reads and writes it. hard: amounts of ``HARD_THINGS`` by name."""
 
     version: Literal[1] = 1
     generator: Origin
@@ -146,6 +146,7 @@ class World(_Part, frozen=True, kw_only=True):
     cylinders: list[Cylinder] = []
     posters: list[Poster] = []
     lights: list[Light] = []
+    hard: dict[str, float] = {}
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
