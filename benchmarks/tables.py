@@ -37,6 +37,7 @@ _IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
 
 ROOMS: dict[str, tuple[str, ...]] = {
     "exploration": (*_IN_LOCK_STEP, "benchmarks/exploration", "benchmarks/nearest_frontier"),
+    "hard_things": (*_IN_LOCK_STEP, "benchmarks/hard_things"),
     "drives": ("src/vsx_ros",),
     "exploration_strategy": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/nearest_frontier"),
     "free_cells": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/free_cells"),

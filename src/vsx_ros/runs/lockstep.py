@@ -186,7 +186,8 @@ class FastRun:
             summary = self.judge.judged(summary, system.grid)
         truth = self.robot.truth if self._before is None else None
         return summary.with_values(
-            collisions=self.collisions, driven_m=truth and truth.path_length_m,
+            collisions=self.collisions, collisions_with_people=truth and truth.contacts.into_people,
+            touched_by_people=truth and truth.contacts.by_people, driven_m=truth and truth.path_length_m,
             min_clearance_m=truth and truth.min_clearance_m,
             duration_s=self.truth[-1].stamp_ns * 1e-9 if self.truth else 0.0,
             planned_vs_executed_rms_m=float(np.sqrt(np.mean(errors**2))) if errors.size else None, plans=self.plans,

@@ -17,12 +17,14 @@ from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.kernels.sim.raycast_pixels import expose
 from vsx_ros.sim.body import NonNegative, Positive
+from vsx_ros.sim.moving_quads import DrawnMovers
 from vsx_ros.sim.optics import AnyScene, optics_of
 from vsx_ros.sim.renderer import Picture, lit
 from vsx_ros.sim.smear import Smear
 
 PosesAt = Callable[[IntArray], FloatArray]
-"""(N,) stamps [ns] to (N, 4) x, y [m], theta [rad] and travelled path [m] of the base, as ``Body.poses_at``."""
+"""(N,) stamps [ns] to (N, 4 + K) x, y [m], theta [rad] and travelled path [m] of the base, and the K numbers of the
+movers' states, as ``Body.poses_at``."""
 
 KINECT = PinholeCamera(
     width=640,
@@ -80,8 +82,11 @@ class EmulatedCamera:
     """Images from a moving base. camera_true and T_base_cam_true are the truth; the stack gets the _given ones."""
 
     def __init__(
-        self, scene: AnyScene, mount: MountConfig, settings: CameraSettings, rng: np.random.Generator, threads: int = 1
-    ) -> None:
+        self, scene: AnyScene | DrawnMovers, mount: MountConfig, settings: CameraSettings, rng: np.random.Generator,
+        threads: int = 1,
+    ) -> None:  # fmt: skip
+        """scene: of a world, with its movers if it has some."""
+        self._movers = scene if isinstance(scene, DrawnMovers) else None
         told = Shutter(1e-9 * settings.readout_ns, 1e-9 * settings.exposure_ns)
         self._readout_ns = max(settings.readout_ns + settings.readout_off_ns, 0)
         self._exposure_ns = max(settings.exposure_ns + settings.exposure_off_ns, 0)
@@ -105,7 +110,8 @@ class EmulatedCamera:
         )
         self._vibration_phases = rng.uniform(0.0, 2.0 * math.pi, len(VIBRATION_WAVES_PER_M))
         self._settings = settings
-        self._renderer = optics_of(scene, camera, threads, settings.samples)
+        drawn = scene.scene if isinstance(scene, DrawnMovers) else scene
+        self._renderer = optics_of(drawn, camera, threads, settings.samples)
         self._sensor = Sensor(camera, settings, rng)
         smeared = settings.smeared_share
         self._smear = Smear(camera.height, camera.width, smeared, smear_rng) if smeared else None
@@ -140,12 +146,14 @@ class EmulatedCamera:
         rows_ns = self._readout_ns * self._renderer.border_rows / self.camera_true.height
         middles_ns = self._exposure_ns * (np.arange(sub_frames) + 0.5) / sub_frames
         stamps = stamp_ns + np.rint(middles_ns[:, None] + rows_ns[None, :]).astype(np.int64)
-        R, t = self.poses_cam(poses_at(stamps.ravel()))
+        base = poses_at(stamps.ravel())
+        R, t = self.poses_cam(base)
         R, t = R.reshape(*stamps.shape, 3, 3), t.reshape(*stamps.shape, 3)
-        return self._renderer.render(R, t, bayer, want_depth)
+        moved = None if self._movers is None else self._movers.at(base[:, 4:].reshape(*stamps.shape, -1))
+        return self._renderer.render(R, t, bayer, want_depth, moved)
 
     def poses_cam(self, base: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rotations (N, 3, 3), positions (N, 3) of the camera on base poses (N, 4), with true mount and vibration."""
+        """Rotations (N, 3, 3), positions (N, 3) of the camera on bases (N, 4 + K), with true mount and vibration."""
         c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
         zero, one = np.zeros_like(c), np.ones_like(c)
         yaw = np.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)

@@ -15,6 +15,7 @@ from vsx_ros.kernels.sim.mesh_raster import rasterise
 from vsx_ros.kernels.sim.mesh_scene import MeshScene, Rays, fill_rays
 from vsx_ros.kernels.sim.mesh_shade import shade_rows
 from vsx_ros.kernels.sim.raycast_shade import TILE
+from vsx_ros.sim.moving_quads import Moved
 from vsx_ros.sim.renderer import Picture, blur_sub_frames, lit, ray_tables
 
 MOST_PASSES = 8  # to save time: each draws the whole image
@@ -51,8 +52,11 @@ class MeshRenderer:
         """As ``blur_sub_frames``; at least as many as samples, at most 8 or these."""
         return max(self._samples, min(blur_sub_frames(self.camera, R, t), MOST_PASSES))
 
-    def render(self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False) -> Picture:
-        """As ``Renderer.render``; ident is the triangle."""
+    def render(
+        self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False, moved: Moved | None = None
+    ) -> Picture:
+        """As ``Renderer.render``, without movers; ident is the triangle."""
+        assert moved is None
         passes, shape = len(R), (self.camera.height, self.camera.width)
         radiance = np.zeros(shape, np.float32)
         for s in range(passes):

@@ -10,11 +10,12 @@ from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.mesh_renderer import MeshRenderer
 from vsx_ros.sim.mesh_scene import compile_mesh
 from vsx_ros.sim.mesh_world import MeshWorld
+from vsx_ros.sim.moving_quads import Moved, MovingScene
 from vsx_ros.sim.renderer import Picture, Renderer
 from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.world import World
 
-AnyScene: TypeAlias = Scene | MeshScene
+AnyScene: TypeAlias = Scene | MovingScene | MeshScene
 
 
 class Optics(Protocol):
@@ -26,7 +27,7 @@ class Optics(Protocol):
     def sub_frames(self, R: FloatArray, t: FloatArray) -> int: ...  # noqa: D102
 
     def render(  # noqa: D102
-        self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False
+        self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False, moved: Moved | None = None
     ) -> Picture: ...
 
 

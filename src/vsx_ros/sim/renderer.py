@@ -18,6 +18,7 @@ from vsx_ros.kernels.sim.raycast_cull import Scene, plane_forms
 from vsx_ros.kernels.sim.raycast_pixels import View
 from vsx_ros.kernels.sim.raycast_render import render_tile_rows
 from vsx_ros.kernels.sim.raycast_shade import TILE
+from vsx_ros.sim.moving_quads import Moved, MovingScene
 
 BLUR_STEP_PX = 1.2  # between sub-frames, so that blur looks even
 MAX_SUB_FRAMES = 16  # to save time
@@ -94,7 +95,7 @@ def blur_sub_frames(camera: PinholeCamera, R: FloatArray, t: FloatArray) -> int:
 class Renderer:
     """Images of a scene through a camera. ``threads`` share the rows; any number gives the same bits."""
 
-    def __init__(self, scene: Scene, camera: PinholeCamera, threads: int = 1) -> None:
+    def __init__(self, scene: Scene | MovingScene, camera: PinholeCamera, threads: int = 1) -> None:
         self.camera = camera
         self._scene = scene
         self._threads = max(1, threads)
@@ -119,15 +120,23 @@ class Renderer:
         """As ``blur_sub_frames``, at most 16."""
         return min(blur_sub_frames(self.camera, R, t), MAX_SUB_FRAMES)
 
-    def render(self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False) -> Picture:
+    def render(
+        self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False, moved: Moved | None = None
+    ) -> Picture:
         """The image from poses T_world_cam at S sub-frames of the exposure and B borders of tile rows: R (S, B, 3, 3),
-        t (S, B, 3) [m]. bayer: each pixel sees one colour of the GRBG mosaic; otherwise all see grey."""
-        forms, pool = plane_forms(self._scene, R, t)
+        t (S, B, 3) [m]. bayer: each pixel sees one colour of the GRBG mosaic; otherwise all see grey. moved: where the
+        movers are, in a scene that has some."""
+        if moved is None:
+            assert isinstance(self._scene, Scene)
+            scene, (forms, pool) = self._scene, plane_forms(self._scene, R, t)
+        else:
+            assert isinstance(self._scene, MovingScene)
+            scene, (forms, pool) = self._scene.lit(moved), self._scene.forms(R, t, moved)
         shape = (self.camera.height, self.camera.width)
         radiance = np.zeros(shape, np.float32)
         depth = np.zeros(shape if want_depth else (0, 0), np.float32)
         ident = np.full(shape if want_depth else (0, 0), -1, np.int32)
-        view = View(scene=self._scene, forms=forms, rx=self._rx, ry=self._ry, bayer=bayer)
+        view = View(scene=scene, forms=forms, rx=self._rx, ry=self._ry, bayer=bayer)
 
         def rows(first: int, last: int) -> None:
             render_tile_rows(first, last, view, pool, self._bounds, radiance, depth, ident)

@@ -11,11 +11,12 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se2 import SE2, integrate, wheel_speeds
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry, VelocityCommand
-from vsx_ros.sim.body import Body, BodySettings
+from vsx_ros.sim.body import Body, BodySettings, Contacts
 from vsx_ros.sim.camera import CameraSettings, EmulatedCamera
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.hard_settings import body_in, camera_in
-from vsx_ros.sim.optics import scene_of
+from vsx_ros.sim.movers import drawn, movers_of
+from vsx_ros.sim.moving import Moving
 
 ODOMETRY_PERIOD_NS = 20_000_000  # 50 Hz, as a Kobuki
 
@@ -44,6 +45,7 @@ class Truth(NamedTuple):
     T_world_cam: SE3
     path_length_m: float
     collisions: int
+    contacts: Contacts
     min_clearance_m: float
 
 
@@ -87,8 +89,10 @@ class EmulatedRobot:
         camera, body = camera_in(world.hard, seed, config.camera), body_in(world.hard, config.body)
         late = replace(body, latency_ns=body.latency_ns + camera.delay_ns)  # the answer to a late image is late
         segments = world.obstacle_segments(0.0, robot.height_m)
-        self.body = Body(segments, world.start_pose, robot.radius_m, late, body_rng)
-        self.camera = EmulatedCamera(scene_of(world), robot.mount, camera, camera_rng, config.threads)
+        movers = movers_of(world, seed)
+        moving = Moving(movers) if movers else None
+        self.body = Body(segments, world.start_pose, robot.radius_m, late, body_rng, moving)
+        self.camera = EmulatedCamera(drawn(world, movers), robot.mount, camera, camera_rng, config.threads)
         period_ns = round(1e9 / config.frame_rate_hz)
         if self.camera.span_ns > period_ns:
             raise ConfigError(
@@ -126,7 +130,7 @@ class EmulatedRobot:
     def _read_truth(self, stamp_ns: int) -> Truth:
         base = self.body.poses_at(np.array([stamp_ns]))
         R, t = self.camera.poses_cam(base)
-        x, y, theta, path = (float(v) for v in base[0])
+        x, y, theta, path = (float(v) for v in base[0, :4])
         body = self.body
         return Truth(
             stamp_ns=stamp_ns,
@@ -134,5 +138,6 @@ class EmulatedRobot:
             T_world_cam=SE3(R[0], t[0]),
             path_length_m=path,
             collisions=body.collisions,
+            contacts=body.contacts,
             min_clearance_m=body.min_clearance_m,
         )

@@ -1,15 +1,17 @@
 """A world prepared for the ray caster: quads, packed textures and light maps as plain arrays."""
 
 import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
 from vsx_ros.arrays import FloatArray, Int32Array, Points2
 from vsx_ros.errors import ConfigError
 from vsx_ros.kernels.sim.raycast_cull import Scene
 from vsx_ros.sim.textures import packed_levels, texture, texture_size
-from vsx_ros.sim.world import World, prisms
+from vsx_ros.sim.world import Material, Prism, World, prisms
 
 SKIRTING_HEIGHT = 0.08  # m
 LIGHT_SPACING = 0.25  # m between the nodes of a light map
@@ -60,6 +62,20 @@ def _lid(footprint: Points2, z: float, material: str, facing_up: bool) -> list[Q
     return quads
 
 
+def solid_quads(solid: Prism, *, top: bool, bottom: bool) -> list[Quad]:
+    """The sides of a solid, and its lids if wanted."""
+    ring, surfaces = solid.footprint, []
+    along = 0.7 * float(ring[0].sum())
+    for a, b in zip(ring, np.roll(ring, -1, axis=0)):
+        surfaces.append(_side(a, b, solid.z_min, solid.z_max, solid.material, along))
+        along += float(np.hypot(*(b - a)))
+    if top:
+        surfaces += _lid(ring, solid.z_max, solid.material, True)
+    if bottom:
+        surfaces += _lid(ring, solid.z_min, solid.material, False)
+    return surfaces
+
+
 def quads(world: World) -> list[Quad]:
     """Every surface of the world, in the order of the file: floor, ceiling, outlines, solids, posters."""
     x0, y0, x1, y1 = world.bounds
@@ -74,15 +90,7 @@ def quads(world: World) -> list[Quad]:
                 inward = 0.01 * np.array([along[1], -along[0]])
                 surfaces.append(_side(a + inward, b + inward, 0.0, SKIRTING_HEIGHT, outline.skirting, 0.0))
     for solid in prisms(world):
-        ring = solid.footprint
-        along = 0.7 * float(ring[0].sum())
-        for a, b in zip(ring, np.roll(ring, -1, axis=0)):
-            surfaces.append(_side(a, b, solid.z_min, solid.z_max, solid.material, along))
-            along += float(np.hypot(*(b - a)))
-        if solid.z_max < world.ceiling_height - 0.01:
-            surfaces += _lid(ring, solid.z_max, solid.material, True)
-        if solid.z_min > 0.01:
-            surfaces += _lid(ring, solid.z_min, solid.material, False)
+        surfaces += solid_quads(solid, top=solid.z_max < world.ceiling_height - 0.01, bottom=solid.z_min > 0.01)
     for poster in world.posters:
         c, s = math.cos(poster.yaw_rad), math.sin(poster.yaw_rad)
         edge_u = np.array([-s, c, 0.0]) * poster.width
@@ -99,18 +107,25 @@ def _nodes(quad: Quad) -> tuple[int, int]:
     return along_u, along_v
 
 
+def irradiance(world: World, points: FloatArray, facing: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """(...) irradiance at points (..., 3): ambient plus every lamp by cosine and inverse square law. facing: components
+    of vectors (..., 3) along the surfaces' normals."""
+    total = np.full(points.shape[:-1], world.ambient)
+    for lamp in world.lights:
+        to_lamp = np.array([lamp.x, lamp.y, lamp.z]) - points
+        distance2 = (to_lamp**2).sum(axis=-1) + 0.25
+        cosine = np.maximum(facing(to_lamp) / np.sqrt(distance2), 0.0)
+        total += lamp.strength * cosine / distance2
+    return total
+
+
 def _light_map(quad: Quad, world: World, nu: int, nv: int) -> FloatArray:
-    """(nv, nu) irradiance at the nodes: ambient plus every lamp by cosine and inverse square law."""
+    """(nv, nu) irradiance at the nodes."""
     u, v = np.meshgrid(np.linspace(0, 1, nu), np.linspace(0, 1, nv))
     points = quad.corner + u[..., None] * quad.edge_u + v[..., None] * quad.edge_v
     normal = np.cross(quad.edge_v, quad.edge_u)
     normal = normal / max(float(np.linalg.norm(normal)), 1e-12)
-    total = np.full((nv, nu), world.ambient)
-    for lamp in world.lights:
-        to_lamp = np.array([lamp.x, lamp.y, lamp.z]) - points
-        distance2 = (to_lamp**2).sum(axis=2) + 0.25
-        cosine = np.maximum(to_lamp @ normal / np.sqrt(distance2), 0.0)
-        total += lamp.strength * cosine / distance2
+    total = irradiance(world, points, lambda vectors: vectors @ normal)
     # A soft contact shadow: upright surfaces are darker near the floor.
     if abs(normal[2]) < 0.5:
         total *= 1.0 - 0.25 * np.exp(-points[..., 2] / 0.3)
@@ -135,10 +150,13 @@ def _check_size(world: World, surfaces: list[Quad], names: list[str]) -> None:
         )
 
 
-def compile_scene(world: World) -> Scene:
-    """Draw the textures, compute the light maps, lay out the quads. Takes about a second. Raises ConfigError for a
-    world whose textures and lights need more than ``MAX_BYTES``."""
-    surfaces = quads(world)
+def compile_scene(world: World, movers: Sequence[Quad] = (), materials: Mapping[str, Material] | None = None) -> Scene:
+    """Draw the textures, compute the light maps, lay out the quads. Takes about a second. movers: quads in frames of
+    their own, which come last, in even light of 1; materials: theirs. Raises ConfigError for a world whose textures and
+    lights need more than ``MAX_BYTES``."""
+    world = replace(world, materials={**world.materials, **(materials or {})})
+    still = quads(world)
+    surfaces = [*still, *movers]
     names = sorted({quad.material for quad in surfaces})
     _check_size(world, surfaces, names)
     levels = [packed_levels(texture(world.materials[name])) for name in names]
@@ -152,7 +170,7 @@ def compile_scene(world: World) -> Scene:
         material, k = world.materials[quad.material], names.index(quad.material)
         lengths = [float(np.linalg.norm(quad.edge_u)), float(np.linalg.norm(quad.edge_v))]
         nodes = _nodes(quad)
-        light = _light_map(quad, world, nodes[0], nodes[1])
+        light = _light_map(quad, world, nodes[0], nodes[1]) if i < len(still) else np.ones(nodes[::-1])
         scale = max(float(light.max()), 1e-6)
         maps.append(_pack_light(light, scale))
         side = float(2 ** sizes[k])
