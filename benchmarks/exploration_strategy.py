@@ -37,7 +37,7 @@ from vsx_ros.planning.path import Refusal, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.slow_spans import blind_spans
 from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.runs.record import MapJudge
+from vsx_ros.runs.judge import MapJudge
 from vsx_ros.sim.camera import EmulatedCamera
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import SimulationConfig

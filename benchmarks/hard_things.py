@@ -65,13 +65,8 @@ def explored(task: HardRun) -> dict[str, object]:
     lost = sum(event.source == "mission" and event.reason.startswith("tracking lost") for event in events)
     slam = Counter(event.state for event in events if event.source == "slam" and event.state != "refused")
     contacts = run.robot.truth.contacts._asdict()
-    return {
-        **kept,
-        **contacts,
-        "ghosts_m2": ghosts_m2(run, task.seed),
-        "times_lost": lost,
-        "slam": dict(sorted(slam.items())),
-    }
+    told = {**kept, **contacts, "ghosts_m2": ghosts_m2(run, task.seed)}
+    return told | {"times_lost": lost, "slam": dict(sorted(slam.items()))}
 
 
 def ghosts_m2(run: FastRun, seed: int) -> float | None:

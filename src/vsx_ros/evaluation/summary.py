@@ -22,8 +22,8 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """SI units; None (null in the file) if unknown. ate_of: the trajectory of ate_rmse_m, ate_rmse_sim3_m, scale_error
     and path_length_m; the ate_final ones are of trajectory_final.txt, the same frames by the finished map.
     path_length_m: of the estimated trajectory. driven_m: of the true one. min_clearance_m: the emulated hull's least
-    distance to any obstacle. collisions: by its own motion, some with people it could see; touched_by_people: who walked
-    into it, or stood where it does not look. map_note: the ground map's unit of length if it is not metres."""
+    distance to any obstacle. collisions: by its own motion, some with people it could see; touched_by_people: who
+    walked into it or stood where it does not look. map_note: the ground map's unit of length if it is not metres."""
 
     frames: int | None = None
     frames_tracked: int | None = None

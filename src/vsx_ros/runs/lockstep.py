@@ -17,9 +17,9 @@ from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
+from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.places import begin_places, rooms_known, write_places
 from vsx_ros.runs.process import DONE, LOST, STOPPED, Progress, ended_well, interruptible
-from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.rooms import write_rooms
 from vsx_ros.runs.self_calibration import write_self_calibration

@@ -19,8 +19,8 @@ from vsx_ros.ros import calls, headers, node, threads
 from vsx_ros.ros.monitor import Monitor, MonitorJournal
 from vsx_ros.ros.run_results import About, Ending, write_results
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.process import STOPPED
-from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
