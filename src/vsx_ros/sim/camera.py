@@ -18,7 +18,7 @@ from vsx_ros.geometry.mount import mounted
 from vsx_ros.kernels.sim.raycast_pixels import expose
 from vsx_ros.sim.body import NonNegative, Positive
 from vsx_ros.sim.moving_quads import DrawnMovers
-from vsx_ros.sim.optics import AnyScene, optics_of
+from vsx_ros.sim.optics import AnyScene, optics_of, polished
 from vsx_ros.sim.renderer import Picture, lit
 from vsx_ros.sim.smear import Smear
 
@@ -110,7 +110,7 @@ class EmulatedCamera:
         )
         self._vibration_phases = rng.uniform(0.0, 2.0 * math.pi, len(VIBRATION_WAVES_PER_M))
         self._settings = settings
-        drawn = scene.scene if isinstance(scene, DrawnMovers) else scene
+        drawn = polished(scene.scene, scene.world) if isinstance(scene, DrawnMovers) else scene
         self._renderer = optics_of(drawn, camera, threads, settings.samples)
         self._sensor = Sensor(camera, settings, rng)
         smeared = settings.smeared_share

@@ -8,9 +8,10 @@ from msgspec.structs import replace
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.sim.truth import gap_to_walls
-from vsx_ros.sim.world import Material, Point, Table, World
+from vsx_ros.sim.world import Material, Point, Table, TextureKind, World
 
 WHITE, REPEATED = "white wall", "repeated"  # names of materials
+OTHERS = {"mirror", "outside"}  # what hangs in place of pictures
 _REPEATED_TEXELS = 512  # along a side of the pattern
 _HANGS_WITHIN_M = 0.1  # of a picture from its wall
 _BECOME_TABLES = "wood", "paint", "grey"  # boxes of these materials
@@ -73,8 +74,42 @@ def thin_legs(world: World, thick_cm: float) -> World:
     return replace(world, tables=tables, boxes=boxes)
 
 
+def _replaced(world: World, number: float, kind: TextureKind, size_m: Point) -> World:
+    """The world with this number of things of a kind and of at least this size in place of pictures."""
+    chosen = np.random.default_rng([world.generator.seed, 404]).permutation(len(world.posters))
+    free = [k for k in chosen.tolist() if world.posters[k].material not in OTHERS - {kind}][: round(number)]
+    posters = list(world.posters)
+    for k in free:
+        width, height = max(posters[k].width, size_m[0]), max(posters[k].height, size_m[1])
+        z = 0.5 * height + 0.1 if kind == "mirror" else max(posters[k].z, 0.5 * height + 0.1)
+        posters[k] = replace(posters[k], material=kind, width=width, height=height, z=z)
+    return replace(world, posters=posters, materials=world.materials | {kind: Material(kind=kind, brightness=0.6)})
+
+
+def mirrors(world: World, number: float) -> World:
+    """The world with so many mirrors in place of pictures."""
+    return _replaced(world, number, "mirror", (0.7, 1.4))
+
+
+def windows(world: World, number: float) -> World:
+    """The world with so many windows in place of pictures, before a bright outside."""
+    return _replaced(world, number, "outside", (1.0, 1.1))
+
+
+def glass_walls(world: World, share: float) -> World:
+    """The world with this share of its free-standing walls of glass; which ones, says the world's seed."""
+    draws = np.random.default_rng([world.generator.seed, 405]).uniform(size=len(world.walls))
+    glass = draws < share
+    ends = np.array([[*wall.points[0], *wall.points[-1]] for wall in world.walls], float).reshape(-1, 4)
+    walls = [replace(w, material="glass", skirting=None) if clear else w for w, clear in zip(world.walls, glass)]
+    posters = [poster for poster in world.posters if not _hangs_on(ends[glass], (poster.x, poster.y))]
+    materials = world.materials | {"glass": Material(kind="glass", brightness=0.1)}
+    return replace(world, walls=walls, posters=posters, materials=materials)
+
+
 CHANGES: dict[str, Callable[[World, float], World]] = {
-    "repeated-texture": repeated_texture, "white-walls": white_walls, "thin-legs": thin_legs,
+    "repeated-texture": repeated_texture, "white-walls": white_walls, "glass-walls": glass_walls,
+    "mirrors": mirrors, "windows": windows, "thin-legs": thin_legs,
 }  # fmt: skip
 """By name, in the order in which they are made."""
 

@@ -65,7 +65,7 @@ class DrawnMovers:
         scene = compile_scene(world, [quad for part in parts for quad in part], materials)
         sizes = [len(part) for part in parts]
         self.scene = MovingScene(scene, np.cumsum([len(scene.P) - sum(sizes), *sizes]))
-        self._world, self._movers = world, movers
+        self.world, self._movers = world, movers
         self._part_of = np.repeat(np.arange(len(parts)), sizes)
         quads: list[Quad] = [quad for part in parts for quad in part]
         self._middles = np.array([quad.corner + 0.5 * (quad.edge_u + quad.edge_v) for quad in quads])
@@ -79,7 +79,7 @@ class DrawnMovers:
         R0, t0 = R[0, 0, self._part_of], t[0, 0, self._part_of]
         middles = (R0 @ self._middles[..., None])[..., 0] + t0
         normals = (R0 @ self._normals[..., None])[..., 0]
-        return Moved(R, t, irradiance(self._world, middles, lambda vectors: (vectors * normals).sum(axis=-1)))
+        return Moved(R, t, irradiance(self.world, middles, lambda vectors: (vectors * normals).sum(axis=-1)))
 
     def _poses(self, states: FloatArray) -> FloatArray:
         """(N, P, 5) of the states (N, K)."""

@@ -11,11 +11,12 @@ from vsx_ros.sim.mesh_renderer import MeshRenderer
 from vsx_ros.sim.mesh_scene import compile_mesh
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.moving_quads import Moved, MovingScene
+from vsx_ros.sim.reflections import ShinyRenderer, ShinyScene, reflectors_of
 from vsx_ros.sim.renderer import Picture, Renderer
 from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.world import World
 
-AnyScene: TypeAlias = Scene | MovingScene | MeshScene
+AnyScene: TypeAlias = Scene | MovingScene | ShinyScene | MeshScene
 
 
 class Optics(Protocol):
@@ -36,11 +37,19 @@ def scene_of(world: EmulatedWorld) -> AnyScene:
     if isinstance(world, MeshWorld):
         return compile_mesh(world)
     assert isinstance(world, World)
-    return compile_scene(world)
+    return polished(compile_scene(world), world)
+
+
+def polished(scene: Scene | MovingScene, world: World) -> AnyScene:
+    """The scene, with its reflections if it has some."""
+    reflectors = reflectors_of(world)
+    return ShinyScene(scene, reflectors) if reflectors else scene
 
 
 def optics_of(scene: AnyScene, camera: PinholeCamera, threads: int, samples: int) -> Optics:
     """The optics for a scene. samples: rays a pixel, in a scene of triangles."""
     if isinstance(scene, MeshScene):
         return MeshRenderer(scene, camera, threads, samples)
+    if isinstance(scene, ShinyScene):
+        return ShinyRenderer(scene, camera, threads)
     return Renderer(scene, camera, threads)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry import lens
 from vsx_ros.geometry.camera import PinholeCamera, kernel_camera, usable
@@ -92,6 +92,14 @@ def blur_sub_frames(camera: PinholeCamera, R: FloatArray, t: FloatArray) -> int:
     return max(math.ceil(blur_px / BLUR_STEP_PX), 1)
 
 
+class Seen(NamedTuple):
+    """A scene from some poses: forms and pool of ``plane_forms``."""
+
+    scene: Scene
+    forms: FloatArray
+    pool: IntArray
+
+
 class Renderer:
     """Images of a scene through a camera. ``threads`` share the rows; any number gives the same bits."""
 
@@ -126,12 +134,18 @@ class Renderer:
         """The image from poses T_world_cam at S sub-frames of the exposure and B borders of tile rows: R (S, B, 3, 3),
         t (S, B, 3) [m]. bayer: each pixel sees one colour of the GRBG mosaic; otherwise all see grey. moved: where the
         movers are, in a scene that has some."""
+        return self._drawn(self._seen(R, t, moved), bayer, want_depth)
+
+    def _seen(self, R: FloatArray, t: FloatArray, moved: Moved | None) -> Seen:
+        """The quads from these poses."""
         if moved is None:
             assert isinstance(self._scene, Scene)
-            scene, (forms, pool) = self._scene, plane_forms(self._scene, R, t)
-        else:
-            assert isinstance(self._scene, MovingScene)
-            scene, (forms, pool) = self._scene.lit(moved), self._scene.forms(R, t, moved)
+            return Seen(self._scene, *plane_forms(self._scene, R, t))
+        assert isinstance(self._scene, MovingScene)
+        return Seen(self._scene.lit(moved), *self._scene.forms(R, t, moved))
+
+    def _drawn(self, seen: Seen, bayer: bool, want_depth: bool) -> Picture:
+        scene, forms, pool = seen
         shape = (self.camera.height, self.camera.width)
         radiance = np.zeros(shape, np.float32)
         depth = np.zeros(shape if want_depth else (0, 0), np.float32)

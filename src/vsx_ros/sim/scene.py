@@ -15,6 +15,7 @@ from vsx_ros.sim.world import Material, Prism, World, prisms
 
 SKIRTING_HEIGHT = 0.08  # m
 LIGHT_SPACING = 0.25  # m between the nodes of a light map
+OUTSIDE_LIGHT = 8.0  # irradiance of a view through a window; of a lit wall about 1
 MAX_BYTES = 2**28  # of textures and light maps: a building of 40 x 25 m needs a third of it
 GREY = np.array([0.299, 0.587, 0.114])  # of RGB, ITU-R BT.601
 
@@ -170,7 +171,9 @@ def compile_scene(world: World, movers: Sequence[Quad] = (), materials: Mapping[
         material, k = world.materials[quad.material], names.index(quad.material)
         lengths = [float(np.linalg.norm(quad.edge_u)), float(np.linalg.norm(quad.edge_v))]
         nodes = _nodes(quad)
-        light = _light_map(quad, world, nodes[0], nodes[1]) if i < len(still) else np.ones(nodes[::-1])
+        light = np.full(nodes[::-1], OUTSIDE_LIGHT if material.kind == "outside" else 1.0)
+        if i < len(still) and material.kind != "outside":
+            light = _light_map(quad, world, nodes[0], nodes[1])
         scale = max(float(light.max()), 1e-6)
         maps.append(_pack_light(light, scale))
         side = float(2 ** sizes[k])
