@@ -27,7 +27,8 @@ RESULTS = ROOT / "benchmarks" / "results"
 
 _CORE = (
     "config", "control", "dense", "evaluation", "exploration", "geometry", "kernels", "navigation", "occupancy",
-    "planning", "robot", "runs/lockstep", "runs/record", "runs/session", "session", "sim", "slam", "system", "vision",
+    "planning", "robot", "runs/judge", "runs/lockstep", "runs/record", "runs/session", "session", "sim", "slam",
+    "system", "vision",
 )  # fmt: skip
 _NODES = (
     "hw/vsx_hw",
@@ -37,6 +38,7 @@ _IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
 
 ROOMS: dict[str, tuple[str, ...]] = {
     "exploration": (*_IN_LOCK_STEP, "benchmarks/exploration", "benchmarks/nearest_frontier"),
+    "hard_things": (*_IN_LOCK_STEP, "benchmarks/hard_things"),
     "drives": ("src/vsx_ros",),
     "exploration_strategy": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/nearest_frontier"),
     "free_cells": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/free_cells"),

@@ -9,7 +9,8 @@ from msgspec.structs import replace
 from vsx_ros.errors import ConfigError
 from vsx_ros.kernels.sim.raycast_cull import Scene
 from vsx_ros.robot import STOP
-from vsx_ros.sim.changing_light import ChangingScene, windows_of
+from vsx_ros.sim.changing_light import ChangingLight, windows_of
+from vsx_ros.sim.drawn_world import DrawnWorld
 from vsx_ros.sim.light_map import Nodes, Window, sunlight
 from vsx_ros.sim.lighting import LIGHTS, Lighting, circuits_on, light_named
 from vsx_ros.sim.optics import scene_of
@@ -25,14 +26,14 @@ def images(world: World, count: int) -> np.ndarray:
 
 def test_without_lighting_nothing_changes(lab: World, lab_scene: Scene, tmp_path: Path) -> None:
     steady = scene_of(lab)
-    assert isinstance(steady, Scene)
-    assert all(np.array_equal(a, b) for a, b in zip(steady, lab_scene))
+    assert isinstance(steady, DrawnWorld)
+    assert all(np.array_equal(a, b) for a, b in zip(steady.scene, lab_scene))
     save_world(lab, tmp_path / "world.yaml")
     assert "lighting" not in (tmp_path / "world.yaml").read_text()
 
 
 def test_all_circuits_together_are_the_steady_light(lab: World, lab_scene: Scene) -> None:
-    lit = ChangingScene(lab, Lighting(circuits=5)).at(0)
+    lit, _ = ChangingLight(lab, Lighting(circuits=5), lab_scene).at(0)
     assert np.allclose(lit.surfaces, lab_scene.surfaces, rtol=1e-5)
     corners = lit.light.view(np.uint8).astype(int) - lab_scene.light.view(np.uint8)
     assert np.abs(corners).max() <= 1
@@ -57,11 +58,11 @@ def test_one_circuit_is_switched_at_a_time_and_one_stays_on() -> None:
         assert states.mean(axis=0).min() > 0.1, "every circuit gets its turn"
 
 
-def test_the_scene_changes_when_a_lamp_is_switched_and_only_then(lab: World) -> None:
-    scene = ChangingScene(lab, Lighting(lit=0.5, switches_per_min=6.0))
-    first = scene.at(0)
-    assert scene.at(9_900_000_000) is first
-    assert not np.array_equal(scene.at(10_100_000_000).light, first.light)
+def test_the_scene_changes_when_a_lamp_is_switched_and_only_then(lab: World, lab_scene: Scene) -> None:
+    light = ChangingLight(lab, Lighting(lit=0.5, switches_per_min=6.0), lab_scene)
+    first, _ = light.at(0)
+    assert light.at(9_900_000_000)[0] is first
+    assert not np.array_equal(light.at(10_100_000_000)[0].light, first.light)
 
 
 def test_sunlight_falls_through_the_window_and_wanders() -> None:

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from vsx_ros.cli.option_values import add_models, add_parameters, place, pose, positive
+from vsx_ros.cli.option_values import add_hard_things, add_models, add_parameters, place, pose, positive
 from vsx_ros.control.keyboard import KEYS
 
 
@@ -137,6 +137,7 @@ def world(parser: argparse.ArgumentParser) -> None:
     lights = "light of a generated world: switched, day, sun, evening, half, night, dim (default: all lamps, steady)"
     add("--light", metavar="NAME", help=lights)
     add_models(parser)
+    add_hard_things(parser)
     add(
         "--out", type=Path, metavar="FILE", help="write the world to this YAML file; with render, the view to this .png"
     )

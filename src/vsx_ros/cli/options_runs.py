@@ -8,6 +8,7 @@ from vsx_ros.cli.option_values import (
     BASES,
     PLANNERS,
     Size,
+    add_hard_things,
     add_models,
     add_parameters,
     camera,
@@ -61,6 +62,7 @@ def _robot(parser: argparse.ArgumentParser) -> None:
     emulated = "emulate: lab, office, corridor, building, a Gazebo .world or .sdf, a world.yaml, map.yaml or .png"
     add("--world", metavar="NAME|FILE", help=emulated)
     add_models(parser)
+    add_hard_things(parser)
     add("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
     add(
         "--base",

@@ -11,8 +11,9 @@ from vsx_ros.io.map_file import is_map_file, load_map, load_plan
 from vsx_ros.sim import gazebo_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.generate import GENERATORS, generate_world, world_from_grid
+from vsx_ros.sim.hard_things import named_things
 from vsx_ros.sim.truth import with_start
-from vsx_ros.sim.world_file import load_world
+from vsx_ros.sim.world_file import load_world, with_hard_things
 
 _SUFFIXES = *gazebo_world.SUFFIXES, ".png", ".pgm", ".yaml", ".yml"
 MODEL_PATHS = "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH"  # of the environment
@@ -36,12 +37,19 @@ def check_world(name: str) -> None:
     )
 
 
-def open_world(name: str, seed: int, models: Sequence[Path] = ()) -> EmulatedWorld:
+def open_world(
+    name: str, seed: int, models: Sequence[Path] = (), hard: Sequence[str] = (), where: str = "--with"
+) -> EmulatedWorld:
     """A generator's world by name and seed, or a world.yaml, or a Gazebo file (.world, .sdf; start by seed; models:
     folders of its models), or a map (wall pictures by seed): a map_server map.yaml, or only a floor plan, .png or .pgm
     with 5 cm per pixel. Raises ConfigError for an unknown name or a malformed world file, InputError for an unusable
-    Gazebo file, MapFileError for an unusable map."""
+    Gazebo file, MapFileError for an unusable map. hard: words NAME=AMOUNT of hard things that the world gets; where:
+    what named these."""
     check_world(name)
+    return with_hard_things(_opened(name, seed, models), named_things(hard, where), where)
+
+
+def _opened(name: str, seed: int, models: Sequence[Path]) -> EmulatedWorld:
     if name in GENERATORS:
         return generate_world(name, seed)
     path = Path(name)

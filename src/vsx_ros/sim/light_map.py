@@ -16,10 +16,14 @@ SOFT_M = 0.05  # width of the edge of a patch of sunlight
 
 
 class Nodes(NamedTuple):
-    """points (nv, nu, 3) [m] of a quad with this normal (3,)."""
+    """points (..., 3) [m] of surfaces with this normal (3,), or with one at each point (..., 3)."""
 
     points: FloatArray
     normal: FloatArray
+
+    def facing(self, vectors: FloatArray) -> FloatArray:
+        """(...) components of vectors (..., 3) along the normals."""
+        return vectors @ self.normal if self.normal.ndim == 1 else (vectors * self.normal).sum(axis=-1)
 
 
 class Window(NamedTuple):
@@ -40,7 +44,7 @@ def node_counts(edge_u: FloatArray, edge_v: FloatArray, spacing_m: float) -> tup
 
 
 def nodes_of(corner: FloatArray, edge_u: FloatArray, edge_v: FloatArray, counts: tuple[int, int]) -> Nodes:
-    """The nodes of a quad. counts: along u and along v."""
+    """The (nv, nu) nodes of a quad. counts: along u and along v."""
     u, v = np.meshgrid(np.linspace(0, 1, counts[0]), np.linspace(0, 1, counts[1]))
     points = corner + u[..., None] * edge_u + v[..., None] * edge_v
     normal = np.cross(edge_v, edge_u)
@@ -48,26 +52,25 @@ def nodes_of(corner: FloatArray, edge_u: FloatArray, edge_v: FloatArray, counts:
 
 
 def irradiance(nodes: Nodes, lamps: Sequence[Light], ambient: float) -> FloatArray:
-    """(nv, nu) at the nodes: ambient plus every lamp by cosine and inverse square law."""
-    points, normal = nodes
-    total = np.full(points.shape[:2], ambient)
+    """(...) at the nodes: ambient plus every lamp by cosine and inverse square law."""
+    points = nodes.points
+    total = np.full(points.shape[:-1], ambient)
     for lamp in lamps:
         to_lamp = np.array([lamp.x, lamp.y, lamp.z]) - points
-        distance2 = (to_lamp**2).sum(axis=2) + 0.25
-        cosine = np.maximum(to_lamp @ normal / np.sqrt(distance2), 0.0)
+        distance2 = (to_lamp**2).sum(axis=-1) + 0.25
+        cosine = np.maximum(nodes.facing(to_lamp) / np.sqrt(distance2), 0.0)
         total += lamp.strength * cosine / distance2
     # A soft contact shadow: upright surfaces are darker near the floor.
-    if abs(normal[2]) < 0.5:
-        total *= 1.0 - 0.25 * np.exp(-points[..., 2] / 0.3)
-    return total
+    upright = np.abs(nodes.normal[..., 2]) < 0.5
+    return np.where(upright, total * (1.0 - 0.25 * np.exp(-points[..., 2] / 0.3)), total)
 
 
 def sunlight(nodes: Nodes, windows: Sequence[Window], beam: FloatArray) -> FloatArray:
-    """(nv, nu) share of sunlight that travels along beam (3,) and falls through one of the windows onto the nodes."""
-    points, normal = nodes
-    most = np.zeros(points.shape[:2])
-    cosine = -float(beam @ normal)
-    for window in windows if cosine > 0.0 else ():
+    """(...) share of sunlight that travels along beam (3,) and falls through one of the windows onto the nodes."""
+    points = nodes.points
+    most = np.zeros(points.shape[:-1])
+    cosine = np.maximum(-nodes.facing(beam), 0.0)
+    for window in windows if cosine.any() else ():
         entering = float(beam @ window.inwards)
         if entering <= 1e-3:
             continue
@@ -76,7 +79,23 @@ def sunlight(nodes: Nodes, windows: Sequence[Window], beam: FloatArray) -> Float
         aside = 0.5 * window.width - np.abs(through @ window.along)
         inside = np.minimum(aside, 0.5 * window.height - np.abs(through[..., 2]))
         most = np.maximum(most, np.where(behind > 0.0, np.clip(inside / SOFT_M + 0.5, 0.0, 1.0), 0.0))
-    return cosine * most
+    return np.asarray(cosine * most)
+
+
+class Lights(NamedTuple):
+    """The light of a moment. ambient: irradiance from everywhere; sun: irradiance, head on, of sunlight that travels
+    along beam (3,) and falls through the windows."""
+
+    lamps: Sequence[Light] = ()
+    ambient: float = 0.0
+    sun: float = 0.0
+    beam: FloatArray = np.zeros(3)
+    windows: Sequence[Window] = ()
+
+    def on(self, nodes: Nodes) -> FloatArray:
+        """(...) irradiance at the nodes."""
+        light = irradiance(nodes, self.lamps, self.ambient)
+        return light + self.sun * sunlight(nodes, self.windows, self.beam) if self.sun > 0.0 else light
 
 
 def pack_light(light: FloatArray, scale: float) -> Int32Array:

@@ -17,7 +17,10 @@ Metres = Annotated[float, Meta(ge=-10000, le=10000)]
 Ratio = Annotated[float, Meta(ge=0, le=1)]
 Point = tuple[Metres, Metres]
 Tint = tuple[Ratio, Ratio, Ratio]
-TextureKind = Literal["plain", "paint", "wood", "brick", "carpet", "tiles", "wallpaper", "poster", "print", "panels"]
+TextureKind = Literal[
+    "plain", "paint", "wood", "brick", "carpet", "tiles", "wallpaper", "poster", "print", "panels", "mirror", "glass",
+    "outside",
+]  # fmt: skip
 
 
 class _Part(Struct, frozen=True, forbid_unknown_fields=True):
@@ -26,7 +29,8 @@ class _Part(Struct, frozen=True, forbid_unknown_fields=True):
 
 class Material(_Part, frozen=True, kw_only=True):
     """A procedural surface: kind and seed fix its pattern; brightness its mean; contrast scales the pattern. texel_m:
-    metres per texel of a repeating texture (posters stretch over their frame). tint: r, g, b reflectance."""
+    metres per texel of a repeating texture (posters stretch over their frame). Mirrors and glass reflect; the outside
+    is a bright view through a window. tint: r, g, b reflectance."""
 
     kind: TextureKind
     seed: Annotated[int, Meta(ge=0)] = 0
@@ -130,7 +134,8 @@ class Start(_Placed, frozen=True, kw_only=True):
 
 
 class World(_Part, frozen=True, kw_only=True):
-    """A whole emulated building. ``world_file`` reads and writes it. lighting: None for lamps that burn steadily."""
+    """A whole emulated building. ``world_file`` reads and writes it. lighting: None for lamps that burn steadily; hard:
+    amounts of ``HARD_THINGS`` by name."""
 
     version: Literal[1] = 1
     generator: Origin
@@ -148,6 +153,7 @@ class World(_Part, frozen=True, kw_only=True):
     posters: list[Poster] = []
     lights: list[Light] = []
     lighting: Lighting | None = None
+    hard: dict[str, float] = {}
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
