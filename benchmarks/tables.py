@@ -76,6 +76,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
         *(f"src/vsx_ros/{room}" for room in ("config", "geometry", "kernels", "sim", "slam", "vision")),
         *(f"benchmarks/{file}" for file in ("light", "slam_accuracy", "slam_drives")),
     ),
+    "put_down": (*_IN_LOCK_STEP, "benchmarks/put_down"),
     "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
 }
 """The code that the rows of a file judge: folders, and files without their .py."""
