@@ -22,7 +22,7 @@ from vsx_ros.vision.pyramid import SmallImage
 
 REMEMBERED = 400  # keyframes whose descriptors are kept; the least recently used are dropped
 MIN_MATCHES, PNP_ERROR_PX = 12, 6.0  # three matches fix a pose, more rule out chance; px at level 0
-PNP_TRIALS = 400  # takes 7 ms; finds a pose that one match in seven supports
+PNP_TRIALS = 400  # 7 ms at most; enough for a pose that a quarter of the matches supports
 SEARCH_RADIUS_PX = 12.0  # about twice the error of the pose by descriptors
 SHIFT_X, SHIFT_Y = 6, 1  # px of the 20 x 15 image: a turn of 17 deg to each side, a tilt of 3 deg
 CELLS = 4  # per row and per column
