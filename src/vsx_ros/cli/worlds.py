@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from msgspec.structs import replace
 
 from vsx_ros.config import RobotConfig
 from vsx_ros.errors import ConfigError
@@ -13,12 +12,11 @@ from vsx_ros.runs.start import tell_remarks
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.gazebo_world import checked_start
-from vsx_ros.sim.lighting import light_named
 from vsx_ros.sim.mesh_hidden import hidden_solids
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.picture import BAND_M, first_view, world_picture, write_picture
 from vsx_ros.sim.truth import ground_truth_grid, reachable_area_m2
-from vsx_ros.sim.world import Start, World
+from vsx_ros.sim.world import Start
 from vsx_ros.sim.world_file import save_world
 
 
@@ -33,8 +31,6 @@ def world(args: argparse.Namespace) -> int:
         x, y, theta = args.start
         world = world.starting_at(Start(x=x, y=y, theta_rad=theta))
         world = checked_start(world) if isinstance(world, MeshWorld) else world
-    if args.light is not None:
-        world = in_light(world, args.light, args.seed)
     if args.verb == "info":
         print("\n".join(described(world)))
     if args.verb == "render":
@@ -52,13 +48,6 @@ def world(args: argparse.Namespace) -> int:
         write_picture(world_picture(world, args.seed), args.picture)
         print(f"picture: {args.picture}")
     return 0
-
-
-def in_light(world: EmulatedWorld, light: str, seed: int) -> World:
-    """The world in a light by name. Raises ConfigError for an unknown light, and for a Gazebo world."""
-    if not isinstance(world, World):
-        raise ConfigError(f"--light {light}: a Gazebo world has the light of its file; leave the option out")
-    return replace(world, lighting=light_named(light, seed))
 
 
 def described(world: EmulatedWorld) -> list[str]:

@@ -64,7 +64,7 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | 
         parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
     world = open_world(args.world, args.seed, args.models, args.hard) if args.world else None
     tell_remarks(world)
-    name = Path(args.world).stem if args.world else args.base.partition(":")[0]
+    name = Path(args.world).stem.replace(":", "_") if args.world else args.base.partition(":")[0]
     folder = RunFolder.create(args.out) if args.out else RunFolder.create_dated(name)
     hard = {} if world is None else world.hard
     folder.write_config(parameters, args.line, hard=hard, **{name: getattr(args, name) for name in REMEMBERED})

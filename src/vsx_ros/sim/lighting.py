@@ -45,7 +45,7 @@ LIGHTS = {
     "night": Lighting(lit=0.25, ambient=0.15),
     "dim": Lighting(lamps=0.1, ambient=0.1),
 }
-"""Kinds of light by name, for ``vsx world --light``."""
+"""Kinds of light by name: the world lab:night is a lab by night."""
 
 
 def light_named(name: str, seed: int) -> Lighting:

@@ -19,7 +19,8 @@ from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.odometry import MotionModel, OdometryConsistency
 from vsx_ros.slam.preprocessing import Preprocessor
-from vsx_ros.slam.recovery import Recovery, Relocalization
+from vsx_ros.slam.recovery import Recovery
+from vsx_ros.slam.relocalizer import Relocalization
 from vsx_ros.slam.start_watch import GiveUp
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 from vsx_ros.slam.track import Track, nothing_tracked

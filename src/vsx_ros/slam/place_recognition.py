@@ -21,7 +21,8 @@ from vsx_ros.vision.corners import Features, describe, match
 from vsx_ros.vision.pyramid import SmallImage
 
 REMEMBERED = 400  # keyframes whose descriptors are kept; the least recently used are dropped
-MIN_MATCHES, PNP_ERROR_PX, PNP_TRIALS = 12, 6.0, 200  # three fix a pose, more rule out chance; px at level 0
+MIN_MATCHES, PNP_ERROR_PX = 12, 6.0  # three matches fix a pose, more rule out chance; px at level 0
+PNP_TRIALS = 400  # 7 ms at most; enough for a pose that a quarter of the matches supports
 SEARCH_RADIUS_PX = 12.0  # about twice the error of the pose by descriptors
 SHIFT_X, SHIFT_Y = 6, 1  # px of the 20 x 15 image: a turn of 17 deg to each side, a tilt of 3 deg
 CELLS = 4  # per row and per column
@@ -40,8 +41,11 @@ class Recognition(NamedTuple):
 
     def is_sure(self, config: RecognitionConfig) -> bool:
         """Whether this is the place, if other evidence supports it. A poster or chair that exists twice matches its own
-        points but not those around it, and fills only a part of the image."""
+        points but not those around it, and fills only a part of the image. In another light fewer points are found, but
+        many, and all over the image."""
         found, ratio = len(self.track.rows), self.track.ratio
+        if found >= config.spread_found and self.cells >= config.spread_cells:
+            return True
         return found >= config.sure_found and ratio >= config.sure_ratio and self.cells >= config.sure_cells
 
     def is_certain(self, config: RecognitionConfig) -> bool:
