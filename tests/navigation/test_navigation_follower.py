@@ -81,7 +81,7 @@ def test_the_base_waits_for_what_hides_the_map_ahead_and_goes_on_when_it_is_gone
     drive.ahead, begin = "something hides 30 of 40 points ahead", len(drive.told)
     drive.go_on(1.5)
     assert drive.told[-1] == 0.0
-    assert drive.status is FollowStatus.FOLLOWING
+    assert drive.status is FollowStatus.STALE
     assert drive.follower.report.reason == "waiting: something hides 30 of 40 points ahead"
     speeds = np.array(drive.told[begin - 1 :])
     assert -np.diff(speeds).min() <= LIMITS.a_m_s2 * 1e-9 * STEP_NS * (1 + 1e-6)

@@ -1,8 +1,14 @@
 """Who stands before the camera hides the map; what belongs to the map does not."""
 
 import numpy as np
+import pytest
 
 from vsx_ros.slam.covered import LEAST_IMAGES, LEAST_POINTS, CoverWatch, covered_ahead
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(0)
 
 
 def scene(rng: np.random.Generator, count: int = 300) -> np.ndarray:

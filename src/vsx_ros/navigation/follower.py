@@ -132,11 +132,8 @@ class Follower:
         age_s = 0.0 if blind else where.slam_age_s
         tracking_ok = not stale and (blind or where.slam_state.tracked)
         factor = 1.0 if blind else self._speed_factor(now_ns, where.slam_state)
-        waits = not blind and self._waits(now_ns, where.ahead)
-        factor = 0.0 if waits else factor
-        result = self._tracker.command(now_ns, where.pose(self._frame), age_s, tracking_ok, factor)
-        if waits and result.status is FollowStatus.FOLLOWING:
-            result = result._replace(reason=f"waiting: {where.ahead}")
+        waits_for = f"waiting: {where.ahead}" if not blind and self._waits(now_ns, where.ahead) else ""
+        result = self._tracker.command(now_ns, where.pose(self._frame), age_s, tracking_ok, factor, waits_for)
         if stale:
             self._tracker.halted()
             return result._replace(command=STOP, reason=stale)

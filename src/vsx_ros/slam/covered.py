@@ -6,9 +6,11 @@ the middle of the image, and a person who is far hides little of it."""
 from vsx_ros.arrays import BoolArray, Points3
 
 HALF_SLOPE = 0.19  # of the window to each side: as wide as a person 1.2 m away
-NEAR_M = 0.8  # what is nearer may itself stand before the rest
 LEAST_POINTS = 15  # in the window; fewer say nothing
-COVERED_SHARE = 0.4  # not found; without anybody at most 0.23, with a person nearer than 1.3 m mostly more than 0.5
+COVERED = (1.5, 0.45), (0.8, 0.4)
+"""Of the points farther than so many metres, the share that is not found. The first range notices a person 1.5 m away:
+two thirds are hidden then, at 1.75 m one third, and without anybody at most 0.30. Where nothing is so far, the second
+notices one 1.2 m away; without anybody it misses at most 0.23."""
 LEAST_IMAGES = 3  # in a row
 
 
@@ -16,11 +18,13 @@ def covered_ahead(points_cam: Points3, found: BoolArray, concealed: BoolArray) -
     """How much of the map ahead is hidden, in words; empty if little is, or too few points could tell. points_cam
     (S, 3): the searched points in the camera's frame [m]; concealed (S,): those behind points that were found."""
     x, depth = points_cam[:, 0], points_cam[:, 2]
-    ahead = (depth > NEAR_M) & (abs(x) < HALF_SLOPE * depth) & ~concealed
-    searched, missed = int(ahead.sum()), int((ahead & ~found).sum())
-    if searched < LEAST_POINTS or missed <= COVERED_SHARE * searched:
-        return ""
-    return f"something hides {missed} of {searched} points ahead"
+    ahead = (abs(x) < HALF_SLOPE * depth) & ~concealed
+    for beyond_m, share in COVERED:
+        searched = int((ahead & (depth > beyond_m)).sum())
+        missed = int((ahead & (depth > beyond_m) & ~found).sum())
+        if searched >= LEAST_POINTS and missed > share * searched:
+            return f"something hides {missed} of {searched} points ahead"
+    return ""
 
 
 class CoverWatch:
