@@ -171,8 +171,10 @@ def compile_scene(world: World, movers: Sequence[Quad] = (), materials: Mapping[
         material, k = world.materials[quad.material], names.index(quad.material)
         lengths = [float(np.linalg.norm(quad.edge_u)), float(np.linalg.norm(quad.edge_v))]
         nodes = _nodes(quad)
-        light = np.full(nodes[::-1], OUTSIDE_LIGHT if material.kind == "outside" else 1.0)
-        if i < len(still) and material.kind != "outside":
+        light = np.ones(nodes[::-1])
+        if material.kind == "outside":
+            light *= OUTSIDE_LIGHT
+        elif i < len(still):
             light = _light_map(quad, world, nodes[0], nodes[1])
         scale = max(float(light.max()), 1e-6)
         maps.append(_pack_light(light, scale))
@@ -184,13 +186,4 @@ def compile_scene(world: World, movers: Sequence[Quad] = (), materials: Mapping[
         tints[i] = *material.tint, np.asarray(material.tint, float) @ GREY
         at += len(maps[-1])
     P, U, V = (np.array(part) for part in list(zip(*surfaces))[:3])
-    return Scene(
-        P=P,
-        U=U,
-        V=V,
-        surfaces=surface,
-        places=place,
-        tints=tints,
-        tex=np.concatenate(levels),
-        light=np.concatenate(maps),
-    )
+    return Scene(P, U, V, surface, place, tints, tex=np.concatenate(levels), light=np.concatenate(maps))
