@@ -39,6 +39,7 @@ _IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
 ROOMS: dict[str, tuple[str, ...]] = {
     "exploration": (*_IN_LOCK_STEP, "benchmarks/exploration", "benchmarks/nearest_frontier"),
     "hard_things": (*_IN_LOCK_STEP, "benchmarks/hard_things"),
+    "in_the_way": (*_IN_LOCK_STEP, "benchmarks/in_the_way"),
     "drives": ("src/vsx_ros",),
     "exploration_strategy": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/nearest_frontier"),
     "free_cells": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/free_cells"),

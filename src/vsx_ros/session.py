@@ -85,7 +85,7 @@ class SlamSession:
         self._late.append(tracking)
         while self._late and now_ns >= self._late[0].stamp_ns + computing_ns:
             late = self._late.popleft()
-            localization.add_state(late.state, late.reason)
+            localization.add_state(late.state, late.reason, late.ahead)
             if late.state.tracked and late.T_world_cam is not None:
                 localization.add_pose(late.stamp_ns, (late.T_world_cam @ self._T_cam_base).to_se2())
         self.where = where = localization.at(now_ns)._replace(odometry=self._read)

@@ -17,10 +17,8 @@ Metres = Annotated[float, Meta(ge=-10000, le=10000)]
 Ratio = Annotated[float, Meta(ge=0, le=1)]
 Point = tuple[Metres, Metres]
 Tint = tuple[Ratio, Ratio, Ratio]
-TextureKind = Literal[
-    "plain", "paint", "wood", "brick", "carpet", "tiles", "wallpaper", "poster", "print", "panels", "mirror", "glass",
-    "outside",
-]  # fmt: skip
+TextureKind = Literal["plain", "paint", "wood", "brick", "carpet", "tiles", "wallpaper", "poster", "print", "panels",
+                      "mirror", "glass", "outside"]  # fmt: skip
 
 
 class _Part(Struct, frozen=True, forbid_unknown_fields=True):
@@ -29,8 +27,7 @@ class _Part(Struct, frozen=True, forbid_unknown_fields=True):
 
 class Material(_Part, frozen=True, kw_only=True):
     """A procedural surface: kind and seed fix its pattern; brightness its mean; contrast scales the pattern. texel_m:
-    metres per texel of a repeating texture (posters stretch over their frame). Mirrors and glass reflect; the outside
-    is a bright view through a window. tint: r, g, b reflectance."""
+    metres per texel of a repeating texture (posters stretch over their frame). tint: r, g, b reflectance."""
 
     kind: TextureKind
     seed: Annotated[int, Meta(ge=0)] = 0
@@ -134,8 +131,7 @@ class Start(_Placed, frozen=True, kw_only=True):
 
 
 class World(_Part, frozen=True, kw_only=True):
-    """A whole emulated building. ``world_file`` reads and writes it. lighting: None for lamps that burn steadily; hard:
-    amounts of ``HARD_THINGS`` by name."""
+    """A whole building, as in its ``world_file``. lighting: None for steady lamps; hard: ``HARD_THINGS`` by name."""
 
     version: Literal[1] = 1
     generator: Origin
@@ -225,8 +221,7 @@ def _wall_prisms(wall: Wall) -> list[Prism]:
         length = math.hypot(bx - ax, by - ay)
         prisms.append(Prism(rectangle(*middle, length, wall.thickness), 0.0, wall.height, wall.material))
         if wall.skirting is not None:
-            footprint = rectangle(*middle, length + 0.02, wall.thickness + 0.02)
-            prisms.append(Prism(footprint, 0.0, 0.08, wall.skirting))
+            prisms.append(Prism(rectangle(*middle, length + 0.02, wall.thickness + 0.02), 0.0, 0.08, wall.skirting))
     return prisms
 
 
@@ -235,10 +230,9 @@ def _table_prisms(table: Table) -> list[Prism]:
     slab = rectangle(table.x, table.y, table.yaw_rad, table.length, table.width)
     prisms = [Prism(slab, top, table.height, table.material)]
     place = SE2(table.x, table.y, table.yaw_rad)
-    for sx in (-0.5, 0.5):
-        for sy in (-0.5, 0.5):
-            x, y = sx * (table.length - table.leg - 0.04), sy * (table.width - table.leg - 0.04)
-            prisms.append(Prism(place @ rectangle(x, y, 0.0, table.leg, table.leg), 0.0, top, table.material))
+    for sx, sy in ((-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)):
+        x, y = sx * (table.length - table.leg - 0.04), sy * (table.width - table.leg - 0.04)
+        prisms.append(Prism(place @ rectangle(x, y, 0.0, table.leg, table.leg), 0.0, top, table.material))
     return prisms
 
 

@@ -177,7 +177,7 @@ class FrontEnd:
         result = TrackingResult(
             data.stamp_ns, track.state, searched=len(track.searched_rows), found=len(track.rows), keyframe_added=added,
             reason=track.reason, map_id=self._map_id, corrected=self._corrected,
-            covariance=self.tracking.covariance(track, local),
+            covariance=self.tracking.covariance(track, local), ahead=track.ahead,
         )  # fmt: skip
         self._corrected = False
         return result.placed(track.T_world_cam), request
