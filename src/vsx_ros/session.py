@@ -89,7 +89,7 @@ class SlamSession:
             late = self._late.popleft()
             if late.corrected:
                 self.ground.corrected()
-            localization.add_state(late.state, late.reason)
+            localization.add_state(late.state, late.reason, late.ahead)
             if late.state.tracked and late.T_world_cam is not None:
                 localization.add_pose(late.stamp_ns, (late.T_world_cam @ self._T_cam_base).to_se2())
             placed = late.anchor if late.T_world_cam is not None else None

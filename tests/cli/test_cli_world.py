@@ -2,13 +2,16 @@ from pathlib import Path
 
 import cv2
 import pytest
+from msgspec.structs import replace
 
 from vsx_ros.cli import main
 from vsx_ros.errors import ConfigError, MapFileError
 from vsx_ros.io.map_file import load_map
 from vsx_ros.occupancy.grid import FREE
-from vsx_ros.runs.world import open_world
+from vsx_ros.runs.world import check_world, open_world
 from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.lighting import light_named
+from vsx_ros.sim.world import World
 from vsx_ros.sim.world_file import load_world
 
 ROOM = Path(__file__).parents[1] / "data/gazebo_room/worlds/room.world"
@@ -41,6 +44,17 @@ def test_wrong_uses_are_named(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text("image: missing.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
     with pytest.raises(MapFileError):
         run(str(tmp_path / "m.yaml"), "--out", str(tmp_path / "w.yaml"))
+
+
+def test_a_light_by_name_is_in_the_file(tmp_path: Path) -> None:
+    out = tmp_path / "w.yaml"
+    assert run("lab:night", "--seed", "2", "--out", str(out)) == 0
+    world = load_world(out)
+    assert isinstance(world, World)
+    assert world.lighting == light_named("night", 2)
+    assert replace(world, lighting=None) == generate_world("lab", 2)
+    with pytest.raises(ConfigError, match="did you mean 'night'"):
+        check_world("lab:nigth")
 
 
 def test_a_floor_plan_alone_is_a_world(tmp_path: Path) -> None:
