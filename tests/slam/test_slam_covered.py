@@ -37,6 +37,13 @@ def test_what_a_mapped_thing_hides_does_not_count(rng: np.random.Generator) -> N
     assert covered_ahead(points, ~gone, gone) == ""
 
 
+def test_images_in_which_little_is_found_anywhere_say_nothing(rng: np.random.Generator) -> None:
+    points = scene(rng)
+    luck, none = rng.uniform(size=len(points)) < 0.35, np.zeros(len(points), bool)
+    assert covered_ahead(points, luck, none) == ""
+    assert "points ahead" in covered_ahead(points, luck & ~behind(points, 0.0, 0.9), none)
+
+
 def test_few_points_say_nothing(rng: np.random.Generator) -> None:
     points = scene(rng, LEAST_POINTS - 1) * [0.1, 1.0, 1.0]
     assert covered_ahead(points, np.zeros(len(points), bool), np.zeros(len(points), bool)) == ""

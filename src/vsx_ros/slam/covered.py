@@ -11,6 +11,7 @@ COVERED = (1.5, 0.45), (0.8, 0.4)
 """Of the points farther than so many metres, the share that is not found. The first range notices a person 1.5 m away:
 two thirds are hidden then, at 1.75 m one third, and without anybody at most 0.30. Where nothing is so far, the second
 notices one 1.2 m away; without anybody it misses at most 0.23."""
+MORE_THAN_BESIDE = 0.2  # more of the points is missed ahead than beside; dim or blurred images miss as many everywhere
 LEAST_IMAGES = 3  # in a row
 
 
@@ -20,9 +21,11 @@ def covered_ahead(points_cam: Points3, found: BoolArray, concealed: BoolArray) -
     x, depth = points_cam[:, 0], points_cam[:, 2]
     ahead = (abs(x) < HALF_SLOPE * depth) & ~concealed
     for beyond_m, share in COVERED:
-        searched = int((ahead & (depth > beyond_m)).sum())
-        missed = int((ahead & (depth > beyond_m) & ~found).sum())
-        if searched >= LEAST_POINTS and missed > share * searched:
+        far = ahead & (depth > beyond_m)
+        searched, missed = int(far.sum()), int((far & ~found).sum())
+        beside = ~ahead & ~concealed & (depth > beyond_m)
+        usual = float((beside & ~found).sum()) / max(int(beside.sum()), LEAST_POINTS)
+        if searched >= LEAST_POINTS and missed > max(share, usual + MORE_THAN_BESIDE) * searched:
             return f"something hides {missed} of {searched} points ahead"
     return ""
 
