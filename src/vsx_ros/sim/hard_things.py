@@ -9,8 +9,8 @@ from vsx_ros.registry import Registry
 
 
 class HardThing(NamedTuple):
-    """unit and bounds of its amount. usual: the amount if only the name is given. generated: it needs a
-    building that a generator has made; others go with Gazebo's files, too."""
+    """unit and bounds of its amount. usual: the amount if only the name is given. generated: it needs a building that a
+    generator has made; others go with Gazebo's files, too."""
 
     unit: str
     bounds: tuple[float, float]
@@ -24,9 +24,7 @@ HARD_THINGS: Registry[HardThing] = Registry(
     {
         "white-walls": HardThing("share", (0.0, 1.0), 1.0, "walls that are white, without pictures", generated=True),
         "repeated-texture": HardThing("m", (0.3, 5.0), 1.0, "period of the one pattern on all walls", generated=True),
-        "thin-legs": HardThing(
-            "cm", (0.5, 5.0), 1.5, "tables with legs as thick, also for plain boxes", generated=True
-        ),
+        "thin-legs": HardThing("cm", (0.5, 5.0), 1.5, "tables with such legs, also for plain boxes", generated=True),
         "glossy-floor": HardThing("share", (0.01, 0.9), 0.15, "light that the floor mirrors", generated=True),
         "glass-walls": HardThing("share", (0.0, 1.0), 1.0, "free-standing walls of glass", generated=True),
         "mirrors": HardThing("mirrors", (1, 50), 3, "in place of pictures", generated=True),
