@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -21,7 +22,7 @@ from vsx_ros.sim.renderer import Picture
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.scene import quads
 from vsx_ros.sim.world import Light, Material, Poster, World
-from vsx_ros.sim.world_file import with_hard_things
+from vsx_ros.sim.world_file import load_world, save_world, with_hard_things
 
 SWITCHED_EACH_SECOND = Lighting(circuits=2, switches_per_min=60.0)
 
@@ -79,12 +80,14 @@ def test_the_outside_is_as_bright_in_any_light() -> None:
 
 
 @pytest.mark.parametrize("light", ["switched", "sun"])
-def test_a_lab_with_all_of_it_gives_the_same_bits_again(light: str) -> None:
+def test_a_lab_with_all_of_it_gives_the_same_bits_again(light: str, tmp_path: Path) -> None:
     things = {"glossy-floor": 0.2, "glass-walls": 1.0, "mirrors": 4, "windows": 2, "people": 2, "chairs": 1}
     lab = with_hard_things(generate_world("lab", 3), things, "test")
+    lit = replace(lab, lighting=light_named(light, 3))
+    save_world(lit, tmp_path / "world.yaml")
     images = []
-    for lighting in (light_named(light, 3), light_named(light, 3), None):
-        robot = EmulatedRobot(replace(lab, lighting=lighting), 3)
+    for world in (lit, load_world(tmp_path / "world.yaml"), lab):
+        robot = EmulatedRobot(world, 3)
         images.append(np.stack([robot.step(STOP).frame.image for _ in range(2)]))
     assert np.array_equal(images[0], images[1])
     assert not np.array_equal(images[0], images[2])

@@ -125,6 +125,16 @@ def test_one_who_does_not_stop_walks_into_a_standing_robot_once_a_visit() -> Non
     assert not any(body.bumper)
 
 
+def test_a_robot_that_has_just_come_to_rest_is_not_to_blame() -> None:
+    body = body_among([person(1)], SE2(1.9, 2.0, 0.0))
+    body.set_wheel_speeds(0.2, 0.2)
+    body.advance(500_000_000)
+    body.set_wheel_speeds(0.0, 0.0)
+    while body.contacts == Contacts():
+        body.advance(100_000_000)
+    assert body.contacts == Contacts(by_people=1)
+
+
 @pytest.mark.parametrize(("heading", "cause"), [(0.0, "into_people"), (math.pi, "by_people")])
 def test_the_robot_s_own_motion_into_a_person_counts_if_its_camera_could_see(heading: float, cause: str) -> None:
     class Statue(Person):

@@ -68,7 +68,7 @@ def test_the_scene_changes_when_a_lamp_is_switched_and_only_then(lab: World, lab
 def test_sunlight_falls_through_the_window_and_wanders() -> None:
     x, y = np.meshgrid(np.linspace(0.0, 4.0, 201), np.linspace(-2.0, 2.0, 201))
     floor = Nodes(np.stack([x, y, np.zeros_like(x)], axis=2), np.array([0.0, 0.0, 1.0]))
-    window = Window(np.array([0.0, 0.0, 1.5]), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]), 1.0, 1.0)
+    window = Window(np.array([0.0, 0.0, 1.5]), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]), (1.0, 1.0))
     slope = np.array([1.0, 0.0, -1.0]) / np.sqrt(2.0)
     light = sunlight(floor, [window], slope)
     inside = (x > 1.05) & (x < 1.95) & (np.abs(y) < 0.45)

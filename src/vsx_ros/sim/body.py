@@ -18,6 +18,7 @@ FREE_AGAIN_M = 0.003  # play of a bumper between pressed and released
 BUMPER_CENTRE_RAD = math.radians(25.0)  # of the middle one of three, to each side
 SEEN_RAD = math.radians(28.0)  # to each side, by a Kinect's colour camera
 BUMPER_SIDE_RAD = math.radians(90.0)  # the bumper is the front half
+STANDS_M_S = 0.02  # slower, a base has as good as stopped
 STUCK_NS = 400_000_000  # of a wheel that sticks
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
@@ -199,7 +200,8 @@ class Body:
             side = wrap_angle(math.atan2(near.dy, near.dx) - after.theta)
             person = self._moving is not None and near.mover >= 0 and self._moving.movers[near.mover].is_person
             if person:
-                self._touch("into_people" if abs(side) < SEEN_RAD else "by_people", side)
+                drives = abs(sum(self._wheels)) > 2.0 * STANDS_M_S
+                self._touch("into_people" if drives and abs(side) < SEEN_RAD else "by_people", side)
             else:
                 self._touch("things", side)
             return

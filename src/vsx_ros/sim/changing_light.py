@@ -105,7 +105,7 @@ def windows_of(world: World, lighting: Lighting) -> list[Window]:
         along = np.array([*(ends[k, 2:] - ends[k, :2]) / length[k], 0.0])
         at = rng.uniform(0.5 * width, length[k] - 0.5 * width)
         middle = np.array([*ends[k, :2], SILL_M + 0.5 * height]) + at * along
-        found.append(Window(middle, along, np.array([-along[1], along[0], 0.0]), width, height))
+        found.append(Window(middle, along, np.array([-along[1], along[0], 0.0]), WINDOW_M))
     return found
 
 

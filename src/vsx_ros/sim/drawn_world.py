@@ -62,4 +62,5 @@ def draw(world: World, movers: Sequence[Mover] = ()) -> DrawnWorld:
     quads, materials = ([], {}) if drawn is None else (drawn.quads, drawn.materials)
     scene = compile_scene(replace(world, materials=world.materials | materials), quads, node_spacing_m(world))
     changing = None if world.lighting is None else ChangingLight(world, world.lighting, scene)
-    return DrawnWorld(scene, steady_lights(world), changing, drawn, reflectors_of(world))
+    reflectors = reflectors_of(world)
+    return DrawnWorld(scene, steady_lights(world), changing=changing, movers=drawn, reflectors=reflectors)

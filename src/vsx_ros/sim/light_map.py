@@ -27,13 +27,12 @@ class Nodes(NamedTuple):
 
 
 class Window(NamedTuple):
-    """An opening: middle (3,) [m], unit vectors along the wall and into the room (3,), width and height [m]."""
+    """An opening: middle (3,) [m], unit vectors along the wall and into the room (3,), size (width, height) [m]."""
 
     middle: FloatArray
     along: FloatArray
     inwards: FloatArray
-    width: float
-    height: float
+    size: tuple[float, float]
 
 
 def node_counts(edge_u: FloatArray, edge_v: FloatArray, spacing_m: float) -> tuple[int, int]:
@@ -76,8 +75,8 @@ def sunlight(nodes: Nodes, windows: Sequence[Window], beam: FloatArray) -> Float
             continue
         behind = (points - window.middle) @ window.inwards
         through = points - window.middle - (behind / entering)[..., None] * beam
-        aside = 0.5 * window.width - np.abs(through @ window.along)
-        inside = np.minimum(aside, 0.5 * window.height - np.abs(through[..., 2]))
+        aside = 0.5 * window.size[0] - np.abs(through @ window.along)
+        inside = np.minimum(aside, 0.5 * window.size[1] - np.abs(through[..., 2]))
         most = np.maximum(most, np.where(behind > 0.0, np.clip(inside / SOFT_M + 0.5, 0.0, 1.0), 0.0))
     return np.asarray(cosine * most)
 

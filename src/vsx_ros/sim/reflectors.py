@@ -38,4 +38,4 @@ def reflectors_of(world: World) -> list[Reflector]:
 def _reflector(quad: Quad, number: int, share: float, *, clear: bool) -> Reflector:
     normal = np.cross(quad.edge_v, quad.edge_u)
     normal = normal / np.linalg.norm(normal)
-    return Reflector(normal, float(normal @ quad.corner), share, clear, np.array([number]))
+    return Reflector(normal, float(normal @ quad.corner), share, clear=clear, quads=np.array([number]))
