@@ -114,8 +114,8 @@ class PlannerConfig(Branch, frozen=True):
     blind_v_m_s: Positive = 0.2
     unmapped_v_m_s: Positive = 0.08  # before there is a map
     max_blind_m: NonNegative = 2.0
-    # Costs as extra metres: of a cusp, of a stop where only the curvature jumps, of a metre driven blind. A path with
-    # the preferred clearance may be longer by a share and a length.
+    # Costs as extra metres: of a cusp, of a stop where only the curvature jumps, of a metre driven blind. A drive with
+    # the preferred clearance may take longer by a share, and by the time of a length.
     cusp_cost_m: NonNegative = 0.15
     stop_cost_m: NonNegative = 0.3
     blind_cost_ratio: NonNegative = 1.0

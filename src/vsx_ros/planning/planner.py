@@ -27,15 +27,14 @@ _SHORTENINGS = 3  # random shortcuts give different paths; the best of so many i
 _NEAR_BOUND = 1.15  # times the least possible length: no search would find a much shorter path
 _ANOTHER = 1.002  # a path hardly longer than the previous one is most likely the same
 _MOST_BLIND_M, _SAME_PLACE_M = 1.5, 0.02  # for the first drive or backing out; a goal so near is at the base's place
-USUAL_LIMITS = LimitsConfig()
+_LIMITS = LimitsConfig()  # for comparing the times of two drives: their ratio hardly depends on them
 
 
 class Planner:
     """Plans whose change of view is bounded by config.phi_rad_m everywhere (paper 4)."""
 
-    def __init__(self, config: PlannerConfig, robot: RobotConfig, limits: LimitsConfig = USUAL_LIMITS) -> None:
-        """limits: of the drive, for the choice between a wide way and a short one."""
-        self._config, self._robot, self._limits = config, robot, limits
+    def __init__(self, config: PlannerConfig, robot: RobotConfig) -> None:
+        self._config, self._robot = config, robot
         preferred_m = max(config.clearance_m, config.preferred_clearance_m)
         self._wide = msgspec.structs.replace(config, clearance_m=preferred_m)
 
@@ -44,7 +43,7 @@ class Planner:
     ) -> Plan | Refusal:
         """A collision-free plan to the exact goal pose over known free ground, or a refusal with its reason.
 
-        The path keeps config.preferred_clearance_m where that makes no detour, else config.clearance_m.
+        The path keeps config.preferred_clearance_m, or config.clearance_m if that drive is much shorter in time.
 
         With ``visibility``, stretches with too few landmarks in view cost extra, so that a path which keeps the map in
         view is preferred to a shorter one that loses it. ``Plan.blind_spans`` lists the stretches that remain; a path
@@ -94,8 +93,8 @@ class Planner:
 
     def _is_slow(self, wide: Path, short: Path) -> bool:
         """Whether a drive with the preferred clearance takes too much longer than one with the least."""
-        wide_s, short_s = (estimated_s(path, self._limits) for path in (wide, short))
-        return wide_s > self._config.detour_ratio * short_s + self._config.detour_m / self._limits.v_m_s
+        wide_s, short_s = (estimated_s(path, _LIMITS) for path in (wide, short))
+        return wide_s > self._config.detour_ratio * short_s + self._config.detour_m / _LIMITS.v_m_s
 
     def _in_corridor(
         self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, grid: OccupancyGrid,

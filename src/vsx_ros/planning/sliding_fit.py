@@ -1,9 +1,9 @@
 """Turns a coarse path of arcs and lines into paths that the base can drive: one with stops, and one smooth if possible.
 
 The cost of a programme grows with the cube of its pieces. So long paths are fitted in a sliding window: of a window of
-a few pieces the first half is kept, and the next window begins there, with the same position and heading. The curvature
-is zero at each joint, so the base drives on. A window ends on the coarse path, best in a straight line, where no curve
-is squeezed; the next window may move that point. Where no window fits, the base stops."""
+a few pieces the first ones are kept, and the next window begins there, with the same position and heading. The
+curvature is zero at each joint, so the base drives on. A window ends on the coarse path, best in a straight line, where
+no curve is squeezed; the next window may move that point. Where no window fits, the base stops."""
 
 from dataclasses import replace
 
@@ -56,7 +56,7 @@ class _SlidingFit:
             if turn * bend < 0 or length_m * before_m < 0.0:
                 piece_m, bend = 0.0, 0
             piece_m, bend, before_m = piece_m + abs(length_m), turn or bend, length_m
-            long = i in self._cuts and length_m != self._lengths[i + 1]
+            long = i in self._cuts and length_m != self._lengths[i + 1]  # halves are equal, ends and middle are not
             if i in self._cuts and (long or piece_m > longest_m):
                 breaks.add(i)
                 piece_m, bend = 0.0, 0
@@ -145,7 +145,7 @@ class _SlidingFit:
         return total
 
     def _keep(self, sequence: HeadingSequence, path: Path, last: int) -> None:
-        """Take over the first half of a window, or all of the last one."""
+        """Take over the first pieces of a window, or all of the last one."""
         n = len(path.pieces)
         kept = n if last == len(self._arcs) else max(1, n - _OVERLAP)
         self.pieces += path.pieces[:kept]
