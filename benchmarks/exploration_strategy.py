@@ -37,11 +37,11 @@ from vsx_ros.planning.path import Refusal, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.slow_spans import blind_spans
 from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.runs.record import MapJudge
+from vsx_ros.runs.judge import MapJudge
 from vsx_ros.sim.camera import EmulatedCamera
 from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.optics import scene_of
 from vsx_ros.sim.robot import SimulationConfig
-from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world import World, prisms
 from vsx_ros.slam.state import TrackingState
@@ -79,7 +79,7 @@ def in_view(heights, resolution, x0, y0, camera, yaw, points):
 
 def corners_of(world: World, truth: OccupancyGrid, clearance_m: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(N, 3) corners that cameras at random places see, in the world [m]."""
-    camera = EmulatedCamera(compile_scene(world), Config().robot.mount, SimulationConfig().camera, rng, 2)
+    camera = EmulatedCamera(scene_of(world), Config().robot.mount, SimulationConfig().camera, rng, 2)
     cells, found = np.argwhere(clearance_m > 0.25), []
     for _ in range(PLACES):
         x, y = truth.centres(cells[[rng.integers(len(cells))]])[0]

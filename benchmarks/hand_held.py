@@ -25,7 +25,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame
 from vsx_ros.sim.camera import CameraSettings, EmulatedCamera
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.scene import compile_scene
+from vsx_ros.sim.optics import scene_of
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import TrackingState
 
@@ -67,7 +67,7 @@ class HeldCamera(EmulatedCamera):
     def __init__(self, seed: int, settings: CameraSettings) -> None:
         world, rng = generate_world("lab", seed), np.random.default_rng([seed, 77])
         mount = MountConfig(height_m=float(rng.uniform(0.7, 1.5)), pitch_down_rad=float(rng.uniform(-0.1, 0.4)))
-        super().__init__(compile_scene(world), mount, settings, rng)
+        super().__init__(scene_of(world), mount, settings, rng)
         self.T_world_cam = SE3.from_se2(world.start_pose) @ self.T_base_cam_true
         self.sway = Sway.drawn(rng)
 

@@ -1,10 +1,10 @@
 """How well and how fast motion planning works: ``python benchmarks/planning.py [--quick] [--phi 0.5] [section ...]``,
 src and hw in PYTHONPATH.
 
-Sections: connect, lab, costs, time, paper (all by default); at the end comes a table of required and desired values.
-Seeds are fixed, so everything except the milliseconds repeats exactly. The peers (planning_problems.py) are measured in
-the same run if installed, else skipped with a note. Times are processor time of this process, including Python.
-tests/control measures how well trajectories are followed.
+Sections: connect, lab, maps, costs, time, paper (all by default); at the end comes a table of required and desired
+values. Seeds are fixed, so everything except the milliseconds repeats exactly. The peers (planning_problems.py) are
+measured in the same run if installed, else skipped with a note. Times are processor time of this process, including
+Python. tests/control measures how well trajectories are followed.
 """
 
 import argparse
@@ -14,7 +14,18 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from planning_problems import LIMITS, OMPL, ROBOT, TOPPRA, peer_rrt_connect, peer_toppra, problems, random_goals
+from planning_problems import (
+    LIMITS,
+    OMPL,
+    ROBOT,
+    TOPPRA,
+    map_names,
+    map_problems,
+    peer_rrt_connect,
+    peer_toppra,
+    problems,
+    random_goals,
+)
 
 from vsx_ros.config import PlannerConfig
 from vsx_ros.geometry.se2 import SE2
@@ -135,6 +146,41 @@ def section_lab(quick: bool, phis: list[float]) -> list[Row]:
     return rows
 
 
+def section_maps(quick: bool, phis: list[float]) -> list[Row]:
+    """Maps of real buildings: solved, needless stops, time, length and seconds of the drive."""
+    rows = []
+    for phi in phis:
+        planner = Planner(PlannerConfig(phi_rad_m=phi), ROBOT)
+        seconds, solved, stops, asked = [], 0, 0, 0
+        for name in map_names(tuning=quick):
+            paths, before = [], len(seconds)
+            for grid, start, goal in map_problems(name, 20 if quick else 100):
+                begun = time.process_time()
+                plan = planner.plan(start, goal, grid, np.random.default_rng(1))
+                seconds.append(time.process_time() - begun)
+                paths += [plan.path] if isinstance(plan, Plan) else []
+            n, jumps = len(seconds) - before, [path.jumps for path in paths]
+            asked, solved, stops = asked + n, solved + len(paths), stops + sum(jumps)
+            length_m = np.mean([path.length_m for path in paths])
+            drive_s = np.mean([time_scale(path, LIMITS).duration_s for path in paths])
+            cusps = np.mean([len(path.cusps) for path in paths])
+            print(
+                f"phi {phi}, {name}: {len(paths)}/{n} solved, {sum(jumps)} needless stops in {np.count_nonzero(jumps)}"
+            )
+            print(
+                f"  {length_m:.2f} m, {drive_s:.2f} s, {cusps:.2f} cusps; ms: {percentiles(seconds[before:], 1e3)}",
+                flush=True,
+            )
+        if asked:
+            rows += [
+                Row(f"maps, phi {phi}: solved [%]", 99.0, 100.0, 100.0 * solved / asked, True),
+                Row(f"maps, phi {phi}: stops where nothing reverses", 0.0, 0.0, stops),
+                Row(f"maps, phi {phi}: median time [ms]", 60.0, 25.0, 1e3 * float(np.median(seconds))),
+                Row(f"maps, phi {phi}: p99 time [ms]", 400.0, 150.0, 1e3 * float(np.percentile(seconds, 99))),
+            ]
+    return rows
+
+
 def section_costs(quick: bool, phis: list[float]) -> list[Row]:
     """Time to cost views: every pose of a map around its obstacles."""
     axes = np.arange(-5.95, 6.0, 0.1), np.arange(-3.95, 4.0, 0.1), np.arange(24) * (np.pi / 12.0)
@@ -214,13 +260,13 @@ def section_paper(quick: bool, phis: list[float]) -> list[Row]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("sections", nargs="*", metavar="SECTION", help="connect, lab, costs, time, paper")
+    parser.add_argument("sections", nargs="*", metavar="SECTION", help="connect, lab, maps, costs, time, paper")
     parser.add_argument("--quick", action="store_true", help="a tenth of the questions")
     parser.add_argument("--phi", type=float, action="append", help="a bound on the change of view; may be repeated")
     args = parser.parse_args()
     todo = {
-        "connect": section_connect, "lab": section_lab, "costs": section_costs, "time": section_time,
-        "paper": section_paper,
+        "connect": section_connect, "lab": section_lab, "maps": section_maps, "costs": section_costs,
+        "time": section_time, "paper": section_paper,
     }  # fmt: skip
     unknown = set(args.sections) - set(todo)
     if unknown:
@@ -228,7 +274,7 @@ def main() -> None:
     for name, there in (("ompl", OMPL), ("toppra", TOPPRA)):
         if not there:
             print(f"{name} is not installed: its columns are left out")
-    warm_up()
+    warm_up("planning")
     rows = []
     for name in args.sections or todo:
         print(f"\n== {name} (load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores)", flush=True)

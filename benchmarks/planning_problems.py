@@ -4,13 +4,16 @@
 """
 
 import importlib.util
+import os
 import time
+from pathlib import Path as File
 
 import numpy as np
+from rooms import plan as plan_of_picture
 
 from vsx_ros.config import LimitsConfig, PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.occupancy.distance import clearance_field
+from vsx_ros.occupancy.distance import clearance_field, travel_distance
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.corridor import build_corridor
 from vsx_ros.planning.path import Path, Refusal
@@ -18,6 +21,7 @@ from vsx_ros.planning.path import Path, Refusal
 ROBOT, LIMITS = RobotConfig(), LimitsConfig()
 OMPL = importlib.util.find_spec("ompl") is not None
 TOPPRA = importlib.util.find_spec("toppra") is not None
+TUNING_MAPS = ("lab_ipa", "office_b")  # the planner was tuned on these; results are reported on the others
 
 
 def random_goals(n: int, seed: int) -> np.ndarray:
@@ -57,6 +61,33 @@ def problems(seeds: range, each: int) -> list[tuple[OccupancyGrid, SE2, SE2]]:
     for seed in seeds:
         grid, rng = lab(seed), np.random.default_rng(1000 + seed)
         out += [(grid, free_pose(grid, rng), free_pose(grid, rng)) for _ in range(each)]
+    return out
+
+
+def map_names(tuning: bool) -> list[str]:
+    """Names of the maps in $VSX_DATA/maps: those for tuning, or the others. Empty without the data."""
+    names = sorted(file.stem for file in (File(os.environ.get("VSX_DATA", "")) / "maps").glob("*.png"))
+    return [name for name in names if name.startswith(TUNING_MAPS) == tuning]
+
+
+def map_problems(name: str, n: int) -> list[tuple[OccupancyGrid, SE2, SE2]]:
+    """n problems in a map of a real building, random poses that a base joins which turns on the spot."""
+    grid = plan_of_picture(File(os.environ["VSX_DATA"]) / "maps" / f"{name}.png")
+    field, rng = clearance_field(grid), np.random.default_rng(0)
+    field = field._replace(values=field.values - ROBOT.radius_m - PlannerConfig().clearance_m - 0.01)
+    rows, columns = np.nonzero(field.values >= 0.0)
+
+    def draw() -> SE2:
+        k, theta = rng.integers(len(rows)), rng.uniform(-np.pi, np.pi)
+        half = 0.5 * field.resolution
+        x, y = columns[k] * field.resolution + field.origin_x + half, rows[k] * field.resolution + field.origin_y + half
+        return SE2(float(x), float(y), float(theta))
+
+    out: list[tuple[OccupancyGrid, SE2, SE2]] = []
+    while len(out) < n:
+        start, goal = draw(), draw()
+        if np.isfinite(travel_distance(field, (start.x, start.y))[field.cell(goal.x, goal.y)]):
+            out.append((grid, start, goal))
     return out
 
 

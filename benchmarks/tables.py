@@ -27,7 +27,8 @@ RESULTS = ROOT / "benchmarks" / "results"
 
 _CORE = (
     "config", "control", "dense", "evaluation", "exploration", "geometry", "kernels", "navigation", "occupancy",
-    "planning", "robot", "runs/lockstep", "runs/record", "runs/session", "session", "sim", "slam", "system", "vision",
+    "planning", "robot", "runs/judge", "runs/lockstep", "runs/record", "runs/session", "session", "sim", "slam",
+    "system", "vision",
 )  # fmt: skip
 _NODES = (
     "hw/vsx_hw",
@@ -37,6 +38,8 @@ _IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
 
 ROOMS: dict[str, tuple[str, ...]] = {
     "exploration": (*_IN_LOCK_STEP, "benchmarks/exploration", "benchmarks/nearest_frontier"),
+    "hard_things": (*_IN_LOCK_STEP, "benchmarks/hard_things"),
+    "in_the_way": (*_IN_LOCK_STEP, "benchmarks/in_the_way"),
     "drives": ("src/vsx_ros",),
     "exploration_strategy": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/nearest_frontier"),
     "free_cells": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/free_cells"),
@@ -73,6 +76,10 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "charging": (*_IN_LOCK_STEP, "hw/vsx_hw", "benchmarks/charging"),
     "zones": (*_IN_LOCK_STEP, "benchmarks/zones"),
     "put_down": (*_IN_LOCK_STEP, "benchmarks/put_down"),
+    "light": (
+        *(f"src/vsx_ros/{room}" for room in ("config", "geometry", "kernels", "sim", "slam", "vision")),
+        *(f"benchmarks/{file}" for file in ("light", "slam_accuracy", "slam_drives")),
+    ),
     "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
 }
 """The code that the rows of a file judge: folders, and files without their .py."""

@@ -15,6 +15,7 @@ from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.anchored_poses import NEAREST
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.snapshot import SlamMap
@@ -43,6 +44,7 @@ class SlamSession:
         self._record = None if state is None else TrackingRecord.restored(state)
         self._localization = Localization()
         self._late: deque[TrackingResult] = deque()
+        self._beside = NEAREST  # the keyframe relative to which the camera was placed last
         # The newest reading as SLAM got it (corrected), and with its original pose.
         self._corrected: Odometry | None = None
         self._read: Odometry | None = None
@@ -85,14 +87,18 @@ class SlamSession:
         self._late.append(tracking)
         while self._late and now_ns >= self._late[0].stamp_ns + computing_ns:
             late = self._late.popleft()
-            localization.add_state(late.state, late.reason)
+            if late.corrected:
+                self.ground.corrected()
+            localization.add_state(late.state, late.reason, late.ahead)
             if late.state.tracked and late.T_world_cam is not None:
                 localization.add_pose(late.stamp_ns, (late.T_world_cam @ self._T_cam_base).to_se2())
+            placed = late.anchor if late.T_world_cam is not None else None
+            self._beside = NEAREST if placed is None else placed.keyframe
         self.where = where = localization.at(now_ns)._replace(odometry=self._read)
         if where.stuck is not None:
             self.ground.pushed(where.stuck.T_world_push, now_ns)
         elif where.T_map_base is not None:
-            self.ground.moved(where.T_map_base, now_ns)
+            self.ground.moved(where.T_map_base, now_ns, self._beside)
         return where
 
     @property

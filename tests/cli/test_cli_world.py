@@ -2,13 +2,16 @@ from pathlib import Path
 
 import cv2
 import pytest
+from msgspec.structs import replace
 
 from vsx_ros.cli import main
 from vsx_ros.errors import ConfigError, MapFileError
 from vsx_ros.io.map_file import load_map
 from vsx_ros.occupancy.grid import FREE
-from vsx_ros.runs.world import open_world
+from vsx_ros.runs.world import check_world, open_world
 from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.lighting import light_named
+from vsx_ros.sim.world import World
 from vsx_ros.sim.world_file import load_world
 
 ROOM = Path(__file__).parents[1] / "data/gazebo_room/worlds/room.world"
@@ -41,6 +44,35 @@ def test_wrong_uses_are_named(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text("image: missing.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
     with pytest.raises(MapFileError):
         run(str(tmp_path / "m.yaml"), "--out", str(tmp_path / "w.yaml"))
+
+
+def test_a_light_by_name_is_in_the_file(tmp_path: Path) -> None:
+    out = tmp_path / "w.yaml"
+    assert run("lab:night", "--seed", "2", "--out", str(out)) == 0
+    world = load_world(out)
+    assert isinstance(world, World)
+    assert world.lighting == light_named("night", 2)
+    assert replace(world, lighting=None) == generate_world("lab", 2)
+    with pytest.raises(ConfigError, match="did you mean 'night'"):
+        check_world("lab:nigth")
+
+
+def test_with_makes_a_world_hard_and_names_what_it_does_not_know(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "w.yaml"
+    assert run("lab", "--with", "people=2,white-walls", "--with", "latency=100", "--out", str(out)) == 0
+    assert load_world(out).hard == {"people": 2.0, "white-walls": 1.0, "latency": 100.0}
+    assert run("info", str(out)) == 0
+    assert "people=2, white-walls=1, latency=100" in capsys.readouterr().out
+    with pytest.raises(ConfigError, match=r"named 'peple' \(did you mean 'people'\?\)"):
+        run("lab", "--with", "peple", "--out", str(out))
+
+
+def test_hard_things_are_for_emulated_worlds_and_checked_first() -> None:
+    for words, told in ((["--with", "people"], "give --world"), (["--world", "lab", "--with", "people=-1"], "1 to 20")):
+        with pytest.raises(ConfigError, match=told):
+            main.run(main.parse(["explore", *words]))
 
 
 def test_a_floor_plan_alone_is_a_world(tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ PROMISED = (
     "u1 u2_frames u2_seconds u2_metres visible_ratio track_ms_median track_ms_p99 ate_rmse_m ate_rmse_sim3_m "
     "ate_final_rmse_m ate_final_rmse_sim3_m ate_of scale_error path_length_m duration_s "
     "coverage coverage_correct occupied_precision "
-    "occupied_recall free_inside_obstacle collisions driven_m min_clearance_m planned_vs_executed_rms_m plans "
+    "occupied_recall free_inside_obstacle collisions collisions_with_people touched_by_people driven_m "
+    "min_clearance_m planned_vs_executed_rms_m plans "
     "plan_ms_median plan_ms_p99 map_note stop_reason ended_well world seed planner phi continued_map version"
 )
 STATISTICS = SlamStatistics(20, 15, 1, 1, 0.8, 7.0, 0.5, 0.1, 4, 300, 0.4)

@@ -18,6 +18,7 @@ from vsx_ros.slam.state import TrackingState
 
 SECOND = 1_000_000_000
 LANDMARKS = np.random.default_rng(0).uniform([1.0, -2.0, 0.0], [3.0, 2.0, 1.0], (800, 3))
+OPEN = OccupancyGrid(np.full((120, 240), FREE, np.int8), 0.05, -6.0, -3.0)
 
 
 def half_known() -> OccupancyGrid:
@@ -137,11 +138,10 @@ def drives_while_lost(mission: Mission, trail_m: float, landmarks=LANDMARKS):
     """The goals of a robot that is lost after trail_m [m] straight ahead and goes wherever it is sent."""
     for k in range(round(trail_m / 0.05) + 1):
         mission.decide(2 * SECOND + k, situation(T_odom_base=SE2(0.05 * k, 0, 0), navigation=NavigationState.ACTIVE))
-    wide = OccupancyGrid(np.full((120, 240), FREE, np.int8), 0.05, -6.0, -3.0)
     pose, goals, now_ns = SE2(trail_m, 0, 0), [], 3 * SECOND
     while mission.outcome is None:
         lost = situation(
-            slam_state=TrackingState.LOST, slam_reason="dark", grid=wide, landmarks_world=landmarks, T_odom_base=pose,
+            slam_state=TrackingState.LOST, slam_reason="dark", grid=OPEN, landmarks_world=landmarks, T_odom_base=pose,
             T_map_base=pose,
         )  # fmt: skip
         decision = mission.decide(now_ns, lost)
@@ -392,6 +392,37 @@ def test_a_goal_that_fails_again_is_left_alone_twice_as_long():
     assert not again.near(17 * SECOND, here).any()
 
 
+def test_a_robot_that_only_gets_refusals_soon_chooses_elsewhere():
+    """Each of the many views of a room is refused, say for its dark door: another room comes soon, not after all."""
+    data = np.full((80, 400), UNKNOWN, np.int8)
+    data[:, :60] = data[:, 340:] = FREE
+    two_rooms = OccupancyGrid(data, 0.05, -1.5, -2.0)
+    far = LANDMARKS + [13.0, 0.0, 0.0]
+    mission, refused, now_ns = mapping_mission(), 0, 2 * SECOND
+    both = situation(grid=two_rooms, landmarks_world=np.vstack([LANDMARKS, far]), navigation=NavigationState.ABORTED)
+    while (decision := mission.decide(now_ns, both)).goal is None or decision.goal.x < 5.0:
+        refused += decision.action is Action.GO
+        now_ns += SECOND
+        assert refused < 10
+    near, room = np.array([[0.8, 0.5, 0.0]]), mission.view_selector.blacklist
+    assert room.near(now_ns, near).all()
+    room.choose_at(decision.goal)
+    assert not room.near(now_ns + 60 * SECOND, near).any()
+
+
+def test_a_view_near_refused_ones_is_tried_when_nothing_else_is_left():
+    blacklist, near = GoalBlacklist(radius_m=0.4, first_s=10.0), np.array([[2.0, 1.0, 0.0]])
+    blacklist.choose_at(SE2())
+    for k in range(5):
+        for _ in range(3):
+            blacklist.add(0, SE2(0.5 * k, 0.0, 0.0))
+    assert blacklist.near(SECOND, near).all()
+    assert blacklist.release(SECOND) > 0
+    assert not blacklist.near(SECOND, near).any()
+    assert blacklist.near(SECOND, np.zeros((1, 3))).all(), "failed too often"
+    assert blacklist.release(SECOND) == 0
+
+
 def test_a_swing_stays_on_free_ground_and_turns():
     data = np.full((60, 60), FREE, np.int8)
     grid = OccupancyGrid(data, 0.05, -1.5, -1.5)
@@ -412,6 +443,40 @@ def wheels_driven(mission: Mission, way_m: float, start: SE2) -> SE2:
         pose = start @ SE2(0.05 * k, 0.0, 0.0)
         mission.decide(2 * SECOND + k, situation(T_odom_base=pose, navigation=NavigationState.ACTIVE))
     return pose
+
+
+def test_the_way_back_after_a_look_elsewhere_is_the_way_that_was_driven():
+    """Lost, it swings to the sides and turns; found, it drives on; lost again, it does not cut across."""
+    mission, here, driven = mapping_mission(), SE2(), [SE2()]
+    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", grid=OPEN)
+
+    def drive(seconds: float, seen: Situation, goal: SE2) -> SE2:
+        for share in np.linspace(0.0, 1.0, 9)[1:]:
+            at = here.interpolate(goal, share)
+            driven.append(at)
+            active = seen._replace(T_odom_base=at, T_map_base=at, navigation=NavigationState.ACTIVE)
+            mission.decide(round((seconds + share) * SECOND), active)
+        return goal
+
+    for k in range(2, 20):
+        decision = mission.decide(3 * k * SECOND, lost._replace(T_odom_base=here, T_map_base=here))
+        if decision.action is Action.GO:
+            assert decision.reason.startswith("lost: turning") or decision.reason.startswith("lost: looking around")
+            here = drive(3 * k + 1, lost, decision.goal)
+        if len(driven) > 40:
+            break
+    found = situation(grid=OPEN, T_odom_base=here, T_map_base=here)
+    for k in range(62, 65):
+        mission.decide(k * SECOND, found)
+    assert mission.state is MissionState.MAPPING
+    here = drive(65.0, found, here @ SE2(0.3, 0.0, 0.0))
+    for k in range(30, 36):
+        decision = mission.decide(3 * k * SECOND, lost._replace(T_odom_base=here, T_map_base=here))
+        if decision.goal is not None and "back along the trail" in decision.reason:
+            assert here.distance_to(decision.goal) < 0.5
+            assert abs(here.angle_to(decision.goal)) < 1.0
+            assert min(decision.goal.distance_to(pose) for pose in driven) < 0.02
+            here = drive(3.0 * k + 1.0, lost, decision.goal)
 
 
 @pytest.mark.parametrize("state", [TrackingState.GOOD, TrackingState.LOST])

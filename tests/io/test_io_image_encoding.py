@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.errors import InputError
-from vsx_ros.io.image_encoding import decoded, gray_image, shift_for
+from vsx_ros.io.image_encoding import GrayImages, decoded, gray_image, shift_for
 
 COLOR = np.random.default_rng(1).integers(0, 256, (8, 12, 3), dtype=np.uint8)
 
@@ -32,10 +32,18 @@ def test_rows_may_be_padded():
 @pytest.mark.parametrize("big_endian", [False, True])
 def test_twelve_bits_fill_eight(big_endian):
     wide = np.linspace(0, 4095, 96).astype(">u2" if big_endian else "<u2")
-    shift = shift_for(wide.tobytes(), big_endian=big_endian)
-    gray = gray_image("mono16", 8, 12, 24, wide.tobytes(), big_endian=big_endian, shift_bits=shift)
-    assert shift == 4
-    assert np.array_equal(gray.ravel(), np.linspace(0, 4095, 96).astype(int) // 16)
+    assert shift_for(wide.tobytes(), big_endian=big_endian) == 4
+    images, shades = GrayImages(), []
+    for values in (wide // 500, wide, wide // 2):  # a camera may begin in the dark
+        content = values.astype(wide.dtype).tobytes()
+        shades.append(images.of("mono16", 8, 12, 24, content, big_endian=big_endian).ravel())
+    assert np.array_equal(shades[0], wide // 500)
+    assert np.array_equal(shades[1], wide // 16)
+    assert np.array_equal(shades[2], wide // 32)
+    with pytest.raises(InputError):
+        images.of("mono16", 8, 12, 24, b"\xff" * 100, big_endian=big_endian)
+    assert np.array_equal(images.of("mono16", 8, 12, 24, wide.tobytes(), big_endian=big_endian).ravel(), wide // 16)
+    assert np.array_equal(images.of("mono8", 8, 12, 12, bytes(range(96))).ravel(), np.arange(96))
 
 
 @pytest.mark.parametrize(

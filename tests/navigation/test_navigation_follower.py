@@ -34,7 +34,7 @@ class Drive:
     def __init__(self) -> None:
         self.base, self.follower, self.localization = Base(), Follower(Config()), Localization()
         self.told: list[float | None] = []
-        self.state, self.ages = TrackingState.GOOD, MessageAges()
+        self.state, self.ages, self.ahead = TrackingState.GOOD, MessageAges(), ""
         self.changed: Callable[[LocalizationState], LocalizationState] = lambda where: where
         self.go_on(0.1)
         self.follower.follow(self.base.now_ns, ahead(SE2()), "map", 1)
@@ -45,7 +45,7 @@ class Drive:
             base.advance(base.now_ns + STEP_NS)
             self.localization.add_odometry(base.odometry)
             self.localization.add_pose(base.now_ns, base.pose)
-            self.localization.add_state(self.state, "")
+            self.localization.add_state(self.state, "", self.ahead)
             where = self.changed(self.localization.at(base.now_ns))
             command = self.follower.step(base.now_ns, where, self.ages)
             self.told.append(None if command is None else command.v)
@@ -75,6 +75,28 @@ def test_dubious_tracking_slows_the_base_for_a_moment_longer_than_it_lasts(drive
     assert drive.told[-1] == slow
     drive.go_on(1.0)
     assert drive.told[-1] == pytest.approx(LIMITS.v_m_s, abs=0.02)
+
+
+def test_the_base_waits_for_what_hides_the_map_ahead_and_goes_on_when_it_is_gone(drive: Drive) -> None:
+    drive.ahead, begin = "something hides 30 of 40 points ahead", len(drive.told)
+    drive.go_on(1.5)
+    assert drive.told[-1] == 0.0
+    assert drive.status is FollowStatus.STALE
+    assert drive.follower.report.reason == "waiting: something hides 30 of 40 points ahead"
+    speeds = np.array(drive.told[begin - 1 :])
+    assert -np.diff(speeds).min() <= LIMITS.a_m_s2 * 1e-9 * STEP_NS * (1 + 1e-6)
+    drive.ahead = ""
+    drive.go_on(2.0)
+    assert drive.told[-1] == pytest.approx(LIMITS.v_m_s, abs=0.02)
+
+
+def test_it_does_not_wait_for_ever_for_what_stays(drive: Drive) -> None:
+    drive.ahead = "something hides 30 of 40 points ahead"
+    drive.go_on(Config().follower.hidden_wait_s - 0.1)
+    assert drive.told[-1] == 0.0
+    drive.go_on(2.0)
+    assert drive.told[-1] > 0.1
+    assert drive.status is FollowStatus.FOLLOWING
 
 
 @pytest.mark.parametrize(

@@ -144,6 +144,23 @@ def test_an_obstacle_is_braked_for_as_hard_as_it_is_near_and_planned_around(
     assert "an obstacle has come to light" in request.again
 
 
+@pytest.mark.parametrize(("step_m", "plans"), [(1.2, 5), (0.3, 3)])
+def test_a_base_that_comes_nearer_each_time_is_not_given_up(step_m: float, plans: int) -> None:
+    """A long way is disturbed more often than a short one."""
+    drive, made = Drive(), 0
+    drive.pose = SE2(-3.0, 0.0, 0.0)
+    drive.execution.begin(drive.now_ns, GOAL, "map")
+    drive.step()
+    while isinstance(drive.acts[0], PlanRequest) and made < 5:
+        made += isinstance(drive.plan(), TimedPlan)
+        (follow,) = drive.step()
+        assert isinstance(follow, Follow)
+        drive.pose = SE2(drive.pose.x + step_m, 0.0, 0.0)
+        drive.report = FollowerReport(follow.identity, FollowStatus.DIVERGED, "0.13 m beside the path", "map")
+        drive.step()
+    assert made == plans
+
+
 def test_while_the_base_brakes_gently_it_brakes_harder_for_what_comes_to_light_nearer(drive: Drive) -> None:
     drive.execution.cancel(drive.now_ns, "cancelled")
     assert drive.step() == [Brake(LIMITS.a_m_s2)]

@@ -82,6 +82,36 @@ def test_when_its_keyframe_goes_while_a_loop_is_closed_it_moves_with_the_others(
     assert rows(after) == pytest.approx(rows([correction @ pose for pose in before]), abs=1e-9)
 
 
+def test_what_was_driven_in_a_second_copy_of_a_place_moves_with_that_copy():
+    """The wheels drifted by 20 cm around a loop: the first pass of this place is nearer than the second."""
+    first, second, closed = SE2(2.0, 0.0, 0.0), SE2(2.05, -0.2, 0.0), SE2(2.05, 0.0, 0.0)
+    ground = MappedGround(Config())
+    here, there = SE2(2.1, -0.05, 0.0), SE2(2.1, 0.15, 0.0)
+    ground.moved(here, 1, 7)
+    ground.bumped(here)
+    ground.grid(snapshot_at(first, second))
+    after = snapshot_at(first, closed)
+    assert rows(ground.trail(after)) == pytest.approx(rows([there]), abs=1e-9)
+    assert rows(ground._bumps.poses(after.keyframe_ids, after.T_world_cams)) == pytest.approx(rows([there]), abs=1e-9)
+
+
+def test_what_was_driven_just_before_a_loop_is_closed_moves_with_the_map():
+    ground, correction = MappedGround(Config()), SE2(0.3, -0.2, 0.4)
+    before, after = snapshot_at(FIRST, SECOND), snapshot_at(FIRST, correction @ SECOND)
+    ground.moved(SE2(1.8, 0.0, 0.5), 1)
+    ground.grid(before)
+    ground.moved(SE2(1.9, 0.0, 0.5), 2)  # since then no map was built
+    ground.bumped(SE2(2.0, 0.0, 0.5))
+    ground.corrected()
+    there = correction @ SE2(2.1, 0.0, 0.5)
+    ground.moved(there, 3)
+    wanted = [correction @ SE2(1.8, 0.0, 0.5), correction @ SE2(1.9, 0.0, 0.5), there]
+    assert rows(ground.trail(after)) == pytest.approx(rows(wanted), abs=1e-9)
+    assert rows(ground._bumps.poses(after.keyframe_ids, after.T_world_cams)) == pytest.approx(
+        rows([correction @ SE2(2.0, 0.0, 0.5)]), abs=1e-9
+    )
+
+
 def test_what_it_pushed_against_ahead_and_behind_are_two():
     bumps = AnchoredPoses(0.1, 0.5)
     for heading in (0.2, 0.2 + np.pi, 0.2 + np.pi - 0.4, 0.2 + 3.0 * np.pi, 0.2 - np.pi):

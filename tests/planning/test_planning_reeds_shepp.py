@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.kernels.planning.motions import TABLE_HEADINGS, TABLE_STEP, look_up_length
 from vsx_ros.kernels.planning.reeds_shepp import SEGMENTS, advance, reeds_shepp_words
-from vsx_ros.planning.coarse_path import shortest_word, word_table
+from vsx_ros.planning.coarse_path import shortest_word
 from vsx_ros.planning.joint_qp import free_space_sequences
+from vsx_ros.planning.lattice_ways import word_table
 
 coordinate = st.floats(-6.0, 6.0)
 angle = st.floats(-math.pi, math.pi)

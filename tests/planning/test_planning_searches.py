@@ -9,9 +9,11 @@ from walled_rooms import with_wall
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField
+from vsx_ros.occupancy.distance import joined_distance
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
-from vsx_ros.planning.coarse_path import ArcBounds, coarse_lattice, is_stuck, search_lattice_back
+from vsx_ros.planning.coarse_path import ArcBounds
 from vsx_ros.planning.corridor import Corridor, build_corridor
+from vsx_ros.planning.lattice_ways import coarse_lattice, is_stuck, search, search_lattice_back
 from vsx_ros.planning.path import Plan
 from vsx_ros.planning.planner import Planner
 
@@ -87,3 +89,22 @@ def test_travel_costs_do_not_depend_on_the_order_of_the_poses_nor_on_full_turns(
     assert planner.travel_costs(start, map_, poses[shuffled]).tobytes() == costs[shuffled].tobytes()
     turned = planner.travel_costs(start, map_, poses + np.array([0.0, 0.0, 2.0 * math.pi]))
     assert turned == pytest.approx(costs, abs=1e-4)
+
+
+def test_a_goal_in_a_pocket_is_reached_by_arcs_that_are_short_there_only():
+    data = np.full((200, 200), OCCUPIED, np.int8)
+    data[20:180, 20:120] = FREE
+    data[90:104, 120:144] = FREE  # a niche of 0.7 x 1.2 m, where the base needs 0.44 m
+    map_ = OccupancyGrid(data, 0.05, 0.0, 0.0)
+    start, goal = SE2(2.0, 2.0, 0.3), SE2(6.6, 4.86, 1.3)
+    margin = margins(map_, start, goal)
+    bounds = ArcBounds(margin, 0.9, 1.5)
+    assert is_stuck(SE2(goal.x, goal.y, goal.theta + math.pi), start, bounds, coarse_lattice(0.9))
+    way = search(start, goal, bounds, joined_distance(margin, (goal.x, goal.y)))
+    assert way is not None
+    end = way.arcs(start)[-1].end
+    assert end.distance_to(goal) < 1e-9
+    assert abs(end.angle_to(goal)) < 1e-9
+    assert way.longest_reverse_m <= 1.5 + 1e-9
+    for piece in way.pieces(start):
+        assert margin.at(piece.table[:, 1:3]).min() >= -1e-3

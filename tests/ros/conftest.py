@@ -24,7 +24,7 @@ from vsx_hw.bases import BASES, base_emulator
 from vsx_ros.config import RobotConfig
 from vsx_ros.ros import launch
 from vsx_ros.ros.emulated_base import BodyPlant, BodyState
-from vsx_ros.ros.emulation import POSE, RenderSettings
+from vsx_ros.ros.emulation import RenderSettings, pose_row
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.world import open_world
@@ -92,6 +92,7 @@ class Stack:
         settings = RenderSettings(
             world=WORLD,
             seed=SEED,
+            hard="",
             socket=str(self._folder / "camera"),
             rate_hz=15.0,
             start_ns=start_ns,
@@ -202,7 +203,8 @@ class Stack:
             watcher(state)
         pose = state.T_world_base
         if self._camera is not None and self._camera.stdin is not None and self._camera.poll() is None:
-            self._camera.stdin.write(POSE.pack(state.time_ns, pose.x, pose.y, pose.theta, state.path_length_m))
+            row = pose_row(0).pack(state.time_ns, pose.x, pose.y, pose.theta, state.path_length_m)
+            self._camera.stdin.write(row)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

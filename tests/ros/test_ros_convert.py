@@ -40,16 +40,24 @@ def padded_image(encoding: str, pixels: np.ndarray, padding: int) -> Image:
 @pytest.mark.parametrize("padding", [0, 5])
 def test_mono8_survives_the_journey_with_padded_rows(padding: int) -> None:
     pixels = np.random.default_rng(0).integers(0, 256, (20, 30), np.uint8)
-    frame = images.frame(padded_image("mono8", pixels, padding))
+    frame = images.Frames().of(padded_image("mono8", pixels, padding))
     assert frame.stamp_ns == STAMP_NS
     np.testing.assert_array_equal(frame.image, pixels)
+
+
+def test_a_camera_of_twelve_bits_is_as_bright_as_in_a_recording() -> None:
+    """Its 4095 is not the 65535 of the encoding: dropping eight bits left 16 of 256 grey levels."""
+    values = np.linspace(0, 4095, 600).astype("<u2").reshape(20, 30)
+    frames = images.Frames()
+    msg = Image(encoding="mono16", height=20, width=30, step=60, data=values.tobytes())
+    np.testing.assert_array_equal(frames.of(msg).image, values // 16)
 
 
 @pytest.mark.parametrize(("encoding", "red_channel"), [("rgb8", 0), ("bgr8", 2)])
 def test_colour_order_is_honoured(encoding: str, red_channel: int) -> None:
     pixels = np.zeros((16, 16, 3), np.uint8)
     pixels[..., red_channel] = 200
-    gray = images.frame(padded_image(encoding, pixels, 3)).image
+    gray = images.Frames().of(padded_image(encoding, pixels, 3)).image
     np.testing.assert_allclose(gray, 0.299 * 200, atol=1)
 
 
@@ -57,7 +65,7 @@ def test_colour_order_is_honoured(encoding: str, red_channel: int) -> None:
 def test_bayer_pattern_names_the_first_two_rows(pattern: str) -> None:
     colour = {"r": 200, "g": 100, "b": 30}
     cell = np.array([colour[letter] for letter in pattern], np.uint8).reshape(2, 2)
-    gray = images.frame(padded_image(f"bayer_{pattern}8", np.tile(cell, (8, 8)), 2)).image
+    gray = images.Frames().of(padded_image(f"bayer_{pattern}8", np.tile(cell, (8, 8)), 2)).image
     expected = 0.299 * 200 + 0.587 * 100 + 0.114 * 30
     np.testing.assert_allclose(gray[2:-2, 2:-2], expected, atol=2)
 
@@ -70,7 +78,7 @@ def test_damaged_images_are_refused() -> None:
     unknown.encoding = "yuv422"
     for msg in (short, unknown):
         with pytest.raises(InputError):
-            images.frame(msg)
+            images.Frames().of(msg)
 
 
 def test_camera_info_round_trip_and_refusals() -> None:

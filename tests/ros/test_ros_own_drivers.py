@@ -15,6 +15,7 @@ from ros_ports import HOST, free_port
 from sensor_msgs.msg import CompressedImage, Image
 
 from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.ros import images
 from vsx_ros.ros.topic_drivers import image_of, info_topic, topic_names
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -124,7 +125,7 @@ def test_the_calibration_is_looked_for_beside_the_images() -> None:
 
 def test_a_topic_of_another_kind_or_a_damaged_message_is_named() -> None:
     with pytest.raises(InputError, match=r"/scan carries sensor_msgs/LaserScan; give a topic of sensor_msgs/Image"):
-        image_of("sensor_msgs/LaserScan", b"", "/scan")
+        image_of("sensor_msgs/LaserScan", b"", "/scan", images.Frames())
     for kind in (Image, CompressedImage):
         with pytest.raises(InputError, match="/cam"):
-            image_of(kind._type, b"\x01\x02", "/cam")
+            image_of(kind._type, b"\x01\x02", "/cam", images.Frames())

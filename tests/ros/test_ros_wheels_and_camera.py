@@ -84,7 +84,7 @@ def test_images_come_with_the_calibration_of_their_instant(stack: Stack) -> None
     assert max(abs(step - round(step)) for step in steps) < 0.001
     camera = images.camera(infos[-1])
     assert 510.0 < camera.fx < 525.0
-    assert images.frame(pictures[-1]).image.std() > 5.0
+    assert images.Frames().of(pictures[-1]).image.std() > 5.0
 
 
 def test_odometry_is_even_and_the_battery_known(stack: Stack) -> None:

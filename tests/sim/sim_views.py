@@ -7,7 +7,9 @@ import numpy as np
 from vsx_ros.arrays import FloatArray, GrayImage, IntArray
 from vsx_ros.config import MountConfig
 from vsx_ros.sim.camera import CameraSettings, EmulatedCamera
-from vsx_ros.sim.scene import Scene, compile_scene
+from vsx_ros.sim.drawn_world import DrawnWorld
+from vsx_ros.sim.optics import scene_of
+from vsx_ros.sim.scene import Scene
 from vsx_ros.sim.world import World
 
 PERFECT = CameraSettings(
@@ -22,7 +24,7 @@ def standing(x: float, y: float, theta: float) -> Callable[[IntArray], FloatArra
 
 
 def camera_in(world: World | Scene, settings: CameraSettings = PERFECT, threads: int = 1) -> EmulatedCamera:
-    scene = world if isinstance(world, Scene) else compile_scene(world)
+    scene = DrawnWorld(world) if isinstance(world, Scene) else scene_of(world)
     return EmulatedCamera(scene, MountConfig(), settings, np.random.default_rng(0), threads)
 
 

@@ -9,6 +9,7 @@ from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.lens import EQUIDISTANT
 from vsx_ros.sim.camera import KINECT, CameraSettings, PosesAt
+from vsx_ros.sim.drawn_world import DrawnWorld
 from vsx_ros.sim.renderer import Renderer, exact_rays, lit
 from vsx_ros.sim.scene import Scene, compile_scene, quads
 from vsx_ros.sim.textures import packed_levels, texture
@@ -195,7 +196,7 @@ def test_motion_blur_widens_edges_by_the_way_they_move(post_room: World) -> None
 
 
 def test_sub_frames_only_when_needed(lab_scene: Scene) -> None:
-    renderer = Renderer(lab_scene, KINECT)
+    renderer = Renderer(DrawnWorld(lab_scene), KINECT)
     R, t = np.repeat(np.eye(3)[None], 2, axis=0), np.zeros((2, 3))
     assert renderer.sub_frames(R, t) == 1
     a = 0.01

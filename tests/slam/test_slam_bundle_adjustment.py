@@ -53,6 +53,14 @@ def test_one_deviation_of_the_base_costs_one(axis, sigma):
     assert math.sqrt(error @ factor.information @ error) == pytest.approx(1.0, rel=1e-3)
 
 
+def test_a_heading_that_jumps_by_a_whole_turn_is_as_certain():
+    before, now = SE2(0.0, 0.0, 3.1), SE2(-0.1, 0.0, -3.1)  # as messages give them: wrapped
+    jumped = before.inverse() @ now
+    plain, wrapped = (odometry_factor(motion, MOUNT, NOISE) for motion in (jumped.wrapped(), jumped))
+    assert abs(jumped.theta) > 6.0
+    assert wrapped.information == pytest.approx(plain.information)
+
+
 def driven_map(n=8, n_points=80, noise_px=0.3, wheels=True):
     """A straight drive of 0.1 m a keyframe through points, all where they are but for 5 cm; and their true places."""
     rng, world = np.random.default_rng(0), Map()

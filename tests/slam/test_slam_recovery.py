@@ -7,7 +7,8 @@ from vsx_ros.config import Config
 from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.recovery import REACH_M, Recovery
+from vsx_ros.slam.recovery import Recovery
+from vsx_ros.slam.relocalizer import REACH_M
 from vsx_ros.slam.slam import SequentialSlam
 
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.05)

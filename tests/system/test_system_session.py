@@ -12,6 +12,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry
 from vsx_ros.session import SlamSession
+from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 T_MAP_ODOM = SE2(1.0, 2.0, math.pi / 2)
@@ -68,3 +69,15 @@ def test_a_bump_after_the_last_map_is_kept_for_the_next_session() -> None:
     again.restore(state)
     assert again.state()["start"] == pytest.approx([0.5, 0.0, 0.0])
     assert len(again.state()["bumps"]) == 1
+
+
+def test_the_ground_hears_of_a_correction_between_the_poses_before_and_after(monkeypatch: pytest.MonkeyPatch) -> None:
+    session, heard = session_at(SE2()), list[object]()
+    monkeypatch.setattr(session.ground, "corrected", lambda: heard.append("corrected"))
+    monkeypatch.setattr(session.ground, "moved", lambda pose, now_ns, beside: heard.append((pose.y, beside)))
+    for k, y in enumerate((0.0, 0.5)):
+        T_world_cam = SE3.from_se2(SE2(0.5, y, 0.0)) @ session.T_base_cam
+        anchor = Anchor(4 + k, SE3.identity())
+        seen = TrackingResult(2 + k, TrackingState.GOOD, T_world_cam, 9, 9, corrected=y > 0.0, anchor=anchor)
+        session.locate(seen, BEGAN._replace(stamp_ns=2 + k))
+    assert heard == [(pytest.approx(0.0), 4), "corrected", (pytest.approx(0.5), 5)]

@@ -35,8 +35,8 @@ def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
         named = launch.BagTopics(args.image_topic, args.camera_info_topic, args.odometry_topic)
         return launch.replay(str(args.bag.resolve()), args.rate, not args.without_odometry, args.run_dir, named)
     if name == "simulate":
-        open_world(args.world, args.seed)
-        wires = args.devices, args.base, args.rate_hz, args.dock, args.battery_pace
+        open_world(args.world, args.seed, hard=[args.hard], where="--hard")
+        wires = args.devices, args.base, args.rate_hz, args.dock, args.battery_pace, args.hard
         robot = launch.emulation(args.world, args.seed, *wires)
     else:
         robot = launch.bringup(args.base, args.port, args.camera, args.camera_info_url)
@@ -79,6 +79,7 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--rate-hz", type=float, default=15.0, help="images a second (15)")
         add("--dock", default="", help="X,Y,DEG of a dock in the world and where it looks to (default: none)")
         add("--battery-pace", type=float, default=1.0, help="how many times faster the battery drains and charges (1)")
+        add("--hard", default="", help="NAME=AMOUNT of what makes the world hard: docs/how-to/hard-things.md")
     else:
         add("--port", default="/dev/kobuki", help="serial port of the base (/dev/kobuki)")
         add("--camera", default="kinect", help="kinect (default), kinect:SERIAL, v4l:N, ros or ros:TOPIC")

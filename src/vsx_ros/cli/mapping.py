@@ -26,6 +26,7 @@ from vsx_ros.runs.session import RunWriter
 from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
 from vsx_ros.runs.world import check_world
 from vsx_ros.session import SlamSession
+from vsx_ros.sim.hard_things import named_things
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.snapshot import SlamMap, snapshot
 from vsx_ros.slam.state import TrackingResult, TrackingState
@@ -44,6 +45,7 @@ def explore(args: argparse.Namespace) -> int:
     load(args.config, args.set)  # all that may be misspelt, before minutes of compiling
     if args.world is not None:
         check_world(args.world)
+    named_things(args.hard, "--with")
     if args.fast:
         from vsx_ros.runs.lockstep import explore_fast
 
@@ -66,6 +68,8 @@ def _refuse_wires(args: argparse.Namespace) -> None:
         if getattr(args, name) is not None and args.world is None and args.resume is None and not args.fast:
             option = f"--{name.replace('_', '-')} {getattr(args, name)}"
             raise ConfigError(f"{option} is for an emulated world; give --world, or leave it out")
+    if args.hard and args.world is None and not args.fast:
+        raise ConfigError(f"--with {args.hard[0]} is for an emulated world; give --world, or leave it out")
     wires = "base", "port", "camera", "rate", "dock", "battery_pace"
     emulated, without = ("--fast", wires) if args.fast else ("--world", ("port", "camera"))
     for name in without if args.fast or args.world is not None else ():

@@ -28,6 +28,12 @@ def add_models(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--models", type=Path, action="append", default=[], metavar="DIR", help=what)
 
 
+def add_hard_things(parser: argparse.ArgumentParser) -> None:
+    """The option for what makes an emulated world hard."""
+    what = "make the emulated world hard: names of docs/how-to/hard-things.md with commas between; repeatable"
+    parser.add_argument("--with", action="append", dest="hard", default=[], metavar="NAME[=AMOUNT]", help=what)
+
+
 def add_engine(parser: argparse.ArgumentParser) -> None:
     """The options for where many runs are computed."""
     parser.add_argument("--jobs", type=count, default=1, metavar="N", help="processes on this machine (default 1)")

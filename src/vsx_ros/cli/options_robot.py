@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from vsx_ros.cli.option_values import add_models, add_parameters, place, pose, positive
+from vsx_ros.cli.option_values import add_hard_things, add_models, add_parameters, place, pose, positive
 from vsx_ros.control.keyboard import KEYS
 
 
@@ -123,10 +123,11 @@ def world(parser: argparse.ArgumentParser) -> None:
     """make, import, describe or draw an emulated world
 
     Makes a building for the emulator: from a generator's name and seed, from a map_server map, or from a Gazebo world.
+    A colon and a light after a generator's name change its light: switched, day, sun, evening, half, night or dim.
     info prints what is in it, render draws the first view, import writes a world.yaml that refers to the Gazebo file.
     Parts of a Gazebo world that are missing or not supported are named, and left out.
 
-    examples: vsx world lab --seed 3 --out world.yaml | vsx world office.yaml --picture plan.png | vsx world info
+    examples: vsx world lab --seed 3 --out world.yaml | vsx world lab:night --picture plan.png | vsx world info
     house.world | vsx world import house.world --start 1,2,90 --out house.yaml"""
     add = parser.add_argument
     add("verb", nargs="?", choices=("info", "render", "import"), metavar="info|render|import", help="what to do")
@@ -134,6 +135,7 @@ def world(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=int, default=0, metavar="N", help="which of the generator's worlds, or which start (default 0)")
     add("--start", type=pose, metavar="X,Y,DEG", help="where the robot starts and looks to")
     add_models(parser)
+    add_hard_things(parser)
     add(
         "--out", type=Path, metavar="FILE", help="write the world to this YAML file; with render, the view to this .png"
     )

@@ -8,6 +8,7 @@ from vsx_ros.cli.option_values import (
     BASES,
     PLANNERS,
     Size,
+    add_hard_things,
     add_models,
     add_parameters,
     camera,
@@ -58,9 +59,11 @@ def explore(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> N
 def _robot(parser: argparse.ArgumentParser) -> None:
     """Options for the base and camera, emulated or real."""
     add = parser.add_argument
-    emulated = "emulate: lab, office, corridor, building, a Gazebo .world or .sdf, a world.yaml, map.yaml or .png"
+    emulated = "emulate: lab, office, corridor, building (lab:night: in another light), a Gazebo .world or .sdf, a "
+    emulated += "world.yaml, map.yaml or .png"
     add("--world", metavar="NAME|FILE", help=emulated)
     add_models(parser)
+    add_hard_things(parser)
     add("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
     add(
         "--base",

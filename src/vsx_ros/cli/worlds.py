@@ -25,7 +25,7 @@ def world(args: argparse.Namespace) -> int:
     wanted = args.out, args.picture, args.map
     if args.verb is None and wanted == (None, None, None):
         raise ConfigError("vsx world: say what to write with --out, --picture or --map, or begin with 'info'")
-    world = open_world(args.name, args.seed, args.models)
+    world = open_world(args.name, args.seed, args.models, args.hard)
     tell_remarks(world)
     if args.start is not None:
         x, y, theta = args.start
@@ -61,6 +61,8 @@ def described(world: EmulatedWorld) -> list[str]:
         f"reachable:  {area:.0f} m2 by a robot's centre",
         f"start:      {start.x:.2f}, {start.y:.2f} m, {np.degrees(start.theta_rad):.0f} deg",
     ]
+    if world.hard:
+        lines.append(f"hard:       {', '.join(f'{name}={amount:g}' for name, amount in world.hard.items())}")
     if isinstance(world, MeshWorld):
         seen, solids, hidden = world.parts.seen, world.parts.solids, hidden_solids(world)
         most = "".join(f", {model} {metres:.1f} m" for model, metres in hidden[:3])

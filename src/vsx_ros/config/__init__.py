@@ -114,8 +114,8 @@ class PlannerConfig(Branch, frozen=True):
     blind_v_m_s: Positive = 0.2
     unmapped_v_m_s: Positive = 0.08  # before there is a map
     max_blind_m: NonNegative = 2.0
-    # Costs as extra metres: of a cusp, of a stop where only the curvature jumps, of a metre driven blind. A path with
-    # the preferred clearance may be longer by a share and a length.
+    # Costs as extra metres: of a cusp, of a stop where only the curvature jumps, of a metre driven blind. A drive with
+    # the preferred clearance may take longer by a share, and by the time of a length.
     cusp_cost_m: NonNegative = 0.15
     stop_cost_m: NonNegative = 0.3
     blind_cost_ratio: NonNegative = 1.0
@@ -137,6 +137,8 @@ class FollowerConfig(Branch, frozen=True):
     # Speed while tracking is dubious (state POOR), as a share of the planned speed, and how long it stays so after.
     dubious_speed_factor: Annotated[float, Meta(gt=0, le=1)] = 0.5
     dubious_hold_s: NonNegative = 1.0
+    # How long the base waits on its way for something that is not in the map and hides it ahead, such as a person.
+    hidden_wait_s: Annotated[float, Meta(ge=0, le=60)] = 6.0
     replans_after_divergence: Annotated[int, Meta(ge=0)] = 2
 
 

@@ -80,7 +80,7 @@ class LocalizationState(NamedTuple):
 
     T_map_base: None before the first pose of the camera. odometry: the newest reading, None before the first.
     slam_age_s: age of the image of the newest camera pose. stuck: set when the wheels turn although the camera stands.
-    """
+    ahead: what hides the map before the camera, in words; empty: nothing does."""
 
     T_map_base: SE2 | None = None
     odometry: Odometry | None = None
@@ -88,6 +88,7 @@ class LocalizationState(NamedTuple):
     slam_reason: str = ""
     slam_age_s: float = math.inf
     stuck: Stuck | None = None
+    ahead: str = ""
 
     @property
     def T_odom_base(self) -> SE2 | None:
@@ -130,6 +131,7 @@ class Localization:
         self._covariance: FloatArray = np.zeros((4, 4))
         self._stuck_detector = StuckDetector()
         self._slam = (TrackingState.NOT_INITIALISED, "waiting for vslam")
+        self._ahead = ""
 
     def add_odometry(self, odometry: Odometry) -> bool:
         """Take a reading. Returns False and ignores it when it is not newer than the last. Raises InputError for an
@@ -162,9 +164,9 @@ class Localization:
                 return
         self._stand_at(T_world_base, T_odom_base, _SLAM_M, _SLAM_RAD)
 
-    def add_state(self, state: TrackingState, reason: str) -> None:
-        """Take the state of SLAM."""
-        self._slam = (state, reason)
+    def add_state(self, state: TrackingState, reason: str, ahead: str = "") -> None:
+        """Take the state of SLAM, and what hides the map ahead."""
+        self._slam, self._ahead = (state, reason), ahead
 
     def at(self, now_ns: int) -> LocalizationState:
         """What is known now."""
@@ -172,7 +174,7 @@ class Localization:
         state, reason = self._slam
         return LocalizationState(
             T_map_base=self.pose(), odometry=newest, slam_state=state, slam_reason=reason,
-            slam_age_s=self.slam_age_s(now_ns), stuck=stuck,
+            slam_age_s=self.slam_age_s(now_ns), stuck=stuck, ahead=self._ahead,
         )  # fmt: skip
 
     def pose(self, stamp_ns: int | None = None) -> SE2 | None:

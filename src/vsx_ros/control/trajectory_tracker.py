@@ -102,18 +102,20 @@ class TrajectoryTracker:
         return timing.trajectory.at(math.inf)[0]
 
     def command(
-        self, now_ns: int, pose: SE2 | None, pose_age_s: float, tracking_ok: bool, speed_factor: float = 1.0
-    ) -> FollowResult:
+        self, now_ns: int, pose: SE2 | None, pose_age_s: float, tracking_ok: bool, speed_factor: float = 1.0,
+        waits_for: str = "",
+    ) -> FollowResult:  # fmt: skip
         """The command for now.
 
         pose: T_world_base, None if unknown. pose_age_s: age of the SLAM pose that it is based on. tracking_ok: whether
         SLAM tracks. Without a fresh pose the base slows to a stop along the path and resumes with a fresh one.
-        speed_factor in [0, 1] slows the drive. Raises InputError for a pose that is not finite."""
+        waits_for: why the base shall come to rest on the path, and go on when this is empty again. speed_factor in
+        [0, 1] slows the drive. Raises InputError for a pose that is not finite."""
         if pose is not None and not pose.is_finite():
             raise InputError(f"the pose to follow from is not finite: {pose}; pass None when it is unknown")
         if not self._active:
             return FollowResult(STOP, FollowStatus.IDLE, "nothing to follow")
-        stale = self._why_stale(pose, pose_age_s, tracking_ok)
+        stale = self._why_stale(pose, pose_age_s, tracking_ok) or waits_for
         dt = min(max((now_ns - self._last_ns) * 1e-9, 0.0), _LONGEST_STEP_S)
         self._last_ns = now_ns
         wanted = 0.0 if stale or self._braking else min(max(speed_factor, 0.0), 1.0)

@@ -1,6 +1,7 @@
 """The dense map: planes of the sparse map and their cells that are surface, updated as the map grows."""
 
 import math
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -61,6 +62,11 @@ class Densifier:
     def unit(self) -> float:
         """Length of a metre in the map; an estimate if the map is not metric."""
         return self._finder.unit
+
+    @property
+    def stored(self) -> Collection[int]:
+        """Ids of the keyframes whose images are stored here, reduced: those of later snapshots are not read."""
+        return self._images.ids
 
     def update(self, snapshot: MapSnapshot, budget: int | None = None, settled: bool = False) -> DenseMap:
         """The dense map of a snapshot. budget: most cells to judge, by default ``cells_per_update`` of the

@@ -19,7 +19,14 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import stacked
 from vsx_ros.kernels.occupancy.ground_map import Surfaces
-from vsx_ros.occupancy.anchored_poses import BUMP_STEP_M, BUMP_STEP_RAD, TRAIL_STEP_M, AnchoredPoses, SuspectedObstacles
+from vsx_ros.occupancy.anchored_poses import (
+    BUMP_STEP_M,
+    BUMP_STEP_RAD,
+    NEAREST,
+    TRAIL_STEP_M,
+    AnchoredPoses,
+    SuspectedObstacles,
+)
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
 from vsx_ros.occupancy.zoned_grid import with_zones
@@ -71,27 +78,35 @@ def _off_plane(plane: Plane, points: Points3) -> FloatArray:
 
 
 class MappedGround:
-    """Any thread may call ``moved``, ``bumped``, ``pushed`` and ``docked`` when they happen, and ask for the ``dock``;
-    none of these waits while a grid is built. One thread sets ``dense`` when there are new surfaces, and then calls
-    ``grid``."""
+    """Any thread may call ``moved``, ``bumped``, ``pushed``, ``docked`` and ``corrected`` when they happen, and ask for
+    the ``dock``; none of these waits while a grid is built. One thread sets ``dense`` when there are new surfaces, and
+    then calls ``grid``."""
 
     def __init__(self, config: Config) -> None:
         self._ground_map = GroundMap(config.ground_map, config.robot)
         self._trail, self._bumps = AnchoredPoses(TRAIL_STEP_M), AnchoredPoses(BUMP_STEP_M, BUMP_STEP_RAD)
-        self._suspected, self._now_ns = SuspectedObstacles(), 0
+        self._suspected, self._now_ns, self._beside = SuspectedObstacles(), 0, NEAREST
         self._news: deque[tuple[int | None, Callable[[], None]]] = deque()
         self.start = SE2()
         self.dense: AnchoredSurface | None = None
         self.zones, self._docked = AnchoredZones(), AnchoredPoses(0.0)
         self._zone_margin_m, self._radius_m = config.planner.zone_margin_m, config.robot.radius_m
 
-    def moved(self, pose: SE2, now_ns: int) -> None:
-        """The base stands here [m], so the ground is free."""
-        self._news += [(now_ns, partial(self._trail.add, pose)), (now_ns, partial(self._suspected.moved, pose))]
+    def moved(self, pose: SE2, now_ns: int, beside: int = NEAREST) -> None:
+        """The base stands here [m], so the ground is free. beside: id of the keyframe by which the pose was found."""
+        self._news += [(now_ns, partial(self._stand, pose, beside)), (now_ns, partial(self._suspected.moved, pose))]
+
+    def _stand(self, pose: SE2, beside: int) -> None:
+        self._beside = beside
+        self._trail.add(pose, beside)
 
     def bumped(self, pose: SE2) -> None:
         """The bumper is pressed here [m]: a permanent obstacle."""
-        self._news.append((None, partial(self._bumps.add, pose)))
+        self._news.append((None, lambda: self._bumps.add(pose, self._beside)))
+
+    def corrected(self) -> None:
+        """The map was corrected: later poses are in another one than those before."""
+        self._news += [(None, self._trail.settle), (None, self._bumps.settle)]
 
     def docked(self, pose: SE2) -> None:
         """The base charges here [m]: the dock was last seen before it."""

@@ -5,6 +5,7 @@ a gap can correlate as highly as a surface. So the correlation must be higher at
 and behind it."""
 
 import math
+from collections.abc import Collection
 from typing import NamedTuple
 
 import cv2
@@ -64,6 +65,11 @@ class KeyframeImages:
         table, pixels = layout(camera.height >> shrink, camera.width >> shrink)
         self._table, self._store = table[:, :3].copy(), np.zeros((16, pixels), np.uint8)
         self._slot: dict[int, int] = {}
+
+    @property
+    def ids(self) -> Collection[int]:
+        """Keyframes whose images are stored."""
+        return self._slot.keys()
 
     def views(self, snapshot: MapSnapshot, count: int) -> Views:
         """The first ``count`` keyframes of a snapshot. Images of removed keyframes are dropped."""

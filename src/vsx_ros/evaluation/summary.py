@@ -22,7 +22,8 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """SI units; None (null in the file) if unknown. ate_of: the trajectory of ate_rmse_m, ate_rmse_sim3_m, scale_error
     and path_length_m; the ate_final ones are of trajectory_final.txt, the same frames by the finished map.
     path_length_m: of the estimated trajectory. driven_m: of the true one. min_clearance_m: the emulated hull's least
-    distance to any obstacle. map_note: the ground map's unit of length if it is not metres."""
+    distance to any obstacle. collisions: by its own motion, some with people it could see; touched_by_people: who
+    walked into it or stood where it does not look. map_note: the ground map's unit of length if it is not metres."""
 
     frames: int | None = None
     frames_tracked: int | None = None
@@ -54,6 +55,8 @@ class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     occupied_recall: float | None = None
     free_inside_obstacle: float | None = None
     collisions: int | None = None
+    collisions_with_people: int | None = None
+    touched_by_people: int | None = None
     driven_m: float | None = None
     min_clearance_m: float | None = None
     planned_vs_executed_rms_m: float | None = None

@@ -125,7 +125,7 @@ class Mission:
 
     def decide(self, now_ns: int, situation: Situation) -> Decision:
         """One action for the situation. Call it at 2 to 10 Hz; choosing a view takes some tenths of a second."""
-        backing = self._tour.backing_off or self.state is MissionState.RECOVERING
+        backing = self._tour.backing_off or (self.state is MissionState.RECOVERING and self._recovery.is_on_trail)
         restarted = situation.T_odom_base is not None and self._trail.enter_epoch(situation.odom_epoch)
         if situation.lifted:
             self._trail.clear()

@@ -111,11 +111,14 @@ class Recovery:
         self._over_ns = -_AGAIN_NS
         self.owes_a_step = False
         """Whether to continue although the camera is tracked."""
+        self.is_on_trail = True
+        """Whether it drives back along the trail; else what it drives belongs to the trail, too."""
         self.begin(0)
 
     def begin(self, now_ns: int) -> None:
         """The camera is lost. If it was found shortly before, continue with at least one step; else start afresh."""
         self._tracked_since_ns: int | None = None
+        self.is_on_trail = True
         self.owes_a_step = now_ns < self._over_ns + _AGAIN_NS
         if not self.owes_a_step:
             self._steps = self._arcs = self._turns = 0
@@ -142,7 +145,7 @@ class Recovery:
         if self._lost_at_m is None:
             self._lost_at_m = left_m
         self._steps += 1
-        if self._steps > _MOST_STEPS:
+        if self._steps > _MOST_STEPS or not self.is_on_trail:
             return self._look_elsewhere(situation)
         backed_m = self._lost_at_m - left_m
         if backed_m < self._config.backtrack_max_m:
@@ -172,6 +175,7 @@ class Recovery:
         """Over free ground to the sides, then around on the spot: a round body touches nothing new, and there is no
         tracking that could be lost."""
         assert situation.T_odom_base is not None
+        self.is_on_trail = False
         if self._arcs < _ARCS and situation.grid is not None and situation.T_map_base is not None:
             self._arcs += 1
             place, ahead, step_m = situation.T_map_base, self._arcs % 2 == 0, self._config.backtrack_step_m

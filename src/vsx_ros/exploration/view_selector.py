@@ -19,6 +19,7 @@ from vsx_ros.occupancy.unknown_ground import WALL_ROW_M, Frontier, find_frontier
 from vsx_ros.occupancy.zoned_grid import ZonedGrid
 
 _NEAR_RAD = 0.8  # a goal this close in heading to a failed one, within the radius, counts as the same
+_STANDS_M, _MOST_WIDENINGS = 0.1, 3  # a robot that moved less chooses from the same place; of the radius: to 3.2 m
 _MOST_FAILURES = 3  # after so many a goal stays blacklisted
 _MOST_DOUBLINGS = 7  # of blacklist_s: two hours, longer than a run
 _MAPS_AGREE = 3  # So many maps in a row must show it as seen: a wall in one map may be a gap in the next
@@ -83,6 +84,7 @@ class ViewSelector:
     def rank(self, now_ns: int, T_map_base: SE2, grid: OccupancyGrid, landmarks_world: FloatArray) -> Ranking:
         """The views worth the drive from here, best first, and the rejected candidates for each reason."""
         self._grid = grid
+        self.blacklist.choose_at(T_map_base)
         asked = RankingInput(
             grid=grid, radius_m=self._radius_m, landmarks_world=landmarks_world,
             looked_from=pose_rows(self.looked_from), travel_costs=self._travel_costs(T_map_base, grid),
@@ -117,11 +119,19 @@ class _Failure(NamedTuple):
 
 
 class GoalBlacklist:
-    """A failed goal counts for all poses within radius_m [m]; the first failure lasts first_s [s]."""
+    """A failed goal counts for all poses within radius_m [m]; the first failure lasts first_s [s]. Goals that fail one
+    after another while the robot stands may have one cause, such as a door. So their radius grows until it moves."""
 
     def __init__(self, radius_m: float, first_s: float) -> None:
         self._radius_m, self._first_s = radius_m, first_s
         self._failures: list[_Failure] = []
+        self._place: SE2 | None = None
+        self._failed_here: list[SE2] = []
+
+    def choose_at(self, T_map_base: SE2) -> None:
+        """Where the robot is when it chooses a goal."""
+        if self._place is None or self._place.distance_to(T_map_base) > _STANDS_M:
+            self._place, self._failed_here = T_map_base, []
 
     def add(self, now_ns: int, pose: SE2) -> float:
         """Blacklist the goal from now on. Returns for how long [s]: twice as long as for its last failure, up to 128
@@ -130,26 +140,34 @@ class GoalBlacklist:
         times = 1 + max((failure.times for failure in same), default=0)
         seconds = self._first_s * 2.0 ** min(times - 1, _MOST_DOUBLINGS)
         self._failures.append(_Failure(pose, now_ns + int(seconds * SECOND_NS), times, now_ns))
+        if self._place is not None:
+            self._failed_here.append(pose)
         return seconds
 
     def withdraw(self, since_ns: int) -> int:
         """Forget failures since then: they were nobody's fault; returns their number."""
         kept = [failure for failure in self._failures if failure.at_ns < since_ns]
-        withdrawn, self._failures = len(self._failures) - len(kept), kept
+        withdrawn, self._failures, self._failed_here = len(self._failures) - len(kept), kept, []
         return withdrawn
 
     def near(self, now_ns: int, poses: FloatArray) -> BoolArray:
         """(N,) which of the poses (N, 3) are blacklisted now."""
-        return self._near(poses, [failure.pose for failure in self._failures if failure.until_ns > now_ns])
+        near = self._near(poses, [failure.pose for failure in self._failures if failure.until_ns > now_ns])
+        if (again := len(self._failed_here) - 2) >= 0:
+            wide_m = self._radius_m * 2.0 ** min(again, _MOST_WIDENINGS)
+            near |= near_poses(poses, pose_rows(self._failed_here), wide_m, math.inf)
+        return near
 
     def _near(self, poses: FloatArray, failed: list[SE2]) -> BoolArray:
         return near_poses(poses, pose_rows(failed), self._radius_m, _NEAR_RAD)
 
     def release(self, now_ns: int) -> int:
-        """Allow goals that have not failed too often to be tried again at once; returns their number."""
+        """Allow goals that have not failed too often to be tried again at once, and those that never failed but lie
+        near failed ones; returns how many failures count for less."""
         kept = [f for f in self._failures if f.until_ns > now_ns and f.times < _MOST_FAILURES]
         self._failures = [f._replace(until_ns=now_ns) if f in kept else f for f in self._failures]
-        return len(kept)
+        narrowed, self._failed_here = max(len(self._failed_here) - 1, 0), []
+        return max(len(kept), narrowed)
 
     def left(self, now_ns: int) -> list[tuple[SE2, float, int]]:
         """The failed goals, the remaining blacklist time of each [s] (0: none), and how often it failed."""

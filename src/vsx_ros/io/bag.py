@@ -13,7 +13,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.bag_reader import METADATA, Messages, messages
 from vsx_ros.io.calibration_file import camera_from_info, shutter_from_topic
-from vsx_ros.io.image_encoding import decoded, gray_image, shift_for
+from vsx_ros.io.image_encoding import GrayImages, decoded
 from vsx_ros.io.recording import Recording, open_folder, with_speeds
 from vsx_ros.robot import Frame, Odometry, OdometryEpochs
 
@@ -164,16 +164,14 @@ def _se3(pose: Any, topic: str) -> SE3:
 
 
 def _frames(path: Path, topic: str) -> Iterator[Frame]:
-    shift_bits: int | None = None
+    gray = GrayImages()
     with messages(path) as bag:
         for number, (stamp_ns, message) in enumerate(bag.of(topic)):
             if message.__msgtype__ == COMPRESSED:
                 name = f"image {number} of topic {topic}"
                 yield Frame(stamp_ns, decoded(bytes(message.data), name, message.format))
                 continue
-            data, big_endian = message.data, bool(message.is_bigendian)
-            if shift_bits is None:
-                shift_bits = shift_for(data, big_endian=big_endian) if "16" in message.encoding else 0
             shape = message.height, message.width, message.step
-            image = gray_image(message.encoding, *shape, data, big_endian=big_endian, shift_bits=shift_bits)
-            yield Frame(stamp_ns, image)
+            yield Frame(
+                stamp_ns, gray.of(message.encoding, *shape, message.data, big_endian=bool(message.is_bigendian))
+            )

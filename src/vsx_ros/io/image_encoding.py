@@ -80,9 +80,26 @@ def _rows(encoding: str, height: int, width: int, step: int, data: _Bytes) -> Gr
 
 
 def shift_for(data: _Bytes, *, big_endian: bool = False) -> int:
-    """Low bits to drop so that the brightest 16-bit value of a first image fits 8 bits (sensors give 8 to 16)."""
+    """Low bits to drop so that the brightest 16-bit value of an image fits 8 bits (sensors give 8 to 16)."""
     brightest = int(np.frombuffer(data[: len(data) // 2 * 2], ">u2" if big_endian else "<u2").max(initial=0))
     return max(0, brightest.bit_length() - 8)
+
+
+class GrayImages:
+    """Turns the images of one camera grey, in order. Of 16-bit ones it drops the low bits by which the brightest value
+    so far exceeds 8 bits."""
+
+    def __init__(self) -> None:
+        self._shift_bits = 0
+
+    def of(
+        self, encoding: str, height: int, width: int, step: int, data: _Bytes, *, big_endian: bool = False
+    ) -> GrayImage:
+        """As ``gray_image``."""
+        if encoding in _GRAY_16 or encoding in _BAYER_16:
+            rows = _rows(encoding, height, width, step, data)
+            self._shift_bits = max(self._shift_bits, shift_for(rows.ravel(), big_endian=big_endian))
+        return gray_image(encoding, height, width, step, data, big_endian=big_endian, shift_bits=self._shift_bits)
 
 
 def decoded(compressed: bytes, name: str, said: str = "") -> GrayImage:

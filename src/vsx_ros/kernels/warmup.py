@@ -9,7 +9,7 @@ from vsx_ros.kernels import geometry
 from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, surface_cells
 from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.kernels.occupancy import basins, clearance, ground_cells, ground_map, visibility
-from vsx_ros.kernels.planning import curves, flood, lattice, motions, reeds_shepp, shortcuts
+from vsx_ros.kernels.planning import curves, flood, lattice, motions, pockets, reeds_shepp, shortcuts
 from vsx_ros.kernels.sim import raycast_pixels, raycast_render
 from vsx_ros.kernels.sim.raycast_cull import Scene, plane_forms
 from vsx_ros.kernels.sim.raycast_shade import TILE
@@ -136,6 +136,8 @@ def _planning() -> None:
     search = lattice.lattice_search(field, start, 1.0, arcs, 1.5, goal, remaining, table)
     turns, lengths = lattice.lattice_way(*search[:3], search[4], search[3], goal, 1.0)
     lattice.reverse_run(lengths)
+    shortcuts.way_cost(lengths, 0.1)
+    pockets.best_exit(field, *search[:4], 1.0, 0.3, remaining, field)
     level, step = flood.flood(field, start, 1.0, arcs, 1.5)
     flood.flood_costs(level, step, 0.0, field, 0.1, 1.0, field.values >= 0.0, goal[None])
     shortcuts.shorten(field, start, turns, lengths, 1.0, 1.5, 0.1, np.uint64(1), 4)

@@ -48,7 +48,7 @@ class Follower:
         self._is_stuck = False
         self._held = ""
         self._id, self._frame = 0, MAP_FRAME
-        self._begun_ns, self._rested_ns = 0, -1
+        self._begun_ns, self._rested_ns, self._hidden_since_ns = 0, -1, -1
         self._following = False
         self._stop: SE2 | None = None
         self.result = FollowResult(STOP, FollowStatus.IDLE, "nothing to follow")
@@ -132,7 +132,8 @@ class Follower:
         age_s = 0.0 if blind else where.slam_age_s
         tracking_ok = not stale and (blind or where.slam_state.tracked)
         factor = 1.0 if blind else self._speed_factor(now_ns, where.slam_state)
-        result = self._tracker.command(now_ns, where.pose(self._frame), age_s, tracking_ok, factor)
+        waits_for = f"waiting: {where.ahead}" if not blind and self._waits(now_ns, where.ahead) else ""
+        result = self._tracker.command(now_ns, where.pose(self._frame), age_s, tracking_ok, factor, waits_for)
         if stale:
             self._tracker.halted()
             return result._replace(command=STOP, reason=stale)
@@ -143,6 +144,15 @@ class Follower:
         if state is TrackingState.DUBIOUS:
             self._careful_until_ns = now_ns + round(self._config.dubious_hold_s * 1e9)
         return self._config.dubious_speed_factor if now_ns <= self._careful_until_ns else 1.0
+
+    def _waits(self, now_ns: int, ahead: str) -> bool:
+        """Whether to wait for what hides the map ahead: for a while, because it may be a thing that stays."""
+        if not ahead:
+            self._hidden_since_ns = -1
+            return False
+        if self._hidden_since_ns < 0:
+            self._hidden_since_ns = now_ns
+        return now_ns - self._hidden_since_ns < self._config.hidden_wait_s * 1e9
 
     def _rest(self, now_ns: int) -> VelocityCommand:
         self._following, self._stop, self._rested_ns = False, None, now_ns

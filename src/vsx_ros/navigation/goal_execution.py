@@ -12,6 +12,7 @@ While the operator holds the wheels, PLANNING waits; then it plans from where th
 ``step`` takes what is known and returns what to do. While the planner works, the base stands or brakes. The caller
 passes the planner's answers to ``planned``."""
 
+import math
 from enum import Enum
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ from vsx_ros.planning.path import Refusal, TimedPlan
 _FOLLOWER_S = 1.0  # The follower reports its status five times a second
 _PLANNER_S = 15.0  # Plans take a second or two; a planner that needs this long hangs
 _STAND_WAIT_S = 1.5  # longest wait until odometry says that the base stands; then a plan is made anyway
+_NEARER_M = 1.0  # A plan shorter than all before by more is progress: the goal gets its tries again
 _NEAR_ALONG_M, _NEAR_BESIDE_M, _NEAR_RAD = 0.08, 0.04, 0.06  # off a plan's start: the follower corrects it
 
 
@@ -93,9 +95,8 @@ class GoalExecution:
         self._replans = config.follower.replans_after_divergence
         self._phase, self._since_ns = _Phase.IDLE, 0
         self._goal, self._frame = SE2(), MAP_FRAME
-        self._replans_left = 0
-        self._again = ""
-        self._number = 0
+        self._replans_left, self._least_m = 0, math.inf
+        self._again, self._number = "", 0
         self._waits_for_plan = self._start_is_predicted = False
         self._answer: TimedPlan | Refusal | None = None
         self._asked_in: OccupancyGrid | None = None
@@ -106,7 +107,7 @@ class GoalExecution:
     def begin(self, now_ns: int, goal: SE2, frame: str) -> None:
         """Pursue this goal, in ``frame``, from now on; a previous goal gets no ``Done`` any more."""
         self._goal, self._frame, self._again = goal, frame, ""
-        self._replans_left = self._replans
+        self._replans_left, self._least_m = self._replans, math.inf
         self._enter(_Phase.PLANNING, now_ns)
 
     def cancel(self, now_ns: int, reason: str) -> None:
@@ -175,6 +176,8 @@ class GoalExecution:
             return [self._ask(now_ns, pose, seen, predicted=False)]
         if isinstance(self._answer, Refusal):
             return [self._done(False, self._answer.reason)]
+        if (way_m := self._answer.plan.path.length_m) < self._least_m - _NEARER_M:
+            self._replans_left, self._least_m = self._replans, way_m
         self._driven = follow = Follow(now_ns, self._answer, self._frame)
         self._braking_m_s2 = 0.0
         self._watch.begin(self._asked_in)
@@ -208,7 +211,7 @@ class GoalExecution:
         return None
 
     def _try_again(self, now_ns: int, reason: str) -> None:
-        """Plan again, a few times; then give up."""
+        """Plan again, a few times without progress; then give up."""
         if self._replans_left > 0:
             self._replans_left -= 1
             self._again = reason

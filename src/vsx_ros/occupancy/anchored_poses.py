@@ -18,7 +18,7 @@ BUMP_STEP_M, BUMP_STEP_RAD = 0.1, 0.5  # closer bumps count as one
 _WHOLE, _THINNED_M = 4000, 0.1
 """So many of the newest poses are kept as they came, 200 m of trail. Of older ones, one is kept at each place of this
 size: the body is wider, and a trail that is driven again and again must not grow."""
-_LOOSE = -1  # anchored to no keyframe yet
+NEAREST = -1  # keyframe to tie a pose to; others to be tied to are stored as NEAREST - 1 - id
 _FIRST_NS = 20_000_000_000
 """How long a spot is avoided at first where wheels turned without effect; twice as long each time it happens again."""
 _SAME_M, _SAME_RAD = 0.3, 0.8  # a push within this distance is at the same spot
@@ -41,15 +41,16 @@ class AnchoredPoses:
     def __len__(self) -> int:
         return len(self._world)
 
-    def add(self, pose: SE2) -> None:
-        """Add a pose in the current map; the next ``poses`` ties it to a keyframe."""
+    def add(self, pose: SE2, beside: int = NEAREST) -> None:
+        """Add a pose in the current map; the next ``poses`` ties it to a keyframe. beside: id of that by which the pose
+        was found. Where a loop is about to be closed, the nearest one may be of the other part of the map."""
         if len(self._world):
             last = SE2(*self._world[-1].tolist())
             if last.distance_to(pose) <= self._spacing_m and abs(last.angle_to(pose)) <= self._spacing_rad:
                 return
         self._world = np.vstack([self._world, pose.as_array()])
         self._relative = np.vstack([self._relative, np.zeros(3)])
-        self._anchor = np.append(self._anchor, _LOOSE)
+        self._anchor = np.append(self._anchor, NEAREST - 1 - beside)
         self.added += 1
         if (old := len(self._world) - 1 - _WHOLE) >= 0 and math.isinf(self._spacing_rad):  # else headings count
             away = np.linalg.norm(self._world[:, :2] - self._world[old, :2], axis=1)
@@ -76,9 +77,15 @@ class AnchoredPoses:
         self._world, self._relative = state[:, :3].astype(float), state[:, 3:6].astype(float)
         self._anchor, self.added = state[:, 6].astype(np.int64), len(state)
 
+    def settle(self) -> None:
+        """Tie poses that are tied to no keyframe yet to those of the last ``poses``: they are in that map, and the next
+        one is corrected."""
+        if len(self._last[0]):
+            self._tie(self._anchor < 0, *self._last)
+
     def poses(self, keyframe_ids: IntArray, T_world_cams: Sequence[SE3]) -> list[SE2]:
         """The poses in a map of these keyframes (K,), ids ascending."""
-        if len(keyframe_ids) and len(self._world):
+        if len(keyframe_ids):
             self._move(np.asarray(keyframe_ids, np.int64), _headings(T_world_cams))
         return self.last_poses()
 
@@ -87,7 +94,7 @@ class AnchoredPoses:
         before, there = self._last
         lasting = np.isin(before, ids)
         if lasting.any():
-            self._tie(~np.isin(self._anchor, [_LOOSE, *ids]), before[lasting], there[lasting])
+            self._tie((self._anchor >= 0) & ~np.isin(self._anchor, ids), before[lasting], there[lasting])
         at = np.minimum(np.searchsorted(ids, self._anchor), len(ids) - 1)
         tied = ids[at] == self._anchor
         self._world[tied] = _composed(cameras[at[tied]], self._relative[tied])
@@ -95,12 +102,14 @@ class AnchoredPoses:
         self._last = ids, cameras
 
     def _tie(self, which: BoolArray, ids: IntArray, cameras: FloatArray) -> None:
-        """Tie these poses to the nearest of the keyframes."""
+        """Tie these poses to the keyframe beside which they were added, else to the nearest one."""
         loose = np.flatnonzero(which)
         away = np.linalg.norm(self._world[loose, None, :2] - cameras[None, :, :2], axis=2)
-        nearest = away.argmin(axis=1)
-        self._anchor[loose] = ids[nearest]
-        self._relative[loose] = _relative(cameras[nearest], self._world[loose])
+        beside = NEAREST - 1 - self._anchor[loose]
+        at = np.minimum(np.searchsorted(ids, beside), len(ids) - 1)
+        chosen = np.where(ids[at] == beside, at, away.argmin(axis=1))
+        self._anchor[loose] = ids[chosen]
+        self._relative[loose] = _relative(cameras[chosen], self._world[loose])
 
 
 def _headings(T_world_cams: Sequence[SE3]) -> FloatArray:

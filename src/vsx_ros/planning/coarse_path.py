@@ -1,32 +1,24 @@
-"""A path through the map of arcs and straight lines: lattice search, then shortcuts."""
+"""A path of arcs and straight lines: Reeds-Shepp words, and shortcuts by them. (``lattice_ways.py`` searches one in the
+map.)"""
 
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vsx_ros.arrays import Float32Array, FloatArray, IntArray
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField
-from vsx_ros.kernels.planning.lattice import lattice_search, lattice_way, reverse_run, word_is_free
-from vsx_ros.kernels.planning.motions import Lattice, reeds_shepp_table
+from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
 from vsx_ros.kernels.planning.reeds_shepp import reeds_shepp_shortest, reeds_shepp_words, room_for
-from vsx_ros.kernels.planning.shortcuts import shorten
-from vsx_ros.occupancy.distance import joined_distance
+from vsx_ros.kernels.planning.shortcuts import MAX_SEGMENTS, shorten, way_cost
 from vsx_ros.planning.pieces import Piece, arc_piece
 
-_ARC_M = 0.27  # length of an arc of the lattice, if that gives 16 to 32 headings; about two cells
 _SHORTEST_M = 1e-9  # shorter pieces are rounding
-_CELL_M = 0.1  # of the lattice; half of it where the goal or start lies in a pocket
-# Most states of each search, to limit memory and time; fewer than the last number mean a pocket.
-_COARSE_STATES, _BACK_STATES, _FINE_STATES, _FEW_STATES = 5_000_000, 40_000, 120_000, 200
-_SHORTCUTS = 300  # random ones tried per path
-OCTILE = 0.924  # A straight line is at least this share of the 8-connected path along it
+_SHORTCUTS, _SHORTCUTS_PER_M = 300, 30  # random ones tried per path: at least, and for a long one
 
 
 class ArcBounds(NamedTuple):
@@ -56,21 +48,45 @@ class CoarsePath:
         """The longest leg driven in reverse [m]."""
         return float(reverse_run(self.lengths))
 
-    def halved(self, longest_m: float) -> tuple[CoarsePath, frozenset[int]]:
-        """The same path with straight lines above longest_m cut in the middle, and the segments that end at a cut."""
-        long = (self.turns == 0) & (np.abs(self.lengths) > longest_m)
-        parts = np.where(long, 2, 1)
-        cuts = np.flatnonzero(long) + np.arange(np.count_nonzero(long))
-        way = CoarsePath(np.repeat(self.turns, parts), np.repeat(self.lengths / parts, parts), self.phi)
-        return way, frozenset(cuts.tolist())
+    def cost_m(self, cusp_cost_m: float) -> float:
+        """Length plus the cost of cusps [m]."""
+        return float(way_cost(self.lengths, cusp_cost_m))
 
-    def parted(self) -> list[CoarsePath]:
-        """The path in two parts: cut at the middle one of its changes of direction, else between its segments."""
+    def cut(self, longest_m: float, longest_radii: float) -> tuple[CoarsePath, frozenset[int]]:
+        """The same path with straight lines cut, and the segments that end at a cut: those above longest_m in the
+        middle, those above longest_radii one radius (1 / phi) from both ends."""
+        turns: list[int] = []
+        lengths: list[float] = []
+        cuts: set[int] = set()
+        for turn, length in zip(self.turns.tolist(), self.lengths.tolist()):
+            parts = [length]
+            if turn == 0 and abs(length) > longest_radii / self.phi:
+                end = math.copysign(1.0 / self.phi, length)
+                parts = [end, length - 2.0 * end, end]
+            elif turn == 0 and abs(length) > longest_m:
+                parts = [0.5 * length, 0.5 * length]
+            cuts |= set(range(len(turns), len(turns) + len(parts) - 1))
+            turns += [turn] * len(parts)
+            lengths += parts
+        return CoarsePath(np.array(turns, np.int64), np.array(lengths), self.phi), frozenset(cuts)
+
+    def driven_back(self) -> CoarsePath:
+        """The same curve, driven backwards by a base turned by 180 degrees: forward stays forward."""
+        return CoarsePath(-self.turns[::-1], self.lengths[::-1].copy(), self.phi)
+
+    def part(self, first: int, last: int) -> CoarsePath:
+        """Its segments from ``first`` on, before ``last``."""
+        return CoarsePath(self.turns[first:last], self.lengths[first:last], self.phi)
+
+    def joined(self) -> CoarsePath:
+        """The same path in as few segments as possible, without those whose length is rounding."""
         keep = np.abs(self.lengths) >= _SHORTEST_M
         turns, lengths = self.turns[keep], self.lengths[keep]
-        cusps = np.flatnonzero(lengths[1:] * lengths[:-1] < 0.0) + 1
-        half = [cusps[(len(cusps) - 1) // 2] if len(cusps) else len(turns) // 2]
-        return [CoarsePath(*part, self.phi) for part in zip(np.split(turns, half), np.split(lengths, half))]
+        first = np.ones(len(turns), np.bool_)
+        first[1:] = (turns[1:] != turns[:-1]) | (lengths[1:] * lengths[:-1] < 0.0)
+        return (
+            CoarsePath(turns[first], np.add.reduceat(lengths, np.flatnonzero(first)), self.phi) if len(turns) else self
+        )
 
     def arcs(self, start: SE2) -> list[Piece]:
         """An arc or line for every segment."""
@@ -83,7 +99,7 @@ class CoarsePath:
 
     def pieces(self, start: SE2) -> tuple[Piece, ...]:
         """Arcs and lines, without those of zero length."""
-        return tuple(piece for piece in self.arcs(start) if piece.length_m >= _SHORTEST_M)
+        return tuple(self.joined().arcs(start))
 
 
 def nanometres(cost_m: float) -> int:
@@ -117,82 +133,16 @@ def free_words(start: SE2, goal: SE2, bounds: ArcBounds) -> list[CoarsePath]:
     return sorted(free, key=lambda word: nanometres(word.length_m))
 
 
-@functools.cache
-def word_table() -> Float32Array:
-    """The lengths of shortest words, which guide the search; computed once, as they are the same for every phi."""
-    table = reeds_shepp_table()
-    table.flags.writeable = False
-    return table
-
-
-def coarse_lattice(phi: float) -> Lattice:
-    """Arcs of about 0.27 m."""
-    headings = int(min(max(round(2.0 * math.pi / (phi * _ARC_M)), 16), 32))
-    bins = max(1, math.ceil(1.6 * _CELL_M * phi * headings / (2.0 * math.pi)))
-    return Lattice(headings, bins, _CELL_M, _COARSE_STATES)
-
-
-def search(start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray) -> CoarsePath | None:
-    """A path over a lattice; tries from the start, from the goal, and with arcs half as long. None if there is none.
-
-    remaining (H, W): ``travel_distance`` from the goal."""
-    coarse = coarse_lattice(bounds.phi)
-    fine = Lattice(2 * coarse.headings, coarse.bins, 0.5 * coarse.cell_m, _FINE_STATES)  # for narrow places
-    way = search_lattice(start, goal, bounds, remaining, coarse)
-    if way is None and is_stuck(start, goal, bounds, coarse):
-        way = search_lattice_back(start, goal, bounds, coarse._replace(most_states=_BACK_STATES))
-    if way is None and not is_stuck(_about_turn(goal), _about_turn(start), bounds, fine):
-        way = search_lattice(start, goal, bounds, remaining, fine)
-        way = way or search_lattice_back(start, goal, bounds, fine)
-    return way
-
-
-def search_lattice(
-    start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray, lattice: Lattice
-) -> CoarsePath | None:
-    """The cheapest path over the lattice. A Reeds-Shepp word ends it exactly on the goal. None when there is none."""
-    poses, parents, motions, step, winner = _searched(start, goal, bounds, remaining, lattice)
-    if winner < 0:
-        return None
-    turns, lengths = lattice_way(poses, parents, motions, winner, step, goal.as_array(), bounds.phi)
-    return CoarsePath(turns, lengths, bounds.phi)
-
-
-def search_lattice_back(start: SE2, goal: SE2, bounds: ArcBounds, lattice: Lattice) -> CoarsePath | None:
-    """As ``search_lattice``, but from the goal: the word ends on the start. For starts without room for an arc."""
-    remaining = joined_distance(bounds.margin, (start.x, start.y))
-    way = search_lattice(_about_turn(goal), _about_turn(start), bounds, remaining, lattice)
-    # The same curve, driven backwards by a base turned by 180 degrees: forward stays forward.
-    return None if way is None else CoarsePath(-way.turns[::-1], way.lengths[::-1].copy(), bounds.phi)
-
-
-def _about_turn(pose: SE2) -> SE2:
-    """The pose turned by 180 degrees."""
-    return SE2(pose.x, pose.y, pose.theta + math.pi)
-
-
-def is_stuck(pose: SE2, target: SE2, bounds: ArcBounds, lattice: Lattice) -> bool:
-    """Whether the arcs of a lattice reach only a few states from a pose towards a target."""
-    few = lattice._replace(most_states=_FEW_STATES)
-    poses, *_, winner = _searched(pose, target, bounds, np.zeros(bounds.margin.values.shape), few)
-    return winner < 0 and len(poses) < _FEW_STATES
-
-
-def _searched(
-    start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray, lattice: Lattice
-) -> tuple[FloatArray, IntArray, NDArray[np.int8], float, int]:
-    margin, phi, limit = bounds
-    hopes = np.where(np.isfinite(remaining), OCTILE * remaining, 1e6)
-    return lattice_search(margin, start.as_array(), phi, lattice, limit, goal.as_array(), hopes, word_table())
-
-
 def shortened(
     coarse: CoarsePath, start: SE2, bounds: ArcBounds, cusp_cost_m: float, rng: np.random.Generator
 ) -> CoarsePath:
     """The coarse path after random shortcuts; a cusp counts as cusp_cost_m [m]."""
+    coarse = coarse.joined()
+    if len(coarse.turns) > MAX_SEGMENTS:
+        return coarse
     seed = np.uint64(rng.integers(1, 2**62))
     turns, lengths = shorten(
         bounds.margin, start.as_array(), coarse.turns, coarse.lengths, coarse.phi, bounds.max_reverse_m, cusp_cost_m,
-        seed, _SHORTCUTS,
+        seed, max(_SHORTCUTS, round(_SHORTCUTS_PER_M * coarse.length_m)),
     )  # fmt: skip
     return CoarsePath(turns, lengths, coarse.phi)

@@ -63,13 +63,16 @@ def _least(field: DistanceField, path: Path) -> float:
 
 
 def build_corridor(
-    grid: OccupancyGrid, start: SE2, goal: SE2 | None, config: PlannerConfig, robot: RobotConfig
-) -> Corridor | Refusal:
+    grid: OccupancyGrid, start: SE2, goal: SE2 | None, config: PlannerConfig, robot: RobotConfig,
+    clearance: DistanceField | None = None,
+) -> Corridor | Refusal:  # fmt: skip
     """The corridor from start to goal; a start or goal where the base cannot stand is refused.
+
+    clearance: that of another corridor in the same grid, to save time.
 
     The base needs its radius plus config.clearance_m. It may leave a start with less clearance, and reach a goal with
     less (but not less than the radius): near these two poses the need shrinks to the clearance there."""
-    clearance = clearance_field(grid)
+    clearance = clearance_field(_drivable_part(grid)) if clearance is None else clearance
     need = robot.radius_m + config.clearance_m
     here = float(clearance.at(np.array([[start.x, start.y]]))[0])
     if here < 0.0 or not _is_in(grid, start):
@@ -85,6 +88,17 @@ def build_corridor(
     values -= _SEARCH_MARGIN_M
     margin = DistanceField(values, clearance.resolution, clearance.origin_x, clearance.origin_y)
     return Corridor(clearance, margin)
+
+
+def _drivable_part(grid: OccupancyGrid) -> OccupancyGrid:
+    """The smallest part of a map that holds all its drivable cells, the others closed; maps have wide empty borders."""
+    drivable = grid.drivable
+    rows, columns = (np.flatnonzero(drivable.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return grid
+    box = drivable[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    x, y = (origin + cells[0] * grid.resolution for origin, cells in ((grid.origin_x, columns), (grid.origin_y, rows)))
+    return OccupancyGrid(np.where(box, FREE, OCCUPIED), grid.resolution, x, y)
 
 
 def _is_in(grid: OccupancyGrid, pose: SE2) -> bool:

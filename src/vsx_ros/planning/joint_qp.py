@@ -36,7 +36,8 @@ _SHORTEST_SEGMENT = 1e-6  # rad at curvature phi; less is rounding
 _ENERGY = 0.01  # weight of smoothness against length: small, so it decides only between paths of similar length
 _FLOOR_M, _FLOOR_SHARE = 0.01, 0.02  # least length of a piece [m], and as a share of the path: none may vanish
 _EXACT = 1e-9  # m, rad and share of phi: what counts as exact
-_LENGTH = {flags: COARSE.integral(COARSE.basis[flags]) for flags in FLAGS}
+LENGTH = {flags: COARSE.integral(COARSE.basis[flags]) for flags in FLAGS}
+"""(10,) for every pair of end conditions: times the coefficients of rho gives a piece's length [m]."""
 TIGHTNESS = (1.0, 0.95, 0.9, 0.8)  # Shares of phi for the sequences, so that the programme at phi has room
 
 GOOD_ENOUGH = 1.004  # times the shortest word's length: lower tightness cannot gain more than that
@@ -82,7 +83,8 @@ def solve_qp(problem: QpProblem, duals: FloatArray | None = None) -> QpSolution 
 class HeadingSequence:
     """One entry per piece: direction (+1, -1) and signed turn [rad]. joints[k]: whether the path continues from piece k
     to k + 1 without a stop. length_m: length of the word it comes from; shortest_m: of its shortest piece.
-    members[k]: the segments of the word that piece k replaces."""
+    members[k]: the segments of the word that piece k replaces. joined_ends: whether the sequence is a part of a longer
+    path that comes to its start, and goes on from its end, without a stop."""
 
     directions: tuple[int, ...]
     turns: tuple[float, ...]
@@ -90,6 +92,7 @@ class HeadingSequence:
     length_m: float
     shortest_m: float
     members: tuple[tuple[int, ...], ...]
+    joined_ends: tuple[bool, bool] = (False, False)
 
     @property
     def cusps(self) -> int:
@@ -98,7 +101,8 @@ class HeadingSequence:
 
     def ends(self, k: int) -> tuple[bool, bool]:
         """Whether piece k is joined to the previous one and to the next one."""
-        return k > 0 and self.joints[k - 1], k < len(self.joints) and self.joints[k]
+        before, after = self.joined_ends
+        return self.joints[k - 1] if k else before, self.joints[k] if k < len(self.joints) else after
 
 
 def merge_segments(word: CoarsePath, total_turn: float, breaks: frozenset[int] = frozenset()) -> HeadingSequence | None:
@@ -156,7 +160,7 @@ def build(sequence: HeadingSequence, start: SE2, goal: SE2, phi: float) -> QpPro
     target = np.array([goal.x - start.x, goal.y - start.y])
     return QpProblem(
         P=np.eye(COEFFICIENTS * k),
-        q=np.concatenate([_LENGTH[sequence.ends(i)] for i in range(k)]) * (0.5 * sequence.length_m / _ENERGY),
+        q=np.concatenate([LENGTH[sequence.ends(i)] for i in range(k)]) * (0.5 * sequence.length_m / _ENERGY),
         A=np.concatenate([position_rows(sequence, start.theta, COARSE)[:, -1], rows]),
         lower=np.concatenate([target, *least]),
         upper=np.concatenate([target, np.full(len(rows), np.inf)]),

@@ -6,18 +6,20 @@ import msgspec
 import numpy as np
 
 from vsx_ros.arrays import FloatArray
-from vsx_ros.config import PlannerConfig, RobotConfig
+from vsx_ros.config import LimitsConfig, PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.planning.flood import flood, flood_costs
 from vsx_ros.occupancy.distance import joined_distance
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.planning.coarse_path import OCTILE, ArcBounds, coarse_lattice, free_words, search, shortened
+from vsx_ros.planning.coarse_path import ArcBounds, free_words, nanometres, shortened, shortest_word
 from vsx_ros.planning.corridor import REVERSE_SLACK_M, Corridor, Visibility, build_corridor
 from vsx_ros.planning.joint_qp import check_question, connections, same_pose
+from vsx_ros.planning.lattice_ways import OCTILE, coarse_lattice, search
 from vsx_ros.planning.path import Path, Plan, Refusal, RefusalKind, certified
 from vsx_ros.planning.pieces import turn_piece
-from vsx_ros.planning.smoothing import smoothed
+from vsx_ros.planning.sliding_fit import smoothed
+from vsx_ros.planning.time_scaling import estimated_s
 
 _TIGHT = 0.9  # of phi, for arcs and lines: smoothing needs the rest
 _DIRECT = 4  # connections compared by the landmarks they see, or by their legs in reverse
@@ -25,6 +27,7 @@ _SHORTENINGS = 3  # random shortcuts give different paths; the best of so many i
 _NEAR_BOUND = 1.15  # times the least possible length: no search would find a much shorter path
 _ANOTHER = 1.002  # a path hardly longer than the previous one is most likely the same
 _MOST_BLIND_M, _SAME_PLACE_M = 1.5, 0.02  # for the first drive or backing out; a goal so near is at the base's place
+_LIMITS = LimitsConfig()  # for comparing the times of two drives: their ratio hardly depends on them
 
 
 class Planner:
@@ -40,7 +43,7 @@ class Planner:
     ) -> Plan | Refusal:
         """A collision-free plan to the exact goal pose over known free ground, or a refusal with its reason.
 
-        The path keeps config.preferred_clearance_m where that makes no detour, else config.clearance_m.
+        The path keeps config.preferred_clearance_m, or config.clearance_m if that drive is much shorter in time.
 
         With ``visibility``, stretches with too few landmarks in view cost extra, so that a path which keeps the map in
         view is preferred to a shorter one that loses it. ``Plan.blind_spans`` lists the stretches that remain; a path
@@ -53,16 +56,45 @@ class Planner:
         if same_pose(start, goal):
             nothing = certified(start, goal, (), "start and goal are the same")
             return Plan(goal, corridor.measured(nothing), "fov")
-        remaining = joined_distance(corridor.margin, (goal.x, goal.y))
-        wide = build_corridor(grid, start, goal, self._wide, self._robot)
+        wide = build_corridor(grid, start, goal, self._wide, self._robot, corridor.clearance)
+        plan = self._at_once(start, goal, wide, grid, visibility) if isinstance(wide, Corridor) else None
+        if plan is not None:
+            return plan
+        return self._chosen(start, goal, corridor, wide, grid, rng, visibility)
+
+    def _chosen(
+        self, start: SE2, goal: SE2, corridor: Corridor, wide: Corridor | Refusal, grid: OccupancyGrid,
+        rng: np.random.Generator, visibility: Visibility | None,
+    ) -> Plan | Refusal:  # fmt: skip
+        """The plan with the preferred clearance, unless there is none or it takes too much longer."""
+        remaining, plan = joined_distance(corridor.margin, (goal.x, goal.y)), None
         if isinstance(wide, Corridor):
             remaining_wide = joined_distance(wide.margin, (goal.x, goal.y))
             cell = corridor.margin.cell(start.x, start.y)
             if remaining_wide[cell] < self._config.detour_ratio * remaining[cell] + self._config.detour_m:
                 plan = self._in_corridor(start, goal, wide, remaining_wide, grid, rng, visibility)
-                if isinstance(plan, Plan) or plan.kind is RefusalKind.BLIND:
-                    return plan
-        return self._in_corridor(start, goal, corridor, remaining, grid, rng, visibility)
+        if isinstance(plan, Plan) and not self._is_detour(plan.path, self._least_m(start, goal, corridor, remaining)):
+            return plan
+        if isinstance(plan, Refusal) and plan.kind is RefusalKind.BLIND:
+            return plan
+        short = self._in_corridor(start, goal, corridor, remaining, grid, rng, visibility)
+        if isinstance(plan, Plan):
+            return short if isinstance(short, Plan) and self._is_slow(plan.path, short.path) else plan
+        return short
+
+    def _least_m(self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray) -> float:
+        """No path is shorter [m]."""
+        around_m = OCTILE * float(remaining[corridor.margin.cell(start.x, start.y)])
+        return max(around_m, shortest_word(start, goal, self._config.phi_rad_m).length_m)
+
+    def _is_detour(self, path: Path, least_m: float) -> bool:
+        """Whether a path is so long that one with less clearance may be a better choice."""
+        return path.cost_m(self._config) > self._config.detour_ratio * least_m + self._config.detour_m
+
+    def _is_slow(self, wide: Path, short: Path) -> bool:
+        """Whether a drive with the preferred clearance takes too much longer than one with the least."""
+        wide_s, short_s = (estimated_s(path, _LIMITS) for path in (wide, short))
+        return wide_s > self._config.detour_ratio * short_s + self._config.detour_m / _LIMITS.v_m_s
 
     def _in_corridor(
         self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray, grid: OccupancyGrid,
@@ -75,15 +107,16 @@ class Planner:
             blind_m = visibility.blind_m(path, grid) if visibility is not None else 0.0
             return path.cost_m(config) + config.blind_cost_ratio * blind_m
 
-        direct = self._direct(start, goal, corridor, enough=1 if visibility is None else _DIRECT)
-        if direct and (visibility is None or cost(direct[0]) == direct[0].cost_m(config)):
-            return self._plan(direct[0], goal, corridor, visibility, grid)
+        plan = self._at_once(start, goal, corridor, grid, visibility)
+        if plan is not None:
+            return plan
         if not math.isfinite(remaining[corridor.margin.cell(start.x, start.y)]):
             return Refusal(
                 RefusalKind.DISCONNECTED,
                 f"no way of {2 * (self._robot.radius_m + self._config.clearance_m):.2f} m width over known free ground "
                 f"joins ({start.x:.2f}, {start.y:.2f}) and ({goal.x:.2f}, {goal.y:.2f})",
             )
+        direct = self._direct(start, goal, corridor, enough=1 if visibility is None else _DIRECT)
         found = direct + self._through_map(start, goal, corridor, remaining, rng)
         if not found:
             return Refusal(
@@ -136,6 +169,15 @@ class Planner:
         joined = np.isfinite(joined_distance(m, (start.x, start.y)))
         return flood_costs(level, step, start.theta, m, lattice.cell_m, phi, joined, poses)
 
+    def _at_once(
+        self, start: SE2, goal: SE2, corridor: Corridor, grid: OccupancyGrid, visibility: Visibility | None
+    ) -> Plan | Refusal | None:
+        """The best connection computed without the map, if it is free and keeps the landmarks in view."""
+        direct = self._direct(start, goal, corridor, enough=1 if visibility is None else _DIRECT)
+        if direct and (visibility is None or visibility.blind_m(direct[0], grid) == 0.0):
+            return self._plan(direct[0], goal, corridor, visibility, grid)
+        return None
+
     def _direct(self, start: SE2, goal: SE2, corridor: Corridor, enough: int) -> list[Path]:
         """The best connections computed without the map, if they are free."""
         phi, limit = self._config.phi_rad_m, self._config.max_reverse_m
@@ -176,12 +218,14 @@ class Planner:
                 coarse_paths += [shortened(raw, start, tight, config.cusp_cost_m, rng) for _ in range(_SHORTENINGS)]
         found: list[Path] = []
         before_m = 0.0
-        for coarse in sorted(coarse_paths, key=lambda s: s.length_m):
-            if coarse.length_m < _ANOTHER * before_m:
+        costs = sorted((nanometres(way.cost_m(config.cusp_cost_m)), k) for k, way in enumerate(coarse_paths))
+        for coarse in (coarse_paths[k] for _, k in costs):
+            coarse_m = coarse.cost_m(config.cusp_cost_m)
+            if coarse_m < _ANOTHER * before_m:
                 continue
-            before_m = coarse.length_m
-            found += [p for p in smoothed(coarse, start, goal, phi, corridor) if corridor.allows(p, limit)]
+            before_m = coarse_m
+            found += [p for p in smoothed(coarse, start, goal, config, corridor) if corridor.allows(p, limit)]
             best = min(found, key=lambda path: path.cost_m(config), default=None)
-            if best is not None and not best.jumps and best.cost_m(config) < coarse.length_m + 2.0 * config.stop_cost_m:
+            if best is not None and not best.jumps and best.cost_m(config) < coarse_m + 2.0 * config.stop_cost_m:
                 break
         return found

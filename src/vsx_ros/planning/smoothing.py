@@ -1,31 +1,28 @@
-"""Turns a coarse path of arcs and lines into paths that the base can drive: one with stops, and one smooth if possible.
+"""Fits a smooth path to arcs and lines in the map. (``sliding_fit.py`` fits long ones in windows.)
 
 Positions are linear in the unknowns of the joint programme. So half-planes keep the clearance at samples of every
 piece: they linearise the margin field at the previous solution, within a trust region. A few rounds are enough."""
 
-import math
+import itertools
 
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.planning import joint_qp
-from vsx_ros.planning.coarse_path import CoarsePath
 from vsx_ros.planning.corridor import Corridor
-from vsx_ros.planning.flat_output import Quadrature
-from vsx_ros.planning.joint_qp import HeadingSequence, QpProblem, merge_segments, solve_qp
-from vsx_ros.planning.path import Path, certified
+from vsx_ros.planning.flat_output import COEFFICIENTS, Quadrature
+from vsx_ros.planning.joint_qp import HeadingSequence, QpProblem, solve_qp
+from vsx_ros.planning.path import Path
 from vsx_ros.planning.pieces import Piece
 
-_MOST_IN_A_LEG, _MOST_PIECES = 12, 7  # cost grows with the cube of the pieces; long paths are fitted in parts
 _SAMPLES = Quadrature(intervals=32, order=4)  # per piece; the path is kept in the corridor at the interval ends
 _FEW = slice(3, None, 4)  # samples with a trust region
 _FOLLOW, _SLACK_PRICE = 50.0, 200.0  # weight of following the coarse path; of leaving the corridor, the last resort
 _TRUST_M, _NEAR_M, _GAP_M = 0.15, 0.3, 0.004  # trust region near obstacles; what is near; extra gap
-_HOPELESS_M = (0.05, 0.02, 0.0, 0.0, 0.0)
+_HOPELESS_M = (0.1, 0.02, 0.0, 0.0, 0.0)
 """One entry per round: how much room may be missing after it for another round to be useful."""
 _CONVERGED = 0.01  # share of length; a round that gains less is the last
-_STRAIGHTS_M = (math.inf, 0.5)  # straight lines uncut, else those longer than this halved: more pieces, more freedom
 
 
 def coarse_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> FloatArray:
@@ -47,12 +44,14 @@ def coarse_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> Float
 
 
 def fit(
-    sequence: HeadingSequence, runs: list[list[Piece]], start: SE2, goal: SE2, phi: float, corridor: Corridor
-) -> Path | None:
+    sequence: HeadingSequence, runs: list[list[Piece]], start: SE2, goal: SE2, phi: float, corridor: Corridor,
+    reverse_rooms_m: list[float],
+) -> Path | None:  # fmt: skip
     """The shortest path found with a sequence's headings that stays in the corridor, or None.
 
-    runs: the coarse path's arcs and lines, grouped by piece; the search begins there."""
-    base = joint_qp.build(sequence, start, goal, phi)
+    runs: what each piece replaces, arcs and lines or a curve fitted before; the search begins there. reverse_rooms_m:
+    the greatest length of each leg in reverse [m]."""
+    base = _bounded(joint_qp.build(sequence, start, goal, phi), sequence, reverse_rooms_m)
     X, Y = joint_qp.position_rows(sequence, start.theta, _SAMPLES)
     guide = coarse_points(sequence, runs) - np.array([start.x, start.y])
     first = solve_qp(_following(base, X, Y, guide))
@@ -69,7 +68,7 @@ def fit(
             break
         duals = np.zeros(len(kept))
         duals[kept] = answer.duals
-        x = answer.x[:-1]
+        before, x = x, answer.x[:-1]
         path = joint_qp.verified(base, x, sequence, start, goal, phi)
         if path is None:
             break
@@ -79,11 +78,30 @@ def fit(
                 break
             gap += short + _GAP_M
             trust *= 0.6
-        elif best is not None and path.length_m > (1.0 - _CONVERGED) * best.length_m:
-            return best if best.length_m <= path.length_m else path
         else:
-            best = path
+            best = path if best is None or path.length_m < best.length_m else best
+            if base.q @ x > (1.0 - _CONVERGED) * (base.q @ before):  # q x is proportional to the length
+                break
     return best
+
+
+def reverse_legs(sequence: HeadingSequence) -> list[list[int]]:
+    """The pieces of each leg in reverse."""
+    legs = itertools.groupby(range(len(sequence.turns)), key=lambda k: sequence.directions[k])
+    return [list(leg) for direction, leg in legs if direction < 0]
+
+
+def _bounded(base: QpProblem, sequence: HeadingSequence, reverse_rooms_m: list[float]) -> QpProblem:
+    """The programme with a bound on the length of each leg in reverse."""
+    legs = reverse_legs(sequence)
+    rows = np.zeros((len(legs), len(sequence.turns), COEFFICIENTS))
+    for row, leg in zip(rows, legs):
+        row[leg] = [joint_qp.LENGTH[sequence.ends(k)] for k in leg]
+    return base._replace(
+        A=np.concatenate([base.A, rows.reshape(len(legs), base.A.shape[1])]),
+        lower=np.concatenate([base.lower, np.full(len(legs), -np.inf)]),
+        upper=np.concatenate([base.upper, reverse_rooms_m]),
+    )
 
 
 def _following(base: QpProblem, X: FloatArray, Y: FloatArray, guide: FloatArray) -> QpProblem:
@@ -124,44 +142,3 @@ def _round(
         upper=np.concatenate([base.upper, np.full(len(planes), np.inf), *(few + reach), [np.inf]]),
     )
     return problem, np.concatenate([np.ones(first, np.bool_), near, np.ones(few.size + 1, np.bool_)])
-
-
-def smoothed(coarse: CoarsePath, start: SE2, goal: SE2, phi_rad_m: float, corridor: Corridor) -> list[Path]:
-    """The coarse path, with stops where its curvature jumps, and a version that is smooth as far as possible."""
-    smooth = _fitted(coarse, start, goal, phi_rad_m, corridor)
-    if smooth is None:
-        pieces = _in_parts(coarse, start, phi_rad_m, corridor)
-        smooth = certified(start, goal, pieces, "Bernstein coefficients; arcs and lines")
-    return [certified(start, goal, coarse.pieces(start), "arcs and lines"), smooth]
-
-
-def _in_parts(coarse: CoarsePath, start: SE2, phi_rad_m: float, corridor: Corridor) -> tuple[Piece, ...]:
-    """Fit a path that cannot be fitted as a whole in two parts, recursively; the base stops in between.
-
-    The cut is at a change of direction, where the base stops anyway, as long as there is one."""
-    pieces: tuple[Piece, ...] = ()
-    at = start
-    for part in coarse.parted():
-        arcs = part.pieces(at)
-        if len(arcs) > 1:  # one arc from rest to rest has nothing to smooth
-            smooth = _fitted(part, at, arcs[-1].end, phi_rad_m, corridor)
-            pieces += smooth.pieces if smooth is not None else _in_parts(part, at, phi_rad_m, corridor)
-        else:
-            pieces += arcs
-        at = arcs[-1].end
-    return pieces
-
-
-def _fitted(coarse: CoarsePath, start: SE2, goal: SE2, phi_rad_m: float, corridor: Corridor) -> Path | None:
-    """The smooth version of a path, with its long straight lines whole or cut; None if there is none."""
-    for longest_straight_m in _STRAIGHTS_M:
-        halved, cuts = coarse.halved(longest_straight_m)
-        sequence = merge_segments(halved, goal.theta - start.theta, cuts)
-        if sequence is None or len(sequence.turns) > (_MOST_PIECES if sequence.cusps else _MOST_IN_A_LEG):
-            continue
-        arcs = halved.arcs(start)
-        runs = [[arcs[i] for i in members] for members in sequence.members]
-        smooth = fit(sequence, runs, start, goal, phi_rad_m, corridor)
-        if smooth is not None:
-            return smooth
-    return None

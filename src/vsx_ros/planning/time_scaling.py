@@ -56,6 +56,21 @@ def _scale_turn(piece: Piece, limits: LimitsConfig, sample_s: float) -> _Samples
     return times, poses, np.zeros_like(times), sign * rate
 
 
+def estimated_s(path: Path, limits: LimitsConfig) -> float:
+    """About how long a drive takes [s], without its profile: the speeds that bends and their changes allow, and a loss
+    at each stop. Speeding up between bends is left out."""
+    total = len(path.stretches()) * (limits.v_m_s / limits.a_m_s2 + limits.a_m_s2 / limits.jerk_m_s3)
+    for piece in path.pieces:
+        if piece.direction == 0:
+            total += abs(piece.turn_rad) / limits.omega_rad_s
+            continue
+        step = np.maximum(np.diff(piece.table[:, 0]), _NOTHING)
+        bend, kappa = np.abs(np.diff(piece.table[:, 4])) / step, np.abs(piece.table[:, 4])
+        slowest = np.maximum(np.maximum(kappa[1:], kappa[:-1]) / limits.omega_rad_s, 1.0 / limits.v_m_s)
+        total += float(np.sum(step * np.maximum(slowest, np.sqrt(bend / limits.alpha_rad_s2))))
+    return total
+
+
 def time_scale(
     path: Path, limits: LimitsConfig, slow_spans: FloatArray | None = None, sample_s: float = SAMPLE_S
 ) -> Trajectory:

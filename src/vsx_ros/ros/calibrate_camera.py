@@ -27,7 +27,7 @@ class BoardWatcher:
     """Checks the newest image repeatedly. Keeps views in which the board is still and which add something new."""
 
     def __init__(self, board: Board) -> None:
-        self._board = board
+        self._board, self._frames = board, images.Frames()
         self._arrived = threading.Condition()
         self._newest: Frame | None = None
         self._before: tuple[int, Pixels] | None = None
@@ -36,7 +36,7 @@ class BoardWatcher:
         image_subscriber(self._on_image)
 
     def _on_image(self, msg: Image) -> None:
-        frame = images.frame(msg)
+        frame = self._frames.of(msg)
         with self._arrived:
             self._newest = frame
             self._arrived.notify()

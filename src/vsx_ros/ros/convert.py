@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Twist, Vector3
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Odometry as OdometryMsg
@@ -146,9 +146,10 @@ def twist(command: VelocityCommand) -> Twist:
     return Twist(linear=Vector3(command.v, 0.0, 0.0), angular=Vector3(0.0, 0.0, command.omega))
 
 
-def state_msg(state: TrackingState, reason: str) -> DiagnosticStatus:
-    """The SLAM's state. name: NOT_INITIALISED, TRACKING, POOR or LOST; message: the reason."""
-    return DiagnosticStatus(_LEVELS[state], state.word, reason, "vslam", [])
+def state_msg(state: TrackingState, reason: str, ahead: str = "") -> DiagnosticStatus:
+    """The SLAM's state. name: NOT_INITIALISED, TRACKING, POOR or LOST; message: the reason; value ``ahead``: what hides
+    the map before the camera."""
+    return DiagnosticStatus(_LEVELS[state], state.word, reason, "vslam", [KeyValue("ahead", ahead)] if ahead else [])
 
 
 def tracking_state(msg: DiagnosticStatus) -> TrackingState:
@@ -156,6 +157,11 @@ def tracking_state(msg: DiagnosticStatus) -> TrackingState:
     if msg.name not in _STATES:
         raise InputError(f"SLAM state {msg.name!r} is unknown; expected one of {', '.join(_STATES)}")
     return _STATES[msg.name]
+
+
+def hidden_ahead(msg: DiagnosticStatus) -> str:
+    """What hides the map before the camera, in words; empty if nothing does."""
+    return next((str(value.value) for value in msg.values if value.key == "ahead"), "")
 
 
 def hazard_words(mask: int) -> str:

@@ -15,6 +15,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 
 import cv2
+import numpy as np
 
 from vsx_ros.arrays import GrayImage
 from vsx_ros.config import DenseConfig
@@ -29,6 +30,7 @@ from vsx_ros.slam.snapshot import MapSnapshot
 _NICE = 5  # SLAM has priority
 _FIRST_ANSWER_S = 600.0  # It may have to compile
 _ANSWER_S = 60.0  # A map of a large building takes some seconds on a slow machine
+_STORED = np.zeros((0, 0), np.uint8)  # instead of an image that the densifier has stored
 
 
 class DenseProcess:
@@ -81,6 +83,7 @@ def serve(requests: Connection, answers: Connection) -> None:
         snapshot = dataclasses.replace(without, images=tuple(images.values()))
         dense = densifier.update(snapshot)
         answers.send((dense, AnchoredSurface.of(dense, snapshot, config.cell_m)))
+        images = {number: _STORED if number in densifier.stored else image for number, image in images.items()}
 
 
 def main() -> None:

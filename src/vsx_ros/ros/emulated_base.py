@@ -16,6 +16,9 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.sim.body import Body
 from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.hard_settings import body_in
+from vsx_ros.sim.movers import movers_of
+from vsx_ros.sim.moving import Moving
 from vsx_ros.sim.robot import SimulationConfig
 
 _RATE_WINDOW_NS = 20_000_000  # emulated time over which the turn rate is averaged: one odometry period
@@ -30,6 +33,7 @@ class BodyState(NamedTuple):
     time_ns: int
     T_world_base: SE2
     path_length_m: float
+    moved: tuple[float, ...]  # states of the movers
 
 
 class BodyPlant:
@@ -46,13 +50,15 @@ class BodyPlant:
         dock: SE2 | None = None,
     ) -> None:
         """dock: where one stands in the world, as ``vsx_hw.dock_emulator`` says."""
-        settings = msgspec.structs.replace(SimulationConfig().body, wheel_base_m=wheel_base_m)
+        settings = body_in(world.hard, msgspec.structs.replace(SimulationConfig().body, wheel_base_m=wheel_base_m))
         rng = np.random.default_rng([seed, 1])  # as in the lock-step robot
         segments = world.obstacle_segments(0.0, robot.height_m)
         self._settings = settings
         self._dock, self.at_dock = dock, None if dock is None else before_dock(dock, world.start_pose, segments)
         solid = segments if dock is None else np.vstack([segments, housing(dock)])
-        self.body = Body(solid, world.start_pose, robot.radius_m, settings, rng)
+        movers = movers_of(world, seed)
+        self._moving = Moving(movers) if movers else None
+        self.body = Body(solid, world.start_pose, robot.radius_m, settings, rng, self._moving)
         self._on_step = on_step
         self._gyro_before = (0, 0.0)
         self._rate_rad_s = 0.0
@@ -86,7 +92,8 @@ class BodyPlant:
         )  # fmt: skip
 
     def _state(self) -> BodyState:
-        return BodyState(self.body.time_ns, self.body.T_world_base, self.body.path_length_m)
+        moved = () if self._moving is None else self._moving.state
+        return BodyState(self.body.time_ns, self.body.T_world_base, self.body.path_length_m, moved)
 
 
 def before_dock(dock: SE2, base: SE2, segments: FloatArray) -> BaseAtDock:

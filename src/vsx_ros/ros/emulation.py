@@ -1,9 +1,9 @@
 """The emulated world behind the emulated devices. The body drives the board's wheels. The camera is a separate process,
 because rendering must not delay the wheels. No ROS in here.
 
-The child reads poses of the base from standard input (``POSE``, one every 5 ms). It renders each frame when its
-exposure is over and sends it through the emulated Kinect at a socket. For each frame it writes one line of JSON to
-standard output: stamp, true camera pose, render time, frames skipped. It ends when its input ends."""
+The child reads poses of the base and the movers from standard input (``pose_row``, one every 5 ms). It renders each
+frame when its exposure is over and sends it through the emulated Kinect at a socket. For each frame it writes one line
+of JSON to standard output: stamp, true camera pose, render time, frames skipped. It ends when its input ends."""
 
 import contextlib
 import json
@@ -14,7 +14,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -31,18 +31,29 @@ from vsx_ros.ros.emulated_base import BodyState
 from vsx_ros.runs.journal import flat
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.camera import EmulatedCamera
+from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.hard_settings import camera_in
+from vsx_ros.sim.movers import movers_of
+from vsx_ros.sim.moving import Mover
 from vsx_ros.sim.optics import scene_of
 from vsx_ros.sim.robot import SimulationConfig
 
-POSE = struct.Struct("<q4d")  # Time since the emulator's start [ns], x, y [m], theta [rad], travelled path [m]
 _KEPT = 600  # poses, for images that are rendered late
 
 
+def pose_row(moved: int) -> struct.Struct:
+    """A row for the child: time since the emulator's start [ns], x, y [m], theta [rad], travelled path [m] of the base,
+    and so many numbers of the movers' states."""
+    return struct.Struct(f"<q{4 + moved}d")
+
+
 class RenderSettings(msgspec.Struct, frozen=True):
-    """Settings for the child process. start_ns: host time at the emulator's start."""
+    """Settings for the child process. hard: NAME=AMOUNT of hard things, beside the world's own. start_ns: host time at
+    the emulator's start."""
 
     world: str
     seed: int
+    hard: str
     socket: str
     rate_hz: float
     start_ns: int
@@ -64,7 +75,8 @@ class RenderChild:
         assert self._process.stdin is not None
         pose = state.T_world_base
         with contextlib.suppress(OSError):
-            self._process.stdin.write(POSE.pack(state.time_ns, pose.x, pose.y, pose.theta, state.path_length_m))
+            base = pose.x, pose.y, pose.theta, state.path_length_m
+            self._process.stdin.write(pose_row(len(state.moved)).pack(state.time_ns, *base, *state.moved))
 
     def listen(self, on_frame: Callable[[dict[str, Any]], None]) -> None:
         """Pass on a dictionary per frame until the end. Raises VsxError if the child ends before ``close``."""
@@ -86,18 +98,20 @@ class RenderChild:
 
 
 class PoseHistory:
-    """Poses of the base over the last three seconds; one thread writes, another reads."""
+    """Poses of the base over the last three seconds, and the movers' states (so many numbers); one thread writes,
+    another reads."""
 
-    def __init__(self) -> None:
+    def __init__(self, moved: int = 0) -> None:
         self._changed = threading.Condition()
-        self._rows = np.empty((0, 5))
+        self._row = pose_row(moved)
+        self._rows = np.empty((0, 5 + moved))
         self._ended = False
 
     def fill(self, stream: BinaryIO) -> None:
         """Read until the stream ends."""
-        while len(row := stream.read(POSE.size)) == POSE.size:
+        while len(row := stream.read(self._row.size)) == self._row.size:
             with self._changed:
-                self._rows = np.concatenate([self._rows, [POSE.unpack(row)]])[-_KEPT:]
+                self._rows = np.concatenate([self._rows, [self._row.unpack(row)]])[-_KEPT:]
                 self._changed.notify_all()
         with self._changed:
             self._ended = True
@@ -110,27 +124,28 @@ class PoseHistory:
             return -1 if self._ended else int(self._rows[-1, 0])
 
     def poses_at(self, stamps_ns: IntArray) -> FloatArray:
-        """(N, 4) x, y, theta, path at the stamps, as ``Body.poses_at``."""
+        """(N, 4 + K) x, y, theta, path and movers at the stamps, as ``Body.poses_at``."""
         rows = self._rows
-        return np.column_stack([np.interp(stamps_ns, rows[:, 0], rows[:, k]) for k in range(1, 5)])
+        return np.column_stack([np.interp(stamps_ns, rows[:, 0], rows[:, k]) for k in range(1, rows.shape[1])])
 
 
-def render(settings: RenderSettings, history: PoseHistory) -> None:
+def render(settings: RenderSettings, world: EmulatedWorld, movers: Sequence[Mover], history: PoseHistory) -> None:
     """Render frames every 1 / rate_hz until the history ends; frames that are too late are skipped and counted."""
     rng = np.random.default_rng([settings.seed, 2])  # as in the lock-step robot
-    world = open_world(settings.world, settings.seed)
     optics = msgspec.structs.replace(SimulationConfig().camera, samples=1)  # for time
-    camera = EmulatedCamera(scene_of(world), settings.robot.mount, optics, rng)
+    optics = camera_in(world.hard, settings.seed, optics)
+    camera = EmulatedCamera(scene_of(world, movers), settings.robot.mount, optics, rng)
     write_calibration(Path(settings.socket + ".yaml"), camera.camera_given, "emulated")
     history.wait_for(0)
     camera.picture(0, history.poses_at, bayer=True)
     period_ns = 1e9 / settings.rate_hz
     slot = 0
     with KinectEmulator(settings.socket, settings.seed) as kinect:
-        while (now_ns := history.wait_for(round((slot + 1) * period_ns) + camera.span_ns)) >= 0:
-            newest = int((now_ns - camera.span_ns) / period_ns)
+        late_ns = camera.span_ns + optics.delay_ns
+        while (now_ns := history.wait_for(round((slot + 1) * period_ns) + late_ns)) >= 0:
+            newest = int((now_ns - late_ns) / period_ns)
             skipped, slot = newest - slot - 1, newest
-            if not kinect.streaming:
+            if camera.loses_image() or not kinect.streaming:
                 continue
             stamp_ns = round(slot * period_ns)
             began_s = time.perf_counter()
@@ -147,9 +162,11 @@ def main() -> None:
     """The only argument holds the settings as JSON."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     settings = msgspec.json.decode(sys.argv[1], type=RenderSettings)
-    history = PoseHistory()
+    world = open_world(settings.world, settings.seed, hard=[settings.hard])
+    movers = movers_of(world, settings.seed)
+    history = PoseHistory(sum(len(mover.state) for mover in movers))
     threading.Thread(target=history.fill, args=(sys.stdin.buffer,), daemon=True).start()
-    render(settings, history)
+    render(settings, world, movers, history)
 
 
 if __name__ == "__main__":

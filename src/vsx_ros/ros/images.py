@@ -9,15 +9,22 @@ from vsx_ros.arrays import ColorImage, GrayImage
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.io.calibration_file import camera_from_info, shutter_from_topic
-from vsx_ros.io.image_encoding import gray_image
+from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.robot import Frame
 from vsx_ros.ros import topics
 
 
-def frame(msg: Image) -> Frame:
-    """The grey image with its stamp. Raises InputError for an unknown encoding or a message with too few bytes."""
-    gray = gray_image(msg.encoding, msg.height, msg.width, msg.step, bytes(msg.data), big_endian=bool(msg.is_bigendian))
-    return Frame(msg.header.stamp.to_nsec(), gray)
+class Frames:
+    """The images of one camera, in order."""
+
+    def __init__(self) -> None:
+        self._gray = GrayImages()
+
+    def of(self, msg: Image) -> Frame:
+        """The grey image with its stamp. Raises InputError for an unknown encoding or a message with too few bytes."""
+        shape, big_endian = (msg.height, msg.width, msg.step), bool(msg.is_bigendian)
+        image = self._gray.of(msg.encoding, *shape, bytes(msg.data), big_endian=big_endian)
+        return Frame(msg.header.stamp.to_nsec(), image)
 
 
 def image_msg(stamp_ns: int, image: GrayImage | ColorImage, encoding: str, frame_id: str) -> Image:

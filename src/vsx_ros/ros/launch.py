@@ -64,15 +64,18 @@ def emulation(
     rate_hz: float = 15.0,
     dock: str = "",
     battery_pace: float = 1.0,
+    hard: str = "",
 ) -> list[LaunchNode]:
     """An emulated robot under the real drivers. devices: folder for port and socket. base: its kind; auto emulates a
     Kobuki and leaves its driver on auto. rate_hz: images per second. dock: X,Y,DEG of a dock in the world.
-    battery_pace: how many times faster than a real one the battery drains and charges."""
+    battery_pace: how many times faster than a real one the battery drains and charges. hard: NAME=AMOUNT of what makes
+    the world hard, with commas between, beside what its file says."""
     port, camera_socket = f"{devices}/vsx_base", f"{devices}/vsx_camera"
     kind = "kobuki" if base == "auto" else base
     emulator = {"world": world, "seed": seed, "robot_type": kind, "port": port, "camera_socket": camera_socket}
+    emulator["rate_hz"] = rate_hz
     return [
-        LaunchNode("emulator", {**emulator, "rate_hz": rate_hz, "dock": dock, "battery_pace": battery_pace}),
+        LaunchNode("emulator", {**emulator, "dock": dock, "battery_pace": battery_pace, "hard": hard}),
         *bringup(base, port, f"emulator:{camera_socket}"),
     ]
 

@@ -136,7 +136,7 @@ class Recorder:
     """Subscribes to all topics and passes messages to the writer unchanged; images in the chosen format."""
 
     def __init__(self, writer: BagWriter, how: str, more: list[str]) -> None:
-        self._writer, self._how = writer, how
+        self._writer, self._how, self._frames = writer, how, images.Frames()
         wanted = (*_TOPICS, *more, *((topics.IMAGE,) if how == "raw" else ()))
         for name in dict.fromkeys(map(rospy.resolve_name, wanted)):
             rospy.Subscriber(name, rospy.AnyMsg, self._on_any, name, buff_size=IMAGE_BUFFER_BYTES)
@@ -148,7 +148,7 @@ class Recorder:
 
     def _on_image(self, msg: Image) -> None:
         """Store it grey, as the SLAM sees it. Raises InputError for an unusable image."""
-        gray = images.frame(msg).image
+        gray = self._frames.of(msg).image
         good, content = cv2.imencode(".png" if self._how == "png" else ".jpg", gray, _ENCODING[self._how])
         if not good:
             raise InputError(f"image of {gray.shape[1]}x{gray.shape[0]} cannot be encoded; record with --images raw")

@@ -20,8 +20,8 @@ from vsx_ros.ros.nodes.dashboard import TOKEN, open_browser
 from vsx_ros.ros.progress import progress_line
 from vsx_ros.ros.run_results import About, Ending, write_results
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, SignalFlag
-from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES
 from vsx_ros.runs.start import begin
 from vsx_ros.sim.emulated_world import EmulatedWorld

@@ -13,8 +13,8 @@ from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.ros.monitor import Monitor, MonitorJournal
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent
+from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.process import ended_well
-from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import tell_the_end, write_report
 from vsx_ros.runs.session import results_of_slam
 

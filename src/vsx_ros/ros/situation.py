@@ -53,7 +53,7 @@ class LocalizationSubscriber:
     def _on_state(self, msg: DiagnosticStatus) -> None:
         state = convert.tracking_state(msg)
         with self._lock:
-            self._localization.add_state(state, msg.message)
+            self._localization.add_state(state, msg.message, convert.hidden_ahead(msg))
 
     def at(self, now_ns: int) -> LocalizationState:
         """What is known now."""

@@ -36,7 +36,7 @@ class SlamInput:
 
     def __init__(self, run: SlamRun, status: SlamStatus) -> None:
         self._run, self._session = run, run.session
-        self._sync = SensorSync()
+        self._sync, self._frames = SensorSync(), images.Frames()
         self._odometry: Odometry | None = None
         self._status = status
         self._used_s = time.monotonic()
@@ -48,7 +48,7 @@ class SlamInput:
         image_subscriber(self._on_image)
 
     def _on_image(self, msg: Image) -> None:
-        frame = images.frame(msg)
+        frame = self._frames.of(msg)
         headers.refuse_future(frame.stamp_ns)
         self._sync.add_frame(frame)
 

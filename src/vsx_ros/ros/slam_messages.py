@@ -45,7 +45,7 @@ class SlamStatus:
         self._state_pub = rospy.Publisher(topics.SLAM_STATE, DiagnosticStatus, queue_size=5, latch=True)
         self._diagnostics = Diagnostics()
         self._state, self._reason = TrackingState.NOT_INITIALISED, "waiting for the first image"
-        self._fps = 0.0
+        self._fps, self._ahead = 0.0, ""
         self._announce()
 
     def waiting_for(self, topic: str) -> None:
@@ -58,7 +58,7 @@ class SlamStatus:
 
     def without_images(self, reason: str = "no image comes") -> None:
         """No image came for a while: the camera's pose is not known now, but tracking is not lost yet."""
-        self._change(TrackingState.DUBIOUS if self._state is TrackingState.GOOD else self._state, reason)
+        self._change(TrackingState.DUBIOUS if self._state is TrackingState.GOOD else self._state, reason, "")
 
     def clock_set_back(self, seconds: float) -> None:
         """Images are older than those already seen, so they are unusable."""
@@ -76,7 +76,7 @@ class SlamStatus:
     def frame(self, result: TrackingResult, period_s: float, dropped: int) -> None:
         """Report a tracked frame, ``period_s`` after the previous one; ``dropped`` counts the skipped frames."""
         self._fps += _FPS_MEMORY * (1.0 / max(period_s, 1e-3) - self._fps)
-        self._change(result.state, result.reason)
+        self._change(result.state, result.reason, result.ahead)
         self._diagnostics.set("input", OK, f"{self._fps:.0f} images a second", dropped=dropped)
         self._publish(
             tracked_ratio=result.found / max(result.searched, 1),
@@ -93,15 +93,15 @@ class SlamStatus:
         if snapshot is not None:
             self._publish(keyframes=len(snapshot.T_world_cams), points=len(snapshot.points_world))
 
-    def _change(self, state: TrackingState, reason: str) -> None:
-        if (state, reason) != (self._state, self._reason):
+    def _change(self, state: TrackingState, reason: str, ahead: str) -> None:
+        if (state, reason, ahead) != (self._state, self._reason, self._ahead):
             if state is not self._state:
                 rospy.loginfo("%s: %s", state.word, reason)
-            self._state, self._reason = state, reason
+            self._state, self._reason, self._ahead = state, reason, ahead
             self._announce()
 
     def _announce(self) -> None:
-        msg = convert.state_msg(self._state, self._reason)
+        msg = convert.state_msg(self._state, self._reason, self._ahead)
         self._state_pub.publish(msg)
         self._diagnostics.set("tracking", msg.level, f"{msg.name} {msg.message}".strip())
 

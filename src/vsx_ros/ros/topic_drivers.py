@@ -160,7 +160,7 @@ class TopicCamera:
             )
         self.serial = topic.strip("/").replace("/", "_")
         self.calibration: PinholeCamera | None = None
-        self._topic, self._on_image = topic, on_image
+        self._topic, self._on_image, self._frames = topic, on_image, images.Frames()
         self._counters = {"frames": 0, "frozen_frames": 0}
         self._heard_s = 0.0
         self._frozen, self._watch = False, FrozenImageDetector()
@@ -187,7 +187,7 @@ class TopicCamera:
         self.calibration = images.camera(msg)
 
     def _on_any(self, msg: Any) -> None:
-        stamp_ns, image = image_of(msg._connection_header["type"], msg._buff, self._topic)
+        stamp_ns, image = image_of(msg._connection_header["type"], msg._buff, self._topic, self._frames)
         headers.refuse_future(stamp_ns)
         self._heard_s = time.monotonic()
         self._counters["frames"] += 1
@@ -203,7 +203,7 @@ def info_topic(image_topic: str) -> str:
     return f"{image_topic.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
 
 
-def image_of(kind: str, data: bytes, topic: str) -> tuple[int, GrayImage]:
+def image_of(kind: str, data: bytes, topic: str, frames: images.Frames) -> tuple[int, GrayImage]:
     """Stamp [ns] and (H, W) uint8 of a serialized message. Raises InputError for another type or a damaged message."""
     if kind not in _TYPES:
         raise InputError(f"{topic} carries {kind}; give a topic of {' or '.join(_TYPES)}")
@@ -213,6 +213,6 @@ def image_of(kind: str, data: bytes, topic: str) -> tuple[int, GrayImage]:
     except genpy.DeserializationError as error:
         raise InputError(f"a message of {topic} is damaged ({error}); it is left out") from error
     if isinstance(msg, Image):
-        frame = images.frame(msg)
+        frame = frames.of(msg)
         return frame.stamp_ns, frame.image
     return msg.header.stamp.to_nsec(), decoded(bytes(msg.data), f"an image of {topic}", msg.format)

@@ -17,9 +17,9 @@ from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
+from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.places import begin_places, rooms_known, write_places
 from vsx_ros.runs.process import DONE, LOST, STOPPED, Progress, ended_well, interruptible
-from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.rooms import write_rooms
 from vsx_ros.runs.self_calibration import write_self_calibration
@@ -186,7 +186,8 @@ class FastRun:
             summary = self.judge.judged(summary, system.grid)
         truth = self.robot.truth if self._before is None else None
         return summary.with_values(
-            collisions=self.collisions, driven_m=truth and truth.path_length_m,
+            collisions=self.collisions, collisions_with_people=truth and truth.contacts.into_people,
+            touched_by_people=truth and truth.contacts.by_people, driven_m=truth and truth.path_length_m,
             min_clearance_m=truth and truth.min_clearance_m,
             duration_s=self.truth[-1].stamp_ns * 1e-9 if self.truth else 0.0,
             planned_vs_executed_rms_m=float(np.sqrt(np.mean(errors**2))) if errors.size else None, plans=self.plans,

@@ -1,24 +1,16 @@
-"""Collects the data of a run for its results, and compares its map with the emulated world."""
+"""Collects the data of a run for its results."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from vsx_ros.arrays import Points3
-from vsx_ros.config import Config
 from vsx_ros.evaluation.breaks import find_breaks, find_odometry_jumps
-from vsx_ros.evaluation.map_quality import MapQuality, map_on_truth_picture, map_quality, observable_cells
 from vsx_ros.evaluation.summary import Summary, tracking_summary
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.map_export import write_ply
-from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.folder import FrameRecord, RunFolder
 from vsx_ros.runs.journal import FrameLine, Line, RunEvent
-from vsx_ros.sim.emulated_world import EmulatedWorld
-from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import SlamStatistics, TrackingResult, TrackingState
@@ -53,7 +45,7 @@ class RunRecord:
         self, result: TrackingResult, odometry: Odometry | None, track_s: float, u2_frames: float | None
     ) -> None:
         """Add a tracked frame, the odometry at its time, its tracking time [s], and U2 after it."""
-        self.results.append(result)
+        self.results.append(result._replace(covariance=None))  # nobody asks for it here, and it is a quarter of a frame
         self._T_odom_bases.append(odometry.T_odom_base if odometry is not None else None)
         self._epochs.append(odometry.odom_epoch if odometry is not None else self.odom_epoch)
         self.track_ms.append(1e3 * track_s)
@@ -144,28 +136,3 @@ class RunRecord:
             yield lambda: write_ply(folder.path / "sparse.ply", points_world)
         if surface is not None and len(surface):
             yield lambda: write_ply(folder.path / "dense.ply", surface)
-
-
-class MapJudge:
-    """Compares maps with an emulated world. The map's origin is the base's start pose in the world."""
-
-    def __init__(self, world: EmulatedWorld, config: Config) -> None:
-        ground = config.ground_map
-        self._start = world.start_pose
-        band = ground.obstacle_min_height_m, ground.obstacle_max_height_m
-        self._truth = ground_truth_grid(world, ground.resolution_m, *band)
-        reach = config.robot.radius_m, config.exploration.sensor_range_m
-        self._observable = observable_cells(self._truth, self._start, *reach)
-
-    def quality(self, grid: OccupancyGrid) -> MapQuality:
-        """Coverage, precision and recall, free cells inside obstacles."""
-        return map_quality(grid, self._truth, self._observable, self._start)
-
-    def picture(self, grid: OccupancyGrid) -> NDArray[np.uint8]:
-        """The map as ``map_on_truth_picture`` draws it, with the visible obstacles that it lacks."""
-        faces = self._observable & (self._truth.data == OCCUPIED)
-        return map_on_truth_picture(grid, self._truth, faces, self._start)
-
-    def judged(self, summary: Summary, grid: OccupancyGrid | None) -> Summary:
-        """The summary with the map's quality added."""
-        return summary if grid is None else summary.with_values(**self.quality(grid)._asdict())

@@ -62,11 +62,12 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | 
     parameters = load(args.config, args.set)
     if args.phi is not None:
         parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
-    world = open_world(args.world, args.seed, args.models) if args.world else None
+    world = open_world(args.world, args.seed, args.models, args.hard) if args.world else None
     tell_remarks(world)
-    name = Path(args.world).stem if args.world else args.base.partition(":")[0]
+    name = Path(args.world).stem.replace(":", "_") if args.world else args.base.partition(":")[0]
     folder = RunFolder.create(args.out) if args.out else RunFolder.create_dated(name)
-    folder.write_config(parameters, args.line, **{name: getattr(args, name) for name in REMEMBERED})
+    hard = {} if world is None else world.hard
+    folder.write_config(parameters, args.line, hard=hard, **{name: getattr(args, name) for name in REMEMBERED})
     if world is not None:
         save_world(world, folder.path / "world.yaml")
         sync(folder.path / "world.yaml")
@@ -89,6 +90,7 @@ def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
 def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, EmulatedWorld | None]:
     fixed = ("world", "seed", "base", "planner", "phi", "load_map", "room", "zones", "config", "set", "out", "models")
     contradicting = [name.replace("_", "-") for name in fixed if getattr(args, name) not in (None, [])]
+    contradicting += ["with"] if args.hard else []
     if contradicting:
         raise ConfigError(f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0]}")
     parameters, facts = folder.read_config()

@@ -5,14 +5,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 
 from vsx_ros.errors import ConfigError, did_you_mean
 from vsx_ros.io.map_file import is_map_file, load_map, load_plan
 from vsx_ros.sim import gazebo_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.generate import GENERATORS, generate_world, world_from_grid
+from vsx_ros.sim.hard_things import named_things
+from vsx_ros.sim.lighting import light_named
 from vsx_ros.sim.truth import with_start
-from vsx_ros.sim.world_file import load_world
+from vsx_ros.sim.world_file import load_world, with_hard_things
 
 _SUFFIXES = *gazebo_world.SUFFIXES, ".png", ".pgm", ".yaml", ".yml"
 MODEL_PATHS = "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH"  # of the environment
@@ -25,9 +28,13 @@ def model_folders(given: Sequence[Path]) -> list[Path]:
 
 
 def check_world(name: str) -> None:
-    """Raises ConfigError for the name of no world, before any is opened."""
-    path = Path(name)
-    if name in GENERATORS or (path.suffix in _SUFFIXES and path.is_file()):
+    """Raises ConfigError for the name of no world or light, before any is opened."""
+    path, (generator, colon, light) = Path(name), name.partition(":")
+    if generator in GENERATORS:
+        if colon:
+            light_named(light, 0)
+        return
+    if path.suffix in _SUFFIXES and path.is_file():
         return
     files = [str(file) for file in sorted(path.parent.glob("*.*")) if file.suffix in _SUFFIXES]
     raise ConfigError(
@@ -36,14 +43,23 @@ def check_world(name: str) -> None:
     )
 
 
-def open_world(name: str, seed: int, models: Sequence[Path] = ()) -> EmulatedWorld:
-    """A generator's world by name and seed, or a world.yaml, or a Gazebo file (.world, .sdf; start by seed; models:
-    folders of its models), or a map (wall pictures by seed): a map_server map.yaml, or only a floor plan, .png or .pgm
-    with 5 cm per pixel. Raises ConfigError for an unknown name or a malformed world file, InputError for an unusable
-    Gazebo file, MapFileError for an unusable map."""
+def open_world(
+    name: str, seed: int, models: Sequence[Path] = (), hard: Sequence[str] = (), where: str = "--with"
+) -> EmulatedWorld:
+    """A generator's world by name and seed, in its usual light or another one ('lab:night'), or a world.yaml, or a
+    Gazebo file (.world, .sdf; start by seed; models: folders of its models), or a map (wall pictures by seed): a
+    map_server map.yaml, or only a floor plan, .png or .pgm with 5 cm per pixel. Raises ConfigError for an unknown name
+    or light or a malformed world file, InputError for an unusable Gazebo file, MapFileError for an unusable map. hard:
+    words NAME=AMOUNT of hard things that the world gets; where: what named these."""
     check_world(name)
-    if name in GENERATORS:
-        return generate_world(name, seed)
+    return with_hard_things(_opened(name, seed, models), named_things(hard, where), where)
+
+
+def _opened(name: str, seed: int, models: Sequence[Path]) -> EmulatedWorld:
+    generator, colon, light = name.partition(":")
+    if generator in GENERATORS:
+        made = generate_world(generator, seed)
+        return replace(made, lighting=light_named(light, seed)) if colon else made
     path = Path(name)
     if path.suffix in gazebo_world.SUFFIXES:
         return with_start(np.random.default_rng([seed, 0]), gazebo_world.load_gazebo(path, model_folders(models)))

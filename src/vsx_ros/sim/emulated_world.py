@@ -18,6 +18,9 @@ class EmulatedWorld(Protocol):
     def name(self) -> str: ...  # noqa: D102
 
     @property
+    def hard(self) -> dict[str, float]: ...  # noqa: D102
+
+    @property
     def start(self) -> Start: ...  # noqa: D102
 
     @property

@@ -51,8 +51,14 @@ class MeshRenderer:
         """As ``blur_sub_frames``; at least as many as samples, at most 8 or these."""
         return max(self._samples, min(blur_sub_frames(self.camera, R, t), MOST_PASSES))
 
-    def render(self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False) -> Picture:
-        """As ``Renderer.render``; ident is the triangle."""
+    def enlighten(self, stamp_ns: int) -> None:
+        """Nothing: the light of a Gazebo world is steady."""
+
+    def render(
+        self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False,
+        states: FloatArray | None = None,
+    ) -> Picture:  # fmt: skip
+        """As ``Renderer.render``, without movers; ident is the triangle."""
         passes, shape = len(R), (self.camera.height, self.camera.width)
         radiance = np.zeros(shape, np.float32)
         for s in range(passes):

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -28,7 +28,8 @@ AROUND_M = 0.5  # ground around the obstacles that belongs to the world
 @dataclass(frozen=True, eq=False)
 class MeshWorld:
     """file, folders: what it was read from, and where its models are looked for. floor_z_m: height of the floor in the
-    file; everything here is lower by it. bounds: x_min, y_min, x_max, y_max of what a robot can touch [m]."""
+    file; everything here is lower by it. bounds: x_min, y_min, x_max, y_max of what a robot can touch [m]. hard:
+    amounts of ``HARD_THINGS`` by name."""
 
     name: str
     file: Path
@@ -40,6 +41,7 @@ class MeshWorld:
     lamps: list[Lamp]
     ambient: float
     sky: float
+    hard: dict[str, float] = field(default_factory=dict)
 
     @property
     def start_pose(self) -> SE2:

@@ -1,20 +1,22 @@
 """The front door to both kinds of emulated worlds: what is drawn of a world, and the optics that draw it."""
 
+from collections.abc import Sequence
 from typing import Protocol, TypeAlias
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.kernels.sim.mesh_scene import MeshScene
-from vsx_ros.kernels.sim.raycast_cull import Scene
+from vsx_ros.sim.drawn_world import DrawnWorld, draw
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.mesh_renderer import MeshRenderer
 from vsx_ros.sim.mesh_scene import compile_mesh
 from vsx_ros.sim.mesh_world import MeshWorld
+from vsx_ros.sim.moving import Mover
+from vsx_ros.sim.reflections import ShinyRenderer
 from vsx_ros.sim.renderer import Picture, Renderer
-from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.world import World
 
-AnyScene: TypeAlias = Scene | MeshScene
+AnyScene: TypeAlias = DrawnWorld | MeshScene
 
 
 class Optics(Protocol):
@@ -25,21 +27,26 @@ class Optics(Protocol):
 
     def sub_frames(self, R: FloatArray, t: FloatArray) -> int: ...  # noqa: D102
 
+    def enlighten(self, stamp_ns: int) -> None: ...  # noqa: D102
+
     def render(  # noqa: D102
-        self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False
-    ) -> Picture: ...
+        self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False,
+        states: FloatArray | None = None,
+    ) -> Picture: ...  # fmt: skip
 
 
-def scene_of(world: EmulatedWorld) -> AnyScene:
-    """Everything of a world that an image may show. Raises ConfigError for a world that is too large to be drawn."""
+def scene_of(world: EmulatedWorld, movers: Sequence[Mover] = ()) -> AnyScene:
+    """Everything that an image may show of a world, in which these move. Raises ConfigError for a world that is too
+    large to be drawn."""
     if isinstance(world, MeshWorld):
+        assert not movers
         return compile_mesh(world)
     assert isinstance(world, World)
-    return compile_scene(world)
+    return draw(world, movers)
 
 
 def optics_of(scene: AnyScene, camera: PinholeCamera, threads: int, samples: int) -> Optics:
     """The optics for a scene. samples: rays a pixel, in a scene of triangles."""
     if isinstance(scene, MeshScene):
         return MeshRenderer(scene, camera, threads, samples)
-    return Renderer(scene, camera, threads)
+    return (ShinyRenderer if scene.reflectors else Renderer)(scene, camera, threads)

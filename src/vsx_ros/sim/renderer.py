@@ -14,10 +14,11 @@ from vsx_ros.geometry import lens
 from vsx_ros.geometry.camera import PinholeCamera, kernel_camera, usable
 from vsx_ros.kernels.geometry import project_points, unproject_pixels
 from vsx_ros.kernels.lens import PICTURE_R2, PLANE_R2
-from vsx_ros.kernels.sim.raycast_cull import Scene, plane_forms
 from vsx_ros.kernels.sim.raycast_pixels import View
 from vsx_ros.kernels.sim.raycast_render import render_tile_rows
 from vsx_ros.kernels.sim.raycast_shade import TILE
+from vsx_ros.sim.drawn_world import DrawnWorld, Seen
+from vsx_ros.sim.moving_quads import Moved
 
 BLUR_STEP_PX = 1.2  # between sub-frames, so that blur looks even
 MAX_SUB_FRAMES = 16  # to save time
@@ -92,11 +93,11 @@ def blur_sub_frames(camera: PinholeCamera, R: FloatArray, t: FloatArray) -> int:
 
 
 class Renderer:
-    """Images of a scene through a camera. ``threads`` share the rows; any number gives the same bits."""
+    """Images of a world through a camera. ``threads`` share the rows; any number gives the same bits."""
 
-    def __init__(self, scene: Scene, camera: PinholeCamera, threads: int = 1) -> None:
+    def __init__(self, world: DrawnWorld, camera: PinholeCamera, threads: int = 1) -> None:
         self.camera = camera
-        self._scene = scene
+        self._world = world.at(0)
         self._threads = max(1, threads)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self.tile_rows = math.ceil(camera.height / TILE)
@@ -119,15 +120,29 @@ class Renderer:
         """As ``blur_sub_frames``, at most 16."""
         return min(blur_sub_frames(self.camera, R, t), MAX_SUB_FRAMES)
 
-    def render(self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False) -> Picture:
+    def enlighten(self, stamp_ns: int) -> None:
+        """Draw the next images in the light of this moment, if it changes."""
+        self._world = self._world.at(stamp_ns)
+
+    def render(
+        self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False,
+        states: FloatArray | None = None,
+    ) -> Picture:  # fmt: skip
         """The image from poses T_world_cam at S sub-frames of the exposure and B borders of tile rows: R (S, B, 3, 3),
-        t (S, B, 3) [m]. bayer: each pixel sees one colour of the GRBG mosaic; otherwise all see grey."""
-        forms, pool = plane_forms(self._scene, R, t)
+        t (S, B, 3) [m]. bayer: each pixel sees one colour of the GRBG mosaic; otherwise all see grey. states: of the
+        movers (S, B, K), in a world that has some."""
+        return self._picture(R, t, bayer, want_depth, self._world.moved(states))
+
+    def _picture(self, R: FloatArray, t: FloatArray, bayer: bool, want_depth: bool, moved: Moved | None) -> Picture:
+        return self._drawn(self._world.seen(R, t, moved), bayer, want_depth)
+
+    def _drawn(self, seen: Seen, bayer: bool, want_depth: bool) -> Picture:
+        scene, forms, pool = seen
         shape = (self.camera.height, self.camera.width)
         radiance = np.zeros(shape, np.float32)
         depth = np.zeros(shape if want_depth else (0, 0), np.float32)
         ident = np.full(shape if want_depth else (0, 0), -1, np.int32)
-        view = View(scene=self._scene, forms=forms, rx=self._rx, ry=self._ry, bayer=bayer)
+        view = View(scene=scene, forms=forms, rx=self._rx, ry=self._ry, bayer=bayer)
 
         def rows(first: int, last: int) -> None:
             render_tile_rows(first, last, view, pool, self._bounds, radiance, depth, ident)

@@ -4,15 +4,19 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from vsx_ros.config import RobotConfig
 from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se2 import SE2, integrate, wheel_speeds
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry, VelocityCommand
-from vsx_ros.sim.body import Body, BodySettings
+from vsx_ros.sim.body import Body, BodySettings, Contacts
 from vsx_ros.sim.camera import CameraSettings, EmulatedCamera
 from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.hard_settings import body_in, camera_in
+from vsx_ros.sim.movers import movers_of
+from vsx_ros.sim.moving import Moving
 from vsx_ros.sim.optics import scene_of
 
 ODOMETRY_PERIOD_NS = 20_000_000  # 50 Hz, as a Kobuki
@@ -42,6 +46,7 @@ class Truth(NamedTuple):
     T_world_cam: SE3
     path_length_m: float
     collisions: int
+    contacts: Contacts
     min_clearance_m: float
 
 
@@ -82,9 +87,13 @@ class EmulatedRobot:
     ) -> None:
         """Raises ConfigError when the frame period is shorter than exposure and readout."""
         body_rng, camera_rng = (np.random.default_rng([seed, child]) for child in (1, 2))
+        camera, body = camera_in(world.hard, seed, config.camera), body_in(world.hard, config.body)
+        late = replace(body, latency_ns=body.latency_ns + camera.delay_ns)  # the answer to a late image is late
         segments = world.obstacle_segments(0.0, robot.height_m)
-        self.body = Body(segments, world.start_pose, robot.radius_m, config.body, body_rng)
-        self.camera = EmulatedCamera(scene_of(world), robot.mount, config.camera, camera_rng, config.threads)
+        movers = movers_of(world, seed)
+        moving = Moving(movers) if movers else None
+        self.body = Body(segments, world.start_pose, robot.radius_m, late, body_rng, moving)
+        self.camera = EmulatedCamera(scene_of(world, movers), robot.mount, camera, camera_rng, config.threads)
         period_ns = round(1e9 / config.frame_rate_hz)
         if self.camera.span_ns > period_ns:
             raise ConfigError(
@@ -99,11 +108,13 @@ class EmulatedRobot:
         self.truth = self._read_truth(0)
 
     def step(self, command: VelocityCommand) -> Observation:
-        """Drive by the command until the next frame is read out, and return the observation. The command is sent when
-        the last frame has been read out. Raises InputError when it is not finite."""
+        """Drive by the command until the next frame is read out that is not lost, and return the observation. The
+        command is sent when the last frame has been read out. Raises InputError when it is not finite."""
         body, base = self.body, self._config.body
         body.set_wheel_speeds(*wheel_speeds(command.v, command.omega, base.wheel_base_m))
         self._frames += 1
+        while self.camera.loses_image():
+            self._frames += 1
         stamp_ns = round(self._frames * 1e9 / self._config.frame_rate_hz)
         odometry = self._drive_until(stamp_ns)
         self._drive_until(stamp_ns + self.camera.span_ns)
@@ -120,7 +131,7 @@ class EmulatedRobot:
     def _read_truth(self, stamp_ns: int) -> Truth:
         base = self.body.poses_at(np.array([stamp_ns]))
         R, t = self.camera.poses_cam(base)
-        x, y, theta, path = (float(v) for v in base[0])
+        x, y, theta, path = (float(v) for v in base[0, :4])
         body = self.body
         return Truth(
             stamp_ns=stamp_ns,
@@ -128,5 +139,6 @@ class EmulatedRobot:
             T_world_cam=SE3(R[0], t[0]),
             path_length_m=path,
             collisions=body.collisions,
+            contacts=body.contacts,
             min_clearance_m=body.min_clearance_m,
         )

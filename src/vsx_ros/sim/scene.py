@@ -1,18 +1,20 @@
 """A world prepared for the ray caster: quads, packed textures and light maps as plain arrays."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray, Int32Array, Points2
+from vsx_ros.arrays import FloatArray, Points2
 from vsx_ros.errors import ConfigError
 from vsx_ros.kernels.sim.raycast_cull import Scene
+from vsx_ros.sim.light_map import LIGHT_SPACING_M, Lights, node_counts, nodes_of, pack_light
 from vsx_ros.sim.textures import packed_levels, texture, texture_size
-from vsx_ros.sim.world import World, prisms
+from vsx_ros.sim.world import Prism, World, prisms
 
 SKIRTING_HEIGHT = 0.08  # m
-LIGHT_SPACING = 0.25  # m between the nodes of a light map
+OUTSIDE_LIGHT = 8.0  # irradiance of a view through a window; of a lit wall about 1
 MAX_BYTES = 2**28  # of textures and light maps: a building of 40 x 25 m needs a third of it
 GREY = np.array([0.299, 0.587, 0.114])  # of RGB, ITU-R BT.601
 
@@ -60,6 +62,20 @@ def _lid(footprint: Points2, z: float, material: str, facing_up: bool) -> list[Q
     return quads
 
 
+def solid_quads(solid: Prism, *, top: bool, bottom: bool) -> list[Quad]:
+    """The sides of a solid, and its lids if wanted."""
+    ring, surfaces = solid.footprint, []
+    along = 0.7 * float(ring[0].sum())
+    for a, b in zip(ring, np.roll(ring, -1, axis=0)):
+        surfaces.append(_side(a, b, solid.z_min, solid.z_max, solid.material, along))
+        along += float(np.hypot(*(b - a)))
+    if top:
+        surfaces += _lid(ring, solid.z_max, solid.material, True)
+    if bottom:
+        surfaces += _lid(ring, solid.z_min, solid.material, False)
+    return surfaces
+
+
 def quads(world: World) -> list[Quad]:
     """Every surface of the world, in the order of the file: floor, ceiling, outlines, solids, posters."""
     x0, y0, x1, y1 = world.bounds
@@ -74,15 +90,7 @@ def quads(world: World) -> list[Quad]:
                 inward = 0.01 * np.array([along[1], -along[0]])
                 surfaces.append(_side(a + inward, b + inward, 0.0, SKIRTING_HEIGHT, outline.skirting, 0.0))
     for solid in prisms(world):
-        ring = solid.footprint
-        along = 0.7 * float(ring[0].sum())
-        for a, b in zip(ring, np.roll(ring, -1, axis=0)):
-            surfaces.append(_side(a, b, solid.z_min, solid.z_max, solid.material, along))
-            along += float(np.hypot(*(b - a)))
-        if solid.z_max < world.ceiling_height - 0.01:
-            surfaces += _lid(ring, solid.z_max, solid.material, True)
-        if solid.z_min > 0.01:
-            surfaces += _lid(ring, solid.z_min, solid.material, False)
+        surfaces += solid_quads(solid, top=solid.z_max < world.ceiling_height - 0.01, bottom=solid.z_min > 0.01)
     for poster in world.posters:
         c, s = math.cos(poster.yaw_rad), math.sin(poster.yaw_rad)
         edge_u = np.array([-s, c, 0.0]) * poster.width
@@ -92,55 +100,47 @@ def quads(world: World) -> list[Quad]:
     return surfaces
 
 
-def _nodes(quad: Quad) -> tuple[int, int]:
-    """Numbers of nodes of the quad's light map along its edges."""
-    lengths = (float(np.linalg.norm(edge)) for edge in (quad.edge_u, quad.edge_v))
-    along_u, along_v = (min(max(math.ceil(length / LIGHT_SPACING) + 1, 2), 64) for length in lengths)
-    return along_u, along_v
+def light_scale(light: FloatArray) -> float:
+    """The irradiance that a full byte of a quad's light map stands for."""
+    return max(float(light.max()), 1e-6)
 
 
-def _light_map(quad: Quad, world: World, nu: int, nv: int) -> FloatArray:
-    """(nv, nu) irradiance at the nodes: ambient plus every lamp by cosine and inverse square law."""
-    u, v = np.meshgrid(np.linspace(0, 1, nu), np.linspace(0, 1, nv))
-    points = quad.corner + u[..., None] * quad.edge_u + v[..., None] * quad.edge_v
-    normal = np.cross(quad.edge_v, quad.edge_u)
-    normal = normal / max(float(np.linalg.norm(normal)), 1e-12)
-    total = np.full((nv, nu), world.ambient)
-    for lamp in world.lights:
-        to_lamp = np.array([lamp.x, lamp.y, lamp.z]) - points
-        distance2 = (to_lamp**2).sum(axis=2) + 0.25
-        cosine = np.maximum(to_lamp @ normal / np.sqrt(distance2), 0.0)
-        total += lamp.strength * cosine / distance2
-    # A soft contact shadow: upright surfaces are darker near the floor.
-    if abs(normal[2]) < 0.5:
-        total *= 1.0 - 0.25 * np.exp(-points[..., 2] / 0.3)
-    return total
+def steady_lights(world: World) -> Lights:
+    """All lamps of a world as they burn without ``lighting``."""
+    return Lights(world.lights, world.ambient)
 
 
-def _pack_light(light: FloatArray, scale: float) -> Int32Array:
-    """Nodes as bytes, packed 2x2 like texels but clamped at the border; flat int32."""
-    t = np.clip(np.rint(light * (255.0 / scale)), 0, 255).astype(np.uint32)
-    t = np.pad(t, ((0, 1), (0, 1)), mode="edge")
-    packed = t[:-1, :-1] | t[:-1, 1:] << 8 | t[1:, :-1] << 16 | t[1:, 1:] << 24
-    return np.ascontiguousarray(packed).ravel().view(np.int32)
+def glows(quad: Quad, world: World) -> bool:
+    """Whether a surface is bright whatever the lamps do, as the outside is."""
+    return world.materials[quad.material].kind == "outside"
 
 
-def _check_size(world: World, surfaces: list[Quad], names: list[str]) -> None:
+def _steady_light(quad: Quad, counts: tuple[int, int], world: World, *, moves: bool) -> FloatArray:
+    """(nv, nu) irradiance at the nodes; 1 on a mover."""
+    if moves or glows(quad, world):
+        return np.full(counts[::-1], 1.0 if moves else OUTSIDE_LIGHT)
+    return steady_lights(world).on(nodes_of(quad.corner, quad.edge_u, quad.edge_v, counts))
+
+
+def _check_size(world: World, counts: list[tuple[int, int]], names: list[str]) -> None:
     needed = sum(16 * texture_size(world.materials[name]) ** 2 // 3 for name in names)
-    needed += sum(4 * math.prod(_nodes(quad)) for quad in surfaces)
+    needed += sum(4 * along_u * along_v for along_u, along_v in counts)
     if needed > MAX_BYTES:
         raise ConfigError(
-            f"world {world.generator.name}: its {len(names)} textures and {len(surfaces)} lit surfaces need {needed} "
+            f"world {world.generator.name}: its {len(names)} textures and {len(counts)} lit surfaces need {needed} "
             f"bytes, at most {MAX_BYTES} can be drawn; leave some out"
         )
 
 
-def compile_scene(world: World) -> Scene:
-    """Draw the textures, compute the light maps, lay out the quads. Takes about a second. Raises ConfigError for a
-    world whose textures and lights need more than ``MAX_BYTES``."""
-    surfaces = quads(world)
+def compile_scene(world: World, movers: Sequence[Quad] = (), spacing_m: float = LIGHT_SPACING_M) -> Scene:
+    """Draw the textures, compute the light maps (nodes spacing_m apart), lay out the quads. Takes about a second.
+    movers: quads in frames of their own, of materials of the world, which come last, in even light of 1. Raises
+    ConfigError for a world whose textures and lights need more than ``MAX_BYTES``."""
+    still = quads(world)
+    surfaces = [*still, *movers]
+    counts = [node_counts(quad.edge_u, quad.edge_v, spacing_m) for quad in surfaces]
     names = sorted({quad.material for quad in surfaces})
-    _check_size(world, surfaces, names)
+    _check_size(world, counts, names)
     levels = [packed_levels(texture(world.materials[name])) for name in names]
     sizes = [int(round(math.log2(math.isqrt((3 * len(level) + 1) // 4)))) for level in levels]
     starts = np.concatenate([[0], np.cumsum([len(level) for level in levels])])
@@ -151,25 +151,16 @@ def compile_scene(world: World) -> Scene:
     for i, quad in enumerate(surfaces):
         material, k = world.materials[quad.material], names.index(quad.material)
         lengths = [float(np.linalg.norm(quad.edge_u)), float(np.linalg.norm(quad.edge_v))]
-        nodes = _nodes(quad)
-        light = _light_map(quad, world, nodes[0], nodes[1])
-        scale = max(float(light.max()), 1e-6)
-        maps.append(_pack_light(light, scale))
+        light = _steady_light(quad, counts[i], world, moves=i >= len(still))
+        scale = light_scale(light)
+        maps.append(pack_light(light, scale))
         side = float(2 ** sizes[k])
         texels = [side, side] if quad.fitted else [length / material.texel_m for length in lengths]
         offset = [0.0, 0.0] if quad.fitted else [quad.along / material.texel_m % side, 0.0]
         surface[i] = [*texels, *offset, scale / 255.0 / 255.0]
-        place[i] = [starts[k], sizes[k], at, nodes[0], nodes[1]]
+        place[i] = [starts[k], sizes[k], at, *counts[i]]
         tints[i] = *material.tint, np.asarray(material.tint, float) @ GREY
         at += len(maps[-1])
     P, U, V = (np.array(part) for part in list(zip(*surfaces))[:3])
-    return Scene(
-        P=P,
-        U=U,
-        V=V,
-        surfaces=surface,
-        places=place,
-        tints=tints,
-        tex=np.concatenate(levels),
-        light=np.concatenate(maps),
-    )
+    tex, packed = np.concatenate(levels), np.concatenate(maps)
+    return Scene(P=P, U=U, V=V, surfaces=surface, places=place, tints=tints, tex=tex, light=packed)

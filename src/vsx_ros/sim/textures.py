@@ -175,10 +175,22 @@ def _panels(rng: Rng, size: int) -> Pattern:
     return picture
 
 
+def _outside(rng: Rng, size: int) -> Pattern:
+    """Sky over something dark, far out of focus, behind a window's bars."""
+    rows = np.arange(size, dtype=np.float32)[:, None] / size
+    picture = np.where(rows + 0.04 * _noise(rng, size, 8) < 0.6, 0.3, -0.25).astype(np.float32)
+    picture += 0.05 * _noise(rng, size, 16)
+    bar = size // 32
+    for at in (0, size // 2, size - bar):
+        picture[at : at + bar] = picture[:, at : at + bar] = -0.5
+    return picture
+
+
 _PATTERNS: dict[str, tuple[Callable[[Rng, int], Pattern], int]] = {
     "plain": (_plain, 64), "paint": (_paint, 256), "wood": (_wood, 512), "brick": (_brick, 512),
     "carpet": (_carpet, 2048), "tiles": (_tiles, 2048), "wallpaper": (_wallpaper, 512), "poster": (_poster, 512),
     "print": (_print, 512), "panels": (_panels, 256),
+    "mirror": (_plain, 64), "glass": (_plain, 64), "outside": (_outside, 256),
 }  # fmt: skip
 
 

@@ -10,13 +10,15 @@ from msgspec.structs import replace
 
 from vsx_ros.arrays import FloatArray, Points2
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.sim.lighting import Lighting
 
 Positive = Annotated[float, Meta(gt=0, le=1000)]
 Metres = Annotated[float, Meta(ge=-10000, le=10000)]
 Ratio = Annotated[float, Meta(ge=0, le=1)]
 Point = tuple[Metres, Metres]
 Tint = tuple[Ratio, Ratio, Ratio]
-TextureKind = Literal["plain", "paint", "wood", "brick", "carpet", "tiles", "wallpaper", "poster", "print", "panels"]
+TextureKind = Literal["plain", "paint", "wood", "brick", "carpet", "tiles", "wallpaper", "poster", "print", "panels",
+                      "mirror", "glass", "outside"]  # fmt: skip
 
 
 class _Part(Struct, frozen=True, forbid_unknown_fields=True):
@@ -129,7 +131,7 @@ class Start(_Placed, frozen=True, kw_only=True):
 
 
 class World(_Part, frozen=True, kw_only=True):
-    """A whole emulated building. ``world_file`` reads and writes it."""
+    """A whole building, as in its ``world_file``. lighting: None for steady lamps; hard: ``HARD_THINGS`` by name."""
 
     version: Literal[1] = 1
     generator: Origin
@@ -146,6 +148,8 @@ class World(_Part, frozen=True, kw_only=True):
     cylinders: list[Cylinder] = []
     posters: list[Poster] = []
     lights: list[Light] = []
+    lighting: Lighting | None = None
+    hard: dict[str, float] = {}
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -183,8 +187,7 @@ class World(_Part, frozen=True, kw_only=True):
                 yield prism.footprint, True
 
     def obstacle_segments(self, z_min: float, z_max: float) -> FloatArray:
-        """(N, 4) borders of all solids between the heights: x0, y0, x1, y1 [m], solid to their left; for the emulated
-        body."""
+        """(N, 4) borders of all solids between the heights: x0, y0, x1, y1 [m], solid to their left."""
         loops = [np.asarray(outline.points, float)[::-1] for outline in self.outlines if outline.height > z_min]
         loops += [p.footprint for p in prisms(self) if p.z_min < z_max and p.z_max > z_min]
         return np.concatenate([np.hstack([loop, np.roll(loop, -1, axis=0)]) for loop in loops])
@@ -218,8 +221,7 @@ def _wall_prisms(wall: Wall) -> list[Prism]:
         length = math.hypot(bx - ax, by - ay)
         prisms.append(Prism(rectangle(*middle, length, wall.thickness), 0.0, wall.height, wall.material))
         if wall.skirting is not None:
-            footprint = rectangle(*middle, length + 0.02, wall.thickness + 0.02)
-            prisms.append(Prism(footprint, 0.0, 0.08, wall.skirting))
+            prisms.append(Prism(rectangle(*middle, length + 0.02, wall.thickness + 0.02), 0.0, 0.08, wall.skirting))
     return prisms
 
 
@@ -228,11 +230,9 @@ def _table_prisms(table: Table) -> list[Prism]:
     slab = rectangle(table.x, table.y, table.yaw_rad, table.length, table.width)
     prisms = [Prism(slab, top, table.height, table.material)]
     place = SE2(table.x, table.y, table.yaw_rad)
-    for sx in (-0.5, 0.5):
-        for sy in (-0.5, 0.5):
-            x, y = sx * (table.length - table.leg - 0.04), sy * (table.width - table.leg - 0.04)
-            leg = place @ rectangle(x, y, 0.0, table.leg, table.leg)
-            prisms.append(Prism(leg, 0.0, top, table.material))
+    for sx, sy in ((-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)):
+        x, y = sx * (table.length - table.leg - 0.04), sy * (table.width - table.leg - 0.04)
+        prisms.append(Prism(place @ rectangle(x, y, 0.0, table.leg, table.leg), 0.0, top, table.material))
     return prisms
 
 

@@ -1,6 +1,8 @@
 """world.yaml: reading, checking and writing. It describes a building, or names a Gazebo file and a start in it."""
 
+import dataclasses
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
@@ -12,6 +14,8 @@ from vsx_ros.errors import ConfigError, reason_of
 from vsx_ros.limits import file_text, yaml_tree
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.gazebo_world import load_gazebo
+from vsx_ros.sim.hard_surfaces import changed
+from vsx_ros.sim.hard_things import HARD_THINGS, checked_things
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.truth import MAX_AREA_M2
 from vsx_ros.sim.world import Box, Outline, Poster, Start, Table, Wall, World
@@ -21,19 +25,23 @@ MAX_PARTS, MAX_LIGHTS = 20_000, 2000  # a building of 40 x 25 m has some hundred
 
 class GazeboReference(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """gazebo: path of the SDF file; models: folders where its models are looked for; start: without one, the middle of
-    its largest room. Relative paths begin at the folder of the world.yaml."""
+    its largest room; hard: amounts of hard things by name. Relative paths begin at the folder of the world.yaml."""
 
     version: Literal[1] = 1
     gazebo: str
     models: list[str] = []
     start: Start | None = None
+    hard: dict[str, float] = {}
 
 
 def _tree(world: EmulatedWorld) -> Any:
     if isinstance(world, MeshWorld):
         models = [str(folder) for folder in world.folders]
-        return msgspec.to_builtins(GazeboReference(gazebo=str(world.file), models=models, start=world.start))
-    return msgspec.to_builtins(world)
+        reference = GazeboReference(gazebo=str(world.file), models=models, start=world.start, hard=world.hard)
+        tree = msgspec.to_builtins(reference)
+    else:
+        tree = msgspec.to_builtins(world)
+    return {name: part for name, part in tree.items() if part or name not in ("hard", "lighting")}
 
 
 def save_world(world: EmulatedWorld, path: Path) -> None:
@@ -58,13 +66,29 @@ def load_world(path: Path) -> EmulatedWorld:
         if isinstance(tree, dict) and "gazebo" in tree:
             known = msgspec.convert(tree, GazeboReference)
             folders = [path.parent / folder for folder in known.models]
-            return load_gazebo(path.parent / known.gazebo, folders, known.start)
-        world = msgspec.convert(tree, World)
+            gazebo = load_gazebo(path.parent / known.gazebo, folders, known.start)
+            return with_hard_things(gazebo, known.hard, f"world file {path}")
+        building = msgspec.convert(tree, World)
     except msgspec.ValidationError as error:
         raise ConfigError(
             f"world file {path}: {error}; 'vsx world lab --seed 0 --out FILE' writes a valid one"
         ) from error
-    return checked(world, str(path))
+    return with_hard_things(checked(building, str(path)), building.hard, f"world file {path}")
+
+
+def with_hard_things(world: EmulatedWorld, things: Mapping[str, float], where: str) -> EmulatedWorld:
+    """The world with these hard things, too; where: what names them. Raises ConfigError as ``checked_things``, and for
+    one that goes with generated buildings alone."""
+    if not things:
+        return world
+    hard = checked_things({**world.hard, **things}, where)
+    if isinstance(world, MeshWorld):
+        wrong = next((name for name in hard if HARD_THINGS[name].generated), None)
+        if wrong is not None:
+            raise ConfigError(f"{where}: {wrong} goes with generated buildings, not with a Gazebo file; leave it out")
+        return dataclasses.replace(world, hard=hard)
+    assert isinstance(world, World)
+    return changed(msgspec.structs.replace(world, hard=hard))
 
 
 def checked(world: World, name: str) -> World:

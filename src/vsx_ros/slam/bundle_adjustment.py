@@ -37,7 +37,7 @@ def adjoint(T: SE3) -> FloatArray:
 def odometry_factor(motion: SE2, T_base_cam: SE3, noise: OdometryNoiseConfig) -> OdometryFactor:
     """Factor for the base motion that odometry measured between two images."""
     T_a_b = T_base_cam.inverse() @ SE3.from_se2(motion) @ T_base_cam
-    distance, turn = float(np.hypot(motion.x, motion.y)), abs(motion.theta)
+    distance, turn = float(np.hypot(motion.x, motion.y)), abs(motion.wrapped().theta)
     along = noise.distance_sigma_m + noise.distance_sigma_ratio * distance
     across = noise.distance_sigma_m + noise.sideways_sigma_ratio * distance
     yaw = noise.turn_sigma_rad + noise.turn_sigma_ratio * turn

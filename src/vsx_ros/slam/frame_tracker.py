@@ -5,6 +5,7 @@ import numpy as np
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.slam.covered import CoverWatch
 from vsx_ros.slam.keyframe import FrameData, MapView
 from vsx_ros.slam.local_map import LocalMap
 from vsx_ros.slam.odometry import MotionModel, Prediction
@@ -35,6 +36,7 @@ class FrameTracker:
         self.last: tuple[MapView, Track] | None = None
         self._local: LocalMap | None = None
         self._uncertainty = PoseUncertainty(self._config.uncertainty)
+        self._cover = CoverWatch()
 
     def around(self, view: MapView, reference: int) -> LocalMap:
         """The local map; rebuilt when the map or the reference keyframe changed."""
@@ -57,7 +59,7 @@ class FrameTracker:
         track, before = self._checked_track(data, local, prediction, tracked_before), self._motion.last_pose
         if track.state is TrackingState.LOST and prediction.by_odometry and before is not None:
             self._uncertainty.moved(before.inverse() @ prediction.T_world_cam, prediction.information)
-        return track
+        return track._replace(ahead=self._cover.believed(track.ahead))
 
     def _checked_track(self, data: FrameData, local: LocalMap, prediction: Prediction, tracked_before: bool) -> Track:
         coarse = self.coarse_next

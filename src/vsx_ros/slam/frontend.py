@@ -19,7 +19,8 @@ from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest
 from vsx_ros.slam.odometry import MotionModel, OdometryConsistency
 from vsx_ros.slam.preprocessing import Preprocessor
-from vsx_ros.slam.recovery import Recovery, Relocalization
+from vsx_ros.slam.recovery import Recovery
+from vsx_ros.slam.relocalizer import Relocalization
 from vsx_ros.slam.start_watch import GiveUp
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
 from vsx_ros.slam.track import Track, nothing_tracked
@@ -176,7 +177,7 @@ class FrontEnd:
         result = TrackingResult(
             data.stamp_ns, track.state, searched=len(track.searched_rows), found=len(track.rows), keyframe_added=added,
             reason=track.reason, map_id=self._map_id, corrected=self._corrected,
-            covariance=self.tracking.covariance(track, local),
+            covariance=self.tracking.covariance(track, local), ahead=track.ahead,
         )  # fmt: skip
         self._corrected = False
         return result.placed(track.T_world_cam), request

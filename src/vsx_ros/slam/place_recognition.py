@@ -1,5 +1,6 @@
-"""Finds keyframes that show the same place as an image, and the image's pose. Steps: similarity of small images, binary
-descriptors of the keyframe's points, pose from the matches, patch search of all points in view."""
+"""Finds keyframes that show the same place as an image, and the image's pose, also in another light. Steps: similarity
+of small images without their local mean, binary descriptors of the keyframe's points and its neighbours', pose
+from the matches, patch search of all points in view."""
 
 from typing import NamedTuple
 
@@ -20,10 +21,13 @@ from vsx_ros.vision.corners import Features, describe, match
 from vsx_ros.vision.pyramid import SmallImage
 
 REMEMBERED = 400  # keyframes whose descriptors are kept; the least recently used are dropped
-MIN_MATCHES, PNP_ERROR_PX, PNP_TRIALS = 12, 6.0, 200  # three fix a pose, more rule out chance; px at level 0
+MIN_MATCHES, PNP_ERROR_PX = 12, 6.0  # three matches fix a pose, more rule out chance; px at level 0
+PNP_TRIALS = 400  # 7 ms at most; enough for a pose that a quarter of the matches supports
 SEARCH_RADIUS_PX = 12.0  # about twice the error of the pose by descriptors
 SHIFT_X, SHIFT_Y = 6, 1  # px of the 20 x 15 image: a turn of 17 deg to each side, a tilt of 3 deg
 CELLS = 4  # per row and per column
+NEIGHBOURS = 2  # keyframes whose points are matched, too
+LOCAL_PX = 3.0  # px of the small image: reach of the local mean
 
 
 class Recognition(NamedTuple):
@@ -37,8 +41,11 @@ class Recognition(NamedTuple):
 
     def is_sure(self, config: RecognitionConfig) -> bool:
         """Whether this is the place, if other evidence supports it. A poster or chair that exists twice matches its own
-        points but not those around it, and fills only a part of the image."""
+        points but not those around it, and fills only a part of the image. In another light fewer points are found, but
+        many, and all over the image."""
         found, ratio = len(self.track.rows), self.track.ratio
+        if found >= config.spread_found and self.cells >= config.spread_cells:
+            return True
         return found >= config.sure_found and ratio >= config.sure_ratio and self.cells >= config.sure_cells
 
     def is_certain(self, config: RecognitionConfig) -> bool:
@@ -61,7 +68,7 @@ class PlaceRecognizer:
         if not len(among):
             return among
         places = np.stack([self._shrunk(view.keyframes[int(k)]) for k in among])
-        return among[np.argsort(-likeness(halved(small), places), kind="stable")]
+        return among[np.argsort(-likeness(structure(small), places), kind="stable")]
 
     def recognise(self, data: FrameData, features: Features, view: MapView, index: int) -> Recognition | None:
         """The image located by keyframe ``index``; None when too few of its points match one consistent pose."""
@@ -80,11 +87,9 @@ class PlaceRecognizer:
         return Recognition(index, track, matches, occupied_cells(track.uv, self._camera))
 
     def _guess(self, features: Features, view: MapView, index: int) -> tuple[SE3, int] | None:
-        """T_world_cam from descriptor matches with a keyframe's points (perspective three-point and consensus)."""
-        seen, known = self.described(view.keyframes[index])
-        there, here = match(known, features)
-        alive = view.alive[seen[there]]
-        rows, here = seen[there[alive]], here[alive]
+        """T_world_cam from descriptor matches with the points of a keyframe and its neighbours (perspective three-point
+        and consensus)."""
+        rows, here = self._matches(features, view, index)
         if len(rows) < MIN_MATCHES:
             return None
         centre = view.centres[index]
@@ -104,6 +109,19 @@ class PlaceRecognizer:
         T_cam_local = SE3(np.asarray(cv2.Rodrigues(rotation)[0]), np.asarray(translation, float).ravel())
         return SE3(np.eye(3), centre) @ T_cam_local.inverse(), len(inliers)
 
+    def _matches(self, features: Features, view: MapView, index: int) -> tuple[IntArray, IntArray]:
+        """Rows of points and indices of features that match, each pair once."""
+        local = LocalMap(view.part(view.keyframes[index].map_id), index)
+        covisible = [int(k) for k in local.near[np.argsort(-local.shared, kind="stable")] if k != index]
+        pairs = []
+        for k in [index, *covisible[:NEIGHBOURS]]:
+            seen, known = self.described(view.keyframes[k])
+            there, here = match(known, features)
+            pairs.append(np.column_stack([seen[there], here]))
+        rows, here = np.unique(np.concatenate(pairs), axis=0).T
+        alive = view.alive[rows]
+        return rows[alive], here[alive]
+
     def described(self, keyframe: KeyFrame) -> tuple[IntArray, Features]:
         """(rows of the points, features) of what a keyframe observes."""
         observed = keyframe.observations
@@ -118,7 +136,7 @@ class PlaceRecognizer:
 
     def _shrunk(self, keyframe: KeyFrame) -> SmallImage:
         if keyframe.id not in self._tiny:
-            self._tiny[keyframe.id] = halved(keyframe.data.small)
+            self._tiny[keyframe.id] = structure(keyframe.data.small)
         return self._tiny[keyframe.id]
 
 
@@ -129,10 +147,11 @@ def occupied_cells(uv: NDArray[np.float64], camera: PinholeCamera) -> int:
     return int(np.count_nonzero(np.bincount(row * CELLS + column, minlength=CELLS * CELLS) >= 2))
 
 
-def halved(small: SmallImage) -> SmallImage:
-    """A small image at half its size (20 x 15 for VGA)."""
+def structure(small: SmallImage) -> SmallImage:
+    """A small image at half its size (20 x 15 for VGA), without its local mean, which lamps and sunlight change."""
+    detail = small - cv2.GaussianBlur(small, (0, 0), LOCAL_PX)
     height, width = small.shape
-    return np.asarray(cv2.resize(small, (width // 2, height // 2), interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.resize(detail, (width // 2, height // 2), interpolation=cv2.INTER_AREA))
 
 
 def likeness(query: SmallImage, places: NDArray[np.float32]) -> FloatArray:

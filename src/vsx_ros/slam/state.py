@@ -38,7 +38,8 @@ class TrackingResult(NamedTuple):
     frame is the world. In another map the state is LOST, because the pose in the world is unknown, and T_map_cam is the
     pose in that map's own frame. corrected: the map moved since the frame before (a loop was closed, maps were joined):
     a jump is the map's, not the camera's. covariance (6, 6): of the pose, see slam/uncertainty.py; None without a pose.
-    anchor: the pose relative to a keyframe, which moves with the map."""
+    anchor: the pose relative to a keyframe, which moves with the map. ahead: how much of the map in the middle of the
+    image is hidden by something that is not in it, in words; empty if little is."""
 
     stamp_ns: int
     state: TrackingState
@@ -52,6 +53,7 @@ class TrackingResult(NamedTuple):
     corrected: bool = False
     covariance: FloatArray | None = None
     anchor: Anchor | None = None
+    ahead: str = ""
 
     def placed(self, T_map_cam: SE3) -> TrackingResult:
         """The same result with a pose in its map; outside the first map it has no pose in the world."""

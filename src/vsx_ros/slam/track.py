@@ -16,7 +16,7 @@ class Track(NamedTuple):
     searched points. information (6, 6): inverse covariance of the pose in the camera's tangent. hidden_rows: searched
     points that were not found and lie behind found ones. blurred: the image is blurred; points not found may be
     visible. settled (F,): which found points are near enough to their predictions to become observations. sigma_px:
-    robust standard deviation of their residuals, px of their level."""
+    robust standard deviation of their residuals, px of their level. ahead: what hides the map there, in words."""
 
     T_world_cam: SE3
     state: TrackingState
@@ -30,6 +30,7 @@ class Track(NamedTuple):
     blurred: bool = False
     settled: BoolArray = np.zeros(0, np.bool_)
     sigma_px: float = 0.0
+    ahead: str = ""
 
     @property
     def ratio(self) -> float:

@@ -11,6 +11,8 @@ from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
 from vsx_ros.kernels.planning.reeds_shepp import SEGMENTS, advance, room_for, shortest_word
 
+_SEGMENT_COST_M = 0.01  # many short arcs around a corner are hardly shorter than few, but harder to smooth
+_NEAR_M = 0.5  # shortest part that is replaced on purpose
 MAX_SEGMENTS = 512  # of a way; one with more is not shortened
 
 
@@ -27,11 +29,11 @@ def random_unit(state: NDArray[np.uint64]) -> float:
 
 @kernel
 def way_cost(lengths: FloatArray, cusp_cost: float) -> float:
-    """Length [m] plus a price [m] for every change of direction."""
+    """Length [m] plus a price [m] for every change of direction, and a small one for every segment."""
     total, sign = 0.0, 0.0
     for k in range(lengths.shape[0]):
         if lengths[k] != 0.0:
-            total += abs(lengths[k])
+            total += abs(lengths[k]) + _SEGMENT_COST_M
             if sign * lengths[k] < 0.0:
                 total += cusp_cost
             sign = lengths[k]
@@ -75,10 +77,12 @@ def shorten(
             first, second = 0.0, total
         if second < first:
             first, second = second, first
-        if attempt % 4 == 1:
+        if attempt % 8 == 1:
             second = total
-        elif attempt % 4 == 2:
+        elif attempt % 8 == 2:
             first = 0.0
+        elif attempt % 2 == 1:  # near places, at all scales: of a long way most others are not in sight of each other
+            second = min(total, first + _NEAR_M * (total / _NEAR_M) ** random_unit(state))
         if second - first < 0.05:
             continue
         # The segments at both places.

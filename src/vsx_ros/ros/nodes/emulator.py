@@ -8,7 +8,8 @@ Parameters: ~world (lab): a generator, a Gazebo file, a world.yaml or a map. ~se
     ~port (ttyVSX in the folder for temporary files): the serial port it makes. ~camera_socket (vsx_kinect, there):
     the socket it makes; the camera's calibration is written beside it, with .yaml appended. ~rate_hz (15.0): maximum
     images per second. ~dock (X,Y,DEG: a dock stands there in the world and looks to DEG; none). ~battery_pace (1.0):
-    how many times faster than a real one the battery drains and charges. ~config (tree of
+    how many times faster than a real one the battery drains and charges. ~hard (names of docs/how-to/hard-things.md,
+    NAME=AMOUNT with commas between: what makes the world hard; none). ~config (tree of
     'vsx config'). The board runs at 200 Hz; a child process renders."""
 
 import tempfile
@@ -49,7 +50,8 @@ class EmulatorNode:
         battery_pace = float(rospy.get_param("~battery_pace", 1.0))
         if not 0.0 <= battery_pace <= 1000.0:
             raise ConfigError(f"~battery_pace is {battery_pace:g}; give 0 to 1000 times a real battery's")
-        world = open_world(world_name, seed)
+        hard = str(rospy.get_param("~hard", ""))
+        world = open_world(world_name, seed, hard=[hard], where="~hard")
         self._rate_pub = rospy.Publisher(topics.RENDER_RATE, Float32, queue_size=1)
         self._frames, self._skipped, self._render_ms, self._diagnostics = 0, 0, 0.0, Diagnostics("emulator")
         start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
@@ -57,8 +59,9 @@ class EmulatorNode:
         socket = str(rospy.get_param("~camera_socket", f"{tempfile.gettempdir()}/vsx_kinect"))
         port = str(rospy.get_param("~port", f"{tempfile.gettempdir()}/ttyVSX"))
         settings = RenderSettings(
-            world=world_name, seed=seed, socket=socket, rate_hz=rate_hz, start_ns=start_ns, robot=config.robot
-        )
+            world=world_name, seed=seed, hard=hard, socket=socket, rate_hz=rate_hz, start_ns=start_ns,
+            robot=config.robot,
+        )  # fmt: skip
         self._child = RenderChild(settings)
         threads.worker("frames", lambda: self._child.listen(self._on_frame))
         wheel_base_m, dock = wired(robot_type).wheel_base_m, dock_pose(str(rospy.get_param("~dock", "")))

@@ -19,8 +19,8 @@ from vsx_ros.ros import calls, headers, node, threads
 from vsx_ros.ros.monitor import Monitor, MonitorJournal
 from vsx_ros.ros.run_results import About, Ending, write_results
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.process import STOPPED
-from vsx_ros.runs.record import MapJudge
 from vsx_ros.runs.report import EXIT_CODES
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
@@ -60,7 +60,8 @@ class RunFolderNode:
         load_map, zones = (str(Path(file).resolve()) if file else "" for file in (load_map, zones))
         planner, seed = str(rospy.get_param("move_base/planner", "fov")), int(rospy.get_param("emulator/seed", 0))
         self._about = About(name, seed, planner, load_map or None)
-        world = open_world(str(name), seed) if name is not None else None
+        hard = str(rospy.get_param("emulator/hard", ""))
+        world = open_world(str(name), seed, hard=[hard]) if name is not None else None
         if not (folder.path / "config.yaml").exists():
             folder.path.mkdir(parents=True, exist_ok=True)
             base, port = rospy.get_param("mobile_base/robot_type", None), rospy.get_param("mobile_base/port", None)
@@ -69,7 +70,7 @@ class RunFolderNode:
                 camera=rospy.get_param("camera/device", "ros"), rate=rospy.get_param("emulator/rate_hz", None),
                 load_map=load_map or None, zones=zones or None, room=rospy.get_param("vslam/room", "") or None,
                 dock=rospy.get_param("emulator/dock", "") or None, time=None, until=None,
-                battery_pace=rospy.get_param("emulator/battery_pace", None),
+                battery_pace=rospy.get_param("emulator/battery_pace", None), hard={} if world is None else world.hard,
             )  # fmt: skip
             if world is not None:
                 save_world(world, folder.path / "world.yaml")

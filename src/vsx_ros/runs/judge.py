@@ -1,0 +1,36 @@
+"""The map of a run against the emulated world, which the stack never sees."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsx_ros.config import Config
+from vsx_ros.evaluation.map_quality import MapQuality, map_on_truth_picture, map_quality, observable_cells
+from vsx_ros.evaluation.summary import Summary
+from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
+from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.truth import ground_truth_grid
+
+
+class MapJudge:
+    """Compares maps with an emulated world. The map's origin is the base's start pose in the world."""
+
+    def __init__(self, world: EmulatedWorld, config: Config) -> None:
+        ground = config.ground_map
+        self._start = world.start_pose
+        band = ground.obstacle_min_height_m, ground.obstacle_max_height_m
+        self._truth = ground_truth_grid(world, ground.resolution_m, *band)
+        reach = config.robot.radius_m, config.exploration.sensor_range_m
+        self._observable = observable_cells(self._truth, self._start, *reach)
+
+    def quality(self, grid: OccupancyGrid) -> MapQuality:
+        """Coverage, precision and recall, free cells inside obstacles."""
+        return map_quality(grid, self._truth, self._observable, self._start)
+
+    def picture(self, grid: OccupancyGrid) -> NDArray[np.uint8]:
+        """The map as ``map_on_truth_picture`` draws it, with the visible obstacles that it lacks."""
+        faces = self._observable & (self._truth.data == OCCUPIED)
+        return map_on_truth_picture(grid, self._truth, faces, self._start)
+
+    def judged(self, summary: Summary, grid: OccupancyGrid | None) -> Summary:
+        """The summary with the map's quality added."""
+        return summary if grid is None else summary.with_values(**self.quality(grid)._asdict())

@@ -1,0 +1,27 @@
+"""The movers that a world's hard things ask for."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from vsx_ros.sim.chairs import chairs
+from vsx_ros.sim.doors import doors
+from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.moving import Mover
+from vsx_ros.sim.people import people
+from vsx_ros.sim.world import World
+
+MAKERS: dict[str, Callable[[World, int, np.random.Generator], Sequence[Mover]]] = {
+    "doors": doors, "chairs": chairs, "people": people,
+}  # fmt: skip
+
+
+def movers_of(world: EmulatedWorld, seed: int) -> list[Mover]:
+    """All of them, by the run's seed; none in a world that names none."""
+    if not isinstance(world, World):
+        return []
+    movers: list[Mover] = []
+    for child, (name, make) in enumerate(MAKERS.items()):
+        if name in world.hard:
+            movers += make(world, round(world.hard[name]), np.random.default_rng([seed, 403, child]))
+    return movers
