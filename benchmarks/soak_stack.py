@@ -6,7 +6,8 @@ Every 20 s there is one fault: the camera is unplugged, silent or loses images; 
 loses bytes; a node is killed and started again; the master is killed and started again; the disk of the run folder is
 full (a tmpfs, root only). At the end it writes a row: memory growth of each process from two minutes after its start,
 and the new keyframes since; the errors of the SLAM's pose and of the odometry against the emulated truth; tracebacks
-in the nodes' output; nodes that died by themselves. benchmarks/tables.py makes the table.
+in the nodes' output; nodes that ended by themselves, with their last words; they are started again. The table is made
+by benchmarks/tables.py.
 """
 
 import argparse
@@ -26,7 +27,7 @@ from tables import RESULTS, rooms_of
 from vsx_ros.experiments.rows import Store
 
 PERIOD_S, WARM_S = 20.0, 120.0
-DISK_MB = 256
+DISK_MB = 2048  # an hour's map and its record fit; the fault fills the rest
 KINDS = {
     "camera": ("unplugged", "off", "slow"),
     "base": ("unplug", "silence", "bytes"),
@@ -177,21 +178,26 @@ def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dic
     wait_for_motion(stack, 90.0)
     end_s = time.monotonic() + 60.0 * minutes
     happened: Counter[str] = Counter()
+    died: list[str] = []
     while time.monotonic() < end_s:
         due_s = time.monotonic() + PERIOD_S
         while time.monotonic() < due_s:
             memory.look(truth.keyframes)
             time.sleep(1.0)
+        for name in sorted(set(stack.dead()) & set(stack.nodes)):
+            died.append(f"{name}: {stack.last_words(name)}")
+            stack.start(name)
         if stack.mission_is_over():
             stack.another_mission()
         if kinds:
             happened[faults.one_of(kinds)] += 1
             print(f"{(end_s - time.monotonic()) / 60:.0f} minutes left, {dict(happened)}", *memory.lives, flush=True)
+            print(*died, sep="\n", flush=True)
     memory.look(truth.keyframes)
     return {
         "faults": dict(happened),
         "tracebacks": tracebacks(stack),
-        "died_by_themselves": stack.dead(),
+        "died_by_themselves": [*died, *(f"{name}: {stack.last_words(name)}" for name in stack.dead())],
         "collisions": stack.plant.body.collisions,
         "path_m": round(stack.plant.state.path_length_m, 1),
         "keyframes": truth.keyframes,

@@ -75,6 +75,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
     ),
     "charging": (*_IN_LOCK_STEP, "hw/vsx_hw", "benchmarks/charging"),
     "zones": (*_IN_LOCK_STEP, "benchmarks/zones"),
+    "put_down": (*_IN_LOCK_STEP, "benchmarks/put_down"),
     "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
 }
 """The code that the rows of a file judge: folders, and files without their .py."""

@@ -25,7 +25,7 @@ def into(module: str) -> None:
     if wanted and GUARD not in os.environ:
         os.execve(wanted, [wanted, *sys.argv], {**os.environ, GUARD: "1"})
     elif not wanted and importlib.util.find_spec("numba") is None:
-        sys.exit(f"vsx_ros is not set up: there is no {_default_python()}; run scripts/demo or scripts/test once")
+        sys.exit(f"vsx_ros is not set up: there is no {_default_python()}; run scripts/demo once")
     os.environ.pop(GUARD, None)
     checkout = Path(__file__).resolve().parent.parent
     sources = [str(checkout / "src"), str(checkout / "hw")]

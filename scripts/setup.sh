@@ -95,7 +95,7 @@ vsx_optional_packages() {
         vsx_say "tests that need them will skip: ${missing[*]} (sudo apt-get install --no-install-recommends ${missing[*]})"
         return 0
     fi
-    vsx_say "installing what some tests show things with (up to 1.2 GB on disk): ${missing[*]}"
+    vsx_say "installing what some tests use (up to 1.2 GB on disk): ${missing[*]}"
     sudo=()
     vsx_apt "${missing[@]}" ||
         vsx_say "apt-get could not install them; the tests that need them will skip"

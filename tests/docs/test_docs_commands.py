@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from vsx_ros.cli.main import parser
+from vsx_ros.config import Config
 from vsx_ros.runs.parameters import load
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -41,16 +42,25 @@ def test_commands_are_found_in_the_documents() -> None:
     assert {"explore", "replay", "record", "map", "doctor", "calibrate", "teleop", "stop"} <= set(said)
 
 
+def anchors(text: str) -> set[str]:
+    """Where a link can lead to within a page: its headings, as GitHub names them."""
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
-def test_links_lead_to_files(page: Path) -> None:
-    for target in re.findall(r"\]\(([^)#]+)", page.read_text(encoding="utf-8")):
+def test_links_lead_to_files_and_headings(page: Path) -> None:
+    for target, _, anchor in re.findall(r"\]\(([^)#]*)(#([^)]+))?\)", page.read_text(encoding="utf-8")):
         if not target.startswith("http"):
-            assert (page.parent / target).exists(), f"{page.name}: {target}"
+            file = page.parent / target if target else page
+            assert file.exists(), f"{page.name}: {target}"
+            assert not anchor or anchor in anchors(file.read_text(encoding="utf-8")), f"{page.name}: {target}#{anchor}"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_parameters_exist(page: Path) -> None:
-    names = re.findall(r"`((?:robot|limits|slam|dense|exploration)\.\w+(?:\.\w+)*)`", page.read_text())
+    branches = "|".join(Config.__struct_fields__)
+    names = re.findall(rf"`((?:{branches})\.\w+(?:\.\w+)*)[`=]", page.read_text(encoding="utf-8"))
     for name in names:
         tree: object = load(None, [])
         for part in name.split("."):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
+from vsx_ros.exploration import view_selector
 from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, SavedMission, Situation
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.recovery import Trail, escape_arc
@@ -51,12 +52,15 @@ def test_it_begins_with_a_straight_drive_by_odometry():
     assert (decision.goal.x, decision.goal.y) == pytest.approx((1.0, 2.0 + Config().exploration.init_drive_m))
 
 
-def test_it_gives_up_starting_after_its_attempts_and_says_why():
+def test_it_gives_up_starting_when_all_headings_are_tried_and_says_why():
     mission = Mission(Config(), euclid)
     blind = situation(slam_state=TrackingState.NOT_INITIALISED, slam_reason="12 corners seen")
     decisions = [mission.decide(k * 2 * SECOND, blind) for k in range(12)]
-    drives = [d for d in decisions if d.action is Action.GO]
-    assert len(drives) == 1 + Config().exploration.init_attempts
+    goals = [d.goal for d in decisions if d.action is Action.GO]
+    turned = [round(float(np.degrees(abs(goal.theta)))) for goal in goals]
+    assert turned == [0, 0, 90] * (Config().exploration.init_headings - 1) + [0, 0]
+    drive_m = Config().exploration.init_drive_m
+    assert [goal.x for goal in goals] == pytest.approx([drive_m, -drive_m, 0.0] * 3 + [drive_m, -drive_m])
     assert decisions[-1].action is Action.FINISH
     assert mission.outcome is Outcome.NOT_STARTED
     assert "12 corners seen" in decisions[-1].reason
@@ -208,6 +212,25 @@ def test_a_goal_whose_view_was_seen_on_the_way_is_left_without_blame():
     assert mission.decide(3 * SECOND + SECOND // 4, stopped).action is Action.WAIT
     assert mission.decide(4 * SECOND, stopped).goal == goal
     assert not any("blacklisted" in event.reason for event in mission.drain_events())
+
+
+def test_a_goal_is_judged_by_the_map_around_it(monkeypatch):
+    """So that it costs the same in a building as in a room, at every map of every drive."""
+    judged, gain_at = [], view_selector.gain_at
+
+    def noted(grid, *args):
+        judged.append(grid.shape)
+        return gain_at(grid, *args)
+
+    monkeypatch.setattr(view_selector, "gain_at", noted)
+    seen, unseen = np.full((2000, 3000), FREE, np.int8), np.full((2000, 3000), FREE, np.int8)
+    unseen[:, 1500:] = UNKNOWN
+    before, *after = (OccupancyGrid(data, 0.05, -73.5, -50.0) for data in (unseen, unseen, seen, seen, seen))
+    expected = view_selector.ExpectedGain(SE2(0.5, 0.0, 0.0), before, 0.2, np.zeros((0, 3)), Config().exploration)
+    told = [expected.why_obsolete(grid) for grid in after]
+    assert told[:3] == ["", "", ""]
+    assert told[3].startswith("seen on the way: 0.0 of")
+    assert max(max(shape) for shape in judged) < 200
 
 
 def test_where_every_view_is_out_of_reach_it_steps_back_then_turns_and_only_then_gives_up():
@@ -457,6 +480,23 @@ def test_a_resumed_mission_that_knows_neither_place_nor_way_looks_around_on_the_
     assert len(goals) == 8
     assert all(goal.distance_to(pose) < 1e-9 for goal in goals)
     assert again.outcome is Outcome.LOST
+
+
+def test_found_at_the_last_thing_to_try_and_lost_for_a_moment_it_explores_on():
+    mission = Mission(Config(), euclid)
+    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", T_map_base=None, grid=None)
+    turns, now_ns = 0, SECOND
+    while turns < 8:
+        turns += mission.decide(now_ns, lost).action is Action.GO
+        now_ns += 2 * SECOND
+    for k in range(3):
+        mission.decide(now_ns + k * SECOND, situation(grid=None))
+    assert mission.state is MissionState.MAPPING
+    mission.decide(now_ns + 4 * SECOND, situation(slam_state=TrackingState.LOST, slam_reason="dark", grid=None))
+    for k in range(5, 9):
+        mission.decide(now_ns + k * SECOND, situation(grid=None))
+    assert mission.outcome is None
+    assert mission.state is MissionState.MAPPING
 
 
 def test_in_a_map_made_before_it_first_looks_for_its_place_and_then_explores():

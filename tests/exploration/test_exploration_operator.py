@@ -77,6 +77,24 @@ def test_driving_by_hand_makes_the_trail_longer():
     assert back.goal.x == pytest.approx(2.0 - Config().exploration.backtrack_step_m, abs=0.06)
 
 
+def test_the_way_back_does_not_jump_over_ground_driven_by_hand_while_a_step_back_was_paused():
+    mission, bumper = mapping_mission(), "bumper left pressed"
+    for k in range(20):
+        mission.decide(2 * SECOND + k, situation(T_odom_base=SE2(0.05 * k, 0, 0), navigation=NavigationState.ACTIVE))
+    for k in (3, 5):
+        hit = mission.decide(k * SECOND, situation(T_odom_base=SE2(0.95, 0, 0), hazard=bumper, navigation=FAILED))
+    assert hit.reason == f"backing off: {bumper}"
+    mission.pause(7 * SECOND)
+    for k in range(41):
+        by_hand = situation(T_odom_base=SE2(0.95, 0.03 * k, 0), held=TELEOP, navigation=FAILED)
+        mission.decide(8 * SECOND + k, by_hand)
+    mission.resume(9 * SECOND)
+    lost = by_hand._replace(slam_state=TrackingState.LOST, held=None)
+    decisions = [mission.decide(10 * SECOND + k * SECOND // 2, lost) for k in range(8)]
+    back = next(decision for decision in decisions if decision.action is Action.GO)
+    assert (back.goal.x, back.goal.y) == pytest.approx((0.95, 1.2 - Config().exploration.backtrack_step_m), abs=0.06)
+
+
 def test_a_pause_within_a_hold_stays_a_pause_and_resumes_where_it_was():
     mission = mapping_mission()
     mission.decide(2 * SECOND, situation(held=STOPPED))

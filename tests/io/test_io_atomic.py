@@ -4,12 +4,37 @@ import errno
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from vsx_ros.cli import main
+from vsx_ros.geometry.camera import kernel_camera, nominal_camera
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import write_bytes
+from vsx_ros.io.calibration_file import write_calibration
+from vsx_ros.io.dock_file import save_dock
+from vsx_ros.io.room_file import save_rooms
+from vsx_ros.io.slam_map_file import save_slam_map
+from vsx_ros.io.zone_file import save_zones
+from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.rooms import RoomMap
+from vsx_ros.occupancy.zones import Zone, ZoneKind
+from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.map import Map
+from vsx_ros.slam.snapshot import SlamMap
+from vsx_ros.vision.corners import no_corners
+from vsx_ros.vision.pyramid import build_pyramid, small_image
 
 FULL = Path("/dev/full")
+CAMERA = nominal_camera(160, 120)
+
+
+def one_keyframe():
+    world, pyramid = Map(), build_pyramid(np.zeros((120, 160), np.uint8))
+    frame = FrameData(0, pyramid, no_corners(pyramid), small_image(pyramid), None, kernel_camera(CAMERA))
+    world.add_keyframe(frame, SE3.identity(), Observations.none())
+    return SlamMap(CAMERA, None, world.view())
 
 
 def test_a_failed_write_leaves_what_was_there_and_nothing_beside_it(tmp_path):
@@ -35,6 +60,27 @@ def test_a_durable_file_and_its_name_are_brought_to_the_disk(tmp_path, monkeypat
     monkeypatch.setattr(os, "fsync", watched)
     write_bytes(tmp_path / "map", b"map", durable=True)
     assert brought == [(".map.part", [".map.part"]), (tmp_path.name, ["map"])]
+
+
+@pytest.mark.parametrize(
+    "save",
+    [
+        lambda path: save_slam_map(one_keyframe(), path),
+        lambda path: save_zones([Zone("stairs", ZoneKind.WALL, ((0.0, 0.0), (1.0, 0.0)))], path),
+        lambda path: save_dock(SE2(1.0, 2.0, 0.5), path),
+        lambda path: save_rooms(
+            RoomMap(OccupancyGrid(np.zeros((4, 5)), 0.05, 0.0, 0.0), np.zeros((4, 5), int), ()), path
+        ),
+        lambda path: write_calibration(path, CAMERA),
+    ],
+    ids=["map", "zones", "dock", "rooms", "calibration"],
+)
+def test_what_a_later_run_needs_is_on_the_disk_when_it_is_called_saved(save, tmp_path, monkeypatch):
+    """Robots are switched off at the battery, often just after the map was saved."""
+    brought = []
+    monkeypatch.setattr(os, "fsync", lambda descriptor: brought.append(Path(f"/proc/self/fd/{descriptor}").readlink()))
+    save(tmp_path / "saved.json")
+    assert {tmp_path / f".{path.name}.part" for path in tmp_path.iterdir()} | {tmp_path} == set(brought)
 
 
 def test_a_command_on_a_full_disk_says_so(tmp_path, capsys):

@@ -10,7 +10,7 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.navigator import GoalPlanner
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
-from vsx_ros.planning.path import Plan, Refusal
+from vsx_ros.planning.path import Plan, Refusal, TimedPlan
 
 START, GOAL = SE2(1.0, 1.5, 0.0), SE2(2.0, 1.5, 0.0)
 
@@ -68,3 +68,26 @@ def test_a_goal_that_is_nowhere_is_refused_with_its_name(plans: GoalPlanner) -> 
     answer = plans.timed(START, SE2(math.nan, 0.0, 0.0), "map")
     assert isinstance(answer, Refusal)
     assert "goal pose (nan" in answer.reason
+
+
+def top_speed(plan: TimedPlan | Refusal) -> float:
+    assert isinstance(plan, TimedPlan)
+    return float(np.abs(plan.trajectory.v).max())
+
+
+@pytest.mark.parametrize("way_m", [0.45, -0.45])
+def test_before_there_is_a_map_it_drives_so_slowly_that_it_may_touch(plans: GoalPlanner, way_m: float) -> None:
+    goal = START @ SE2(way_m, 0.0, 0.0)
+    slow = Config().planner.unmapped_v_m_s
+    assert top_speed(plans.timed(START, goal, "odom")) == pytest.approx(slow, rel=1e-3)
+    plans.take_grid(room(), 1)  # the ground under the robot is known from the beginning
+    assert top_speed(plans.timed(START, goal, "odom")) == pytest.approx(slow, rel=1e-3)
+    plans.take_landmarks(np.ones((30, 3)), 1)
+    assert top_speed(plans.timed(START, goal, "odom")) > 2 * slow
+
+
+def test_before_there_is_a_map_it_turns_on_the_spot(plans: GoalPlanner) -> None:
+    turn = plans.timed(START, START @ SE2(0.0, 0.0, 0.5 * math.pi), "odom")
+    assert isinstance(turn, TimedPlan)
+    assert turn.trajectory.poses[-1, 2] == pytest.approx(0.5 * math.pi)
+    assert not turn.trajectory.v.any()

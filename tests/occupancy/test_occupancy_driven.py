@@ -1,5 +1,8 @@
 """Poses move with the keyframes they were made beside."""
 
+import sys
+import threading
+
 import numpy as np
 import pytest
 
@@ -8,6 +11,7 @@ from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy import anchored_poses
 from vsx_ros.occupancy.anchored_poses import AnchoredPoses
 from vsx_ros.occupancy.grid import OCCUPIED
 from vsx_ros.slam.snapshot import MapSnapshot
@@ -67,6 +71,15 @@ def test_when_its_keyframe_is_gone_it_stays_and_follows_the_nearest(driven):
     correction = SE2(0.0, 1.0, 0.0)
     moved = driven.poses(np.array([3]), cameras(correction @ FIRST))
     assert rows(moved) == pytest.approx(rows([correction @ pose for pose in before]), abs=1e-9)
+
+
+def test_when_its_keyframe_goes_while_a_loop_is_closed_it_moves_with_the_others():
+    anchored, correction = AnchoredPoses(0.05), SE2(0.3, -0.2, 0.4)
+    anchored.add(SE2(2.0, 0.1, 0.2))
+    third = SE2(2.3, 0.0, 0.5)
+    before = anchored.poses(np.array([3, 7, 8]), cameras(FIRST, SECOND, third))
+    after = anchored.poses(np.array([3, 8]), cameras(FIRST, correction @ third))
+    assert rows(after) == pytest.approx(rows([correction @ pose for pose in before]), abs=1e-9)
 
 
 def test_what_it_pushed_against_ahead_and_behind_are_two():
@@ -140,3 +153,44 @@ def test_the_dock_moves_with_its_keyframe_survives_a_session_and_is_touched_with
     assert again.dock(after) is None
     assert np.count_nonzero(ground.grid(after).data == OCCUPIED) == 0
     assert np.count_nonzero(again.grid(after).data == OCCUPIED) > 0
+
+
+def test_a_trail_driven_again_and_again_does_not_grow_and_frees_as_much(monkeypatch):
+    monkeypatch.setattr(anchored_poses, "_WHOLE", 100)
+    trail, angles = AnchoredPoses(0.05), 0.1 * np.arange(1300)
+    way = [SE2(np.cos(a), np.sin(a), a) for a in angles]  # 63 poses a lap
+    sizes = []
+    for pose in way:
+        trail.add(pose)
+        sizes.append(len(trail))
+    kept = rows(trail.last_poses())
+    assert max(sizes) == sizes[-1] < 170
+    assert trail.added == len(way)
+    assert (kept[-100:] == rows(way[-100:])).all()
+    away = np.linalg.norm(rows(way)[:, None, :2] - kept[None, :, :2], axis=2).min(axis=1)
+    assert away.max() < 0.1
+
+
+def test_who_asks_for_the_dock_does_not_disturb_who_builds_the_map():
+    """Both once took the news over; the trail lost poses, and then its columns had different lengths."""
+    ground, snapshot, steps, asked = MappedGround(Config()), snapshot_at(FIRST), 4000, threading.Event()
+
+    def ask():
+        while not asked.is_set():
+            ground.dock(snapshot)
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    asking = threading.Thread(target=ask)
+    asking.start()
+    try:
+        for k in range(steps):
+            ground.moved(SE2(0.06 * k, 0.0, 0.0), k)
+            if k % 20 == 0:
+                assert ground.counts[0] <= k + 1
+    finally:
+        asked.set()
+        asking.join()
+        sys.setswitchinterval(before)
+    assert len(ground.trail(snapshot)) == steps
+    assert len(ground.state()["trail"]) == steps

@@ -76,6 +76,21 @@ def test_the_ground_itself_stays_as_it_is_and_the_body_keeps_out() -> None:
     assert with_zones(FLOOR, [], MARGIN_M, BODY_M) is FLOOR
 
 
+@pytest.mark.parametrize("place", [(1.0, 0.3), (-3.9, 3.9), (9.0, 0.0)])
+def test_a_part_of_the_ground_has_the_same_cells_in_the_same_places(place: tuple[float, float]) -> None:
+    whole = zoned(square(1.0), square(1.5, ZoneKind.LOOK), square(2.0, ZoneKind.SLOW, 0.1))
+    part = whole.around(*place, 0.7)
+    assert isinstance(part, ZonedGrid)
+    assert max(part.shape) <= 30
+    cells = np.argwhere(part.data == part.data)
+    there = whole.cells(part.centres(cells))
+    assert whole.contains(there).all()
+    assert np.array_equal(part.drivable[tuple(cells.T)], whole.drivable[tuple(there.T)])
+    for name in ("v_m_s", "owner", "wanted"):
+        mine, theirs = getattr(part.zones, name), getattr(whole.zones, name)
+        assert np.array_equal(mine[tuple(cells.T)], theirs[tuple(there.T)]), name
+
+
 def test_a_wall_closes_a_line_and_only_here_closes_the_rest() -> None:
     wall = zoned(Zone("w", ZoneKind.WALL, ((-2.0, 0.0), (2.0, 0.0))))
     assert KeepOut(wall, BODY_M).zone_at(0.0, 0.1) == "w"

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from vsx_ros.kernels.occupancy.clearance import DistanceField
+from vsx_ros.occupancy.distance import clearance_field
 from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.planning import corridor
 from vsx_ros.planning.corridor import obstacle_ahead
 from vsx_ros.planning.path import Trajectory
 
@@ -31,6 +34,21 @@ def test_an_obstacle_on_the_way_is_told_with_its_distance(y: float):
 @pytest.mark.parametrize("post", [(1.5, 0.3), (1.5, -0.3), (0.2, 0.01), (3.5, 0.01)])
 def test_beside_behind_and_far_ahead_is_none(post: tuple[float, float]):
     assert obstacle_ahead(STRAIGHT, 5.0, with_post(*post), RADIUS_M) is None
+
+
+def test_only_the_ground_that_is_watched_costs_time(monkeypatch: pytest.MonkeyPatch):
+    searched = []
+
+    def field_of(grid: OccupancyGrid, reach_m: float) -> DistanceField:
+        searched.append(grid.shape)
+        return clearance_field(grid, reach_m)
+
+    monkeypatch.setattr(corridor, "clearance_field", field_of)
+    data = np.zeros((2000, 3000), np.int8)
+    data[1000, 1500:1503] = OCCUPIED
+    said = obstacle_ahead(STRAIGHT, 5.0, OccupancyGrid(data, 0.05, -73.5, -50.0), RADIUS_M)
+    assert said == pytest.approx(0.83, abs=0.03)
+    assert max(searched[0]) < 100
 
 
 def test_what_is_unknown_is_no_obstacle():

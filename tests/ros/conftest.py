@@ -149,6 +149,10 @@ class Stack:
     def dead(self) -> list[str]:
         return [name for name, process in self._processes.items() if process.poll() is not None]
 
+    def last_words(self, name: str) -> str:
+        lines = (self._folder / f"{name}.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        return lines[-1] if lines else ""
+
     def logs(self) -> str:
         return "".join(file.read_text(encoding="utf-8", errors="replace") for file in self._folder.glob("*.txt"))
 

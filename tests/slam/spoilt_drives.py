@@ -45,7 +45,7 @@ def run(drive, change):
     placed = [
         (r.T_world_cam.translation, truth.translation)
         for r, (_, _, truth) in zip(results, drive.frames)
-        if r is not None and r.state in TRACKED
+        if r is not None and r.state in TRACKED and r.T_world_cam is not None
     ]
     worst = 0.0
     if placed:

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from spoilt_drives import FIRST, LAST, TRACKED, between, run
 
@@ -137,3 +138,18 @@ def test_a_heading_of_the_wheels_that_the_image_contradicts_is_never_tracked(arc
     ]
     assert max(abs(wrap_angle(heading - headings[0])) for heading in headings) < math.radians(1.0)
     assert done.worst_m < 0.04
+
+
+def test_wheels_heard_again_do_not_measure_a_map_begun_without_them(arc_drive):
+    def change(k, frame, odometry):
+        image = np.zeros_like(frame.image) if FIRST <= k < LAST else frame.image
+        return frame._replace(image=image), odometry if k < 2 or k >= FIRST - 3 else None
+
+    done = run(arc_drive, change)
+    assert len(done.reasons("initialised")) == 1
+    assert set(done.states(40, FIRST)) <= set(TRACKED)
+    lost = [result for result in done.results[FIRST:LAST] if result.state is TrackingState.LOST]
+    assert len(lost) > 10
+    assert all(result.T_world_cam is None for result in lost), "the step of the wheels is in metres, the map is not"
+    assert not done.reasons("bridged")
+    assert set(done.states(-10)) <= set(TRACKED)

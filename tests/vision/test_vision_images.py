@@ -132,3 +132,9 @@ def test_rays_and_patches_belong_to_their_corner():
     patches = cut_patches(pyramid, positions, 1)
     assert patches.shape == (2, 24, 24)
     assert (patches[0] == pyramid.level(1)[28:52, 18:42]).all()
+
+
+def test_a_level_smaller_than_a_patch_has_none():
+    pyramid = build_pyramid(noise_image()[:180, :320])
+    assert pyramid.level(3).shape == (22, 40)
+    assert cut_patches(pyramid, np.zeros((0, 2), np.int32), 3).shape == (0, 24, 24)

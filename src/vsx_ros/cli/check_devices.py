@@ -136,7 +136,7 @@ def _robot(file: Path) -> str:
     mount, wheels = robot.mount, robot.odometry
     scales = f"wheels {wheels.linear_scale:.4f}, {wheels.angular_scale:.4f}"
     camera = f"camera {mount.height_m:.3f} m high, {math.degrees(mount.pitch_down_rad):.1f} deg down"
-    return f"{file}: {scales}; {camera}; used with --config {file}"
+    return f"{file}: {scales}; {camera}; 'vsx explore' takes it by itself"
 
 
 def _content(path: Path) -> str:

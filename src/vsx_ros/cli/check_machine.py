@@ -32,7 +32,7 @@ _ROS = (
 )  # fmt: skip
 _FULL_GB, _TIGHT_GB = 1.0, 5.0  # below the first: failure; below the second (nine minutes of raw images): warning
 _RAW_MB_S = 9.2  # 640 x 480 grey at 30 a second
-_SETUP = "run scripts/test once, or 'pip install .' in a virtual environment made with --system-site-packages"
+_SETUP = "run scripts/demo once, or 'pip install .' in a virtual environment made with --system-site-packages"
 
 _ENOUGH, _AT_MOST = 20, 80  # number of timed frames; maximum number of driven frames
 _CAMERA_MS = 1e3 / 30.0  # between two images of the Kinect

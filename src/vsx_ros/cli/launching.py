@@ -70,23 +70,23 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--run-dir", default="", help="folder for the results of the SLAM")
         return options
     if name == "simulate":
-        add("--base", choices=tuple(bases.BASES), default="kobuki", help="kind of base")
+        add("--base", choices=tuple(bases.BASES), default="kobuki", help="kind of base (kobuki)")
     else:
-        add("--base", choices=BASES, default="auto", help="kind of base; auto: the one that answers; ros: its topics")
+        add("--base", choices=BASES, default="auto", help="kind of base; auto (default) finds it; ros: its topics")
     if name == "simulate":
-        add("--world", default="lab", help="lab, office, corridor, building, a Gazebo file or a world.yaml")
-        add("--devices", default="/tmp", help="folder for the emulated port and camera")
+        add("--world", default="lab", help="lab (default), office, corridor, building, a Gazebo file or a world.yaml")
+        add("--devices", default="/tmp", help="folder for the emulated port and camera (/tmp)")
         add("--rate-hz", type=float, default=15.0, help="images a second (15)")
         add("--dock", default="", help="X,Y,DEG of a dock in the world and where it looks to (default: none)")
         add("--battery-pace", type=float, default=1.0, help="how many times faster the battery drains and charges (1)")
         add("--hard", default="", help="NAME=AMOUNT of what makes the world hard: docs/how-to/hard-things.md")
     else:
-        add("--port", default="/dev/kobuki", help="serial port of the base")
-        add("--camera", default="kinect", help="kinect, kinect:SERIAL, v4l:N, ros:TOPIC, or ros: camera/rgb/image_raw")
+        add("--port", default="/dev/kobuki", help="serial port of the base (/dev/kobuki)")
+        add("--camera", default="kinect", help="kinect (default), kinect:SERIAL, v4l:N, ros or ros:TOPIC")
         add("--camera-info-url", default="", help="file with the camera's calibration")
     if name != "bringup":
-        add("--planner", choices=PLANNERS, default="fov", metavar="NAME", help="fov (default), unconstrained or paper")
-        add("--seed", type=int, default=0, help="seed of the random draws")
+        add("--planner", choices=PLANNERS, default="fov", metavar="NAME", help="fov (default), unconstrained, paper")
+        add("--seed", type=int, default=0, help="seed of the random draws (0)")
         add(
             "--run-dir",
             default=AUTO,

@@ -51,7 +51,7 @@ def explore(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> N
     add("--zones", metavar="FILE", help=zones)
     add("--fast", action="store_true", help="one process, lock-step, no ROS, deterministic")
     add("--view", action="store_true", help="serve the live view, for a browser on this machine")
-    add("--headless", action="store_true", help="open no window and no browser")
+    add("--headless", action="store_true", help="open no browser")
     add("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<world>)")
     add_parameters(parser)
 
@@ -80,7 +80,7 @@ def _robot(parser: argparse.ArgumentParser) -> None:
         "camera/rgb/image_raw or on that topic, raw or compressed",
     )
     add("--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)")
-    add("--dock", type=pose_text, metavar="X,Y,DEG", help="a dock in the live emulated world, which looks to DEG")
+    add("--dock", type=pose_text, metavar="X,Y,DEG", help="a dock in the live emulated world, and where it looks to")
     add("--battery-pace", type=positive, metavar="K", help="the emulated battery drains and charges K times faster")
 
 

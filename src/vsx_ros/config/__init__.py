@@ -112,6 +112,7 @@ class PlannerConfig(Branch, frozen=True):
     sight_fov_rad: Annotated[float, Meta(gt=0, lt=3.14)] = 1.05
     sight_range_m: Positive = 5.0
     blind_v_m_s: Positive = 0.2
+    unmapped_v_m_s: Positive = 0.08  # before there is a map
     max_blind_m: NonNegative = 2.0
     # Costs as extra metres: of a cusp, of a stop where only the curvature jumps, of a metre driven blind. A path with
     # the preferred clearance may be longer by a share and a length.
@@ -150,7 +151,7 @@ class ExplorationConfig(Branch, frozen=True):
     sensor_fov_rad: Positive = 1.05
     mean_free_path_m: Positive = 1.0
     init_drive_m: Annotated[float, Meta(gt=0, le=1)] = 0.45
-    init_attempts: Count = 4
+    init_headings: Count = 4  # a quarter turn apart, in which it drives ahead and back to start the map
     min_frontier_m: NonNegative = 0.25
     min_gain_m2: NonNegative = 0.08
     min_utility_m: NonNegative = 0.03

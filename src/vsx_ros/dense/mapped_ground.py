@@ -71,8 +71,9 @@ def _off_plane(plane: Plane, points: Points3) -> FloatArray:
 
 
 class MappedGround:
-    """Any thread may call ``moved``, ``bumped`` and ``pushed`` when they happen; they never wait while a grid is built.
-    One thread sets ``dense`` when there are new surfaces, and then calls ``grid``."""
+    """Any thread may call ``moved``, ``bumped``, ``pushed`` and ``docked`` when they happen, and ask for the ``dock``;
+    none of these waits while a grid is built. One thread sets ``dense`` when there are new surfaces, and then calls
+    ``grid``."""
 
     def __init__(self, config: Config) -> None:
         self._ground_map = GroundMap(config.ground_map, config.robot)
@@ -94,15 +95,13 @@ class MappedGround:
 
     def docked(self, pose: SE2) -> None:
         """The base charges here [m]: the dock was last seen before it."""
-        self._news.append((None, partial(self._remember_dock, pose)))
-
-    def _remember_dock(self, pose: SE2) -> None:
-        self._docked = AnchoredPoses(0.0)
-        self._docked.add(pose)
+        docked = AnchoredPoses(0.0)
+        docked.add(pose)
+        self._docked = docked
 
     def dock(self, snapshot: MapSnapshot) -> SE2 | None:
-        """Where the base stands when it charges, in the map of a snapshot; None if it never charged in this map."""
-        self._take_over()
+        """Where the base stands when it charges, in the map of a snapshot; None if it never charged in this map. Who
+        saves the map asks beside the thread that calls ``grid``, so nothing is taken over here."""
         return next(iter(self._docked.poses(snapshot.keyframe_ids, snapshot.T_world_cams)), None)
 
     def pushed(self, pose: SE2, now_ns: int) -> None:
@@ -136,9 +135,10 @@ class MappedGround:
 
     @property
     def counts(self) -> tuple[int, int, int]:
-        """Numbers of trail poses, bumps and active pushes. If these and the snapshot are the same, so is the grid."""
+        """Numbers of poses ever driven, bumps and active pushes. Where they and the snapshot are the same, so is the
+        grid."""
         self._take_over()
-        return len(self._trail), len(self._bumps), self._suspected.count(self._now_ns)
+        return self._trail.added, len(self._bumps), self._suspected.count(self._now_ns)
 
     def trail(self, snapshot: MapSnapshot) -> list[SE2]:
         """The driven poses, in the map of a snapshot."""

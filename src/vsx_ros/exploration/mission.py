@@ -28,6 +28,7 @@ from vsx_ros.exploration.decision import (
 )
 from vsx_ros.exploration.operator_claim import OperatorClaim
 from vsx_ros.exploration.recovery import Recovery, Trail
+from vsx_ros.exploration.start_drives import StartDrives
 from vsx_ros.exploration.utility import TravelCostsFrom
 from vsx_ros.exploration.view_selector import ViewSelector
 from vsx_ros.exploration.view_tour import BRAKE_NS, Home, ViewTour
@@ -47,8 +48,7 @@ class Mission:
         exploration, planner = config.exploration, config.planner
         self._log, self._home, self._trail = MissionLog(), Home(), Trail(spacing_m=0.05)
         self.view_selector = ViewSelector(config, travel_costs)
-        self._drive_m, self._most_drives = exploration.init_drive_m, 1 + exploration.init_attempts
-        self._drives = 0
+        self._start_drives = StartDrives(exploration)
         self._tour = ViewTour(config, self._log, self._home, self._trail, self.view_selector)
         self._recovery = Recovery(exploration, config.robot.radius_m, planner.phi_rad_m)
         self._after_pause = MissionState.STARTING
@@ -76,12 +76,12 @@ class Mission:
         if self.state not in (MissionState.DONE, MissionState.PAUSED):
             if self.state not in _YIELDING:
                 self._after_pause = self.state
+            self._tour.forget_drive()
             self._log.enter(now_ns, MissionState.PAUSED, "paused by the operator")
 
     def resume(self, now_ns: int) -> None:
         """Continue after a pause."""
         if self.state is MissionState.PAUSED:
-            self._tour.forget_goal()
             self._log.enter(now_ns, self._after_pause, "resumed by the operator")
 
     def stop(self, now_ns: int) -> None:
@@ -165,8 +165,8 @@ class Mission:
         """Leave the robot to the operator. What failed since, or just before it was told, was nobody's fault."""
         ended = situation.navigation in (NavigationState.ACTIVE, NavigationState.ABORTED)
         if self.state not in _YIELDING:
-            if self.state is MissionState.STARTING and ended and self._drives:
-                self._drives -= 1
+            if self.state is MissionState.STARTING and ended:
+                self._start_drives.withdraw()
             self._after_pause = self.state
             since_ns = min(fact.since_ns for fact in (situation.held, situation.user_goal) if fact is not None)
             self.view_selector.blacklist.withdraw(min(since_ns, now_ns) - _RACE_NS)
@@ -191,26 +191,23 @@ class Mission:
         return self._log.answer(Action.WAIT, self._log.reason)
 
     def _start(self, now_ns: int, situation: Situation, T_odom_base: SE2) -> Decision:
-        """Drive straight, alternately ahead and back, until SLAM has found its two frames (paper 3.1)."""
+        """Drive until SLAM has found its two frames (paper 3.1)."""
         if situation.slam_state.tracked:
             self._log.enter(now_ns, MissionState.MAPPING, "the map is initialised")
             return self._tour.decide(now_ns, situation)
         if situation.slam_state is TrackingState.LOST:
             return self._look_for_a_place(now_ns, "there is a map: looking for a place of it")
         if situation.navigation is NavigationState.ACTIVE:
-            return self._log.answer(Action.WAIT, "driving straight to start the map: " + situation.slam_reason)
+            return self._log.answer(Action.WAIT, "driving to start the map: " + situation.slam_reason)
         if now_ns < self._log.wait_until_ns:
             return self._log.answer(Action.WAIT, "waiting for the map to start")
-        if self._drives == self._most_drives:
+        drive = self._start_drives.next(situation.slam_reason)
+        if drive is None:
             refused = situation.navigation is NavigationState.ABORTED and situation.navigation_reason
             why = f"{refused}; {situation.slam_reason}" if refused else situation.slam_reason
             return self._log.finish(now_ns, Outcome.NOT_STARTED, f"the map did not start: {why}")
-        self._drives += 1
         self._log.wait_until_ns = now_ns + SECOND_NS
-        again = f"another straight drive: {situation.slam_reason}"
-        reason = "first straight drive for two frames" if self._drives == 1 else again
-        ahead = SE2(-self._drive_m if self._drives % 2 == 0 else self._drive_m, 0.0, 0.0)
-        return self._log.go(now_ns, T_odom_base @ ahead, "odom", reason)
+        return self._log.go(now_ns, T_odom_base @ drive[0], "odom", drive[1])
 
     def _look_for_a_place(self, now_ns: int, reason: str) -> Decision:
         """With an earlier map: wait for the camera to recognise it, then drive to look for it."""
@@ -245,4 +242,6 @@ class Mission:
         drive = self._recovery.next(self._trail, situation)
         if drive is not None:
             return self._log.go(now_ns, drive[0], "odom", drive[1])
+        if tracked:
+            return self._log.answer(Action.WAIT, "a place of the map is recognised")
         return self._log.finish(now_ns, Outcome.LOST, f"tracking lost for good: {situation.slam_reason}")

@@ -15,7 +15,7 @@ from vsx_ros.exploration.utility import RANKERS, Ranking, RankingInput, TravelCo
 from vsx_ros.exploration.zone_exit import way_out
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.occupancy.unknown_ground import Frontier, find_frontiers
+from vsx_ros.occupancy.unknown_ground import WALL_ROW_M, Frontier, find_frontiers
 from vsx_ros.occupancy.zoned_grid import ZonedGrid
 
 _NEAR_RAD = 0.8  # a goal this close in heading to a failed one, within the radius, counts as the same
@@ -31,7 +31,12 @@ class ExpectedGain:
     def __init__(
         self, pose: SE2, grid: OccupancyGrid, radius_m: float, looked_from: FloatArray, config: ExplorationConfig
     ) -> None:
-        self._gain: Callable[[OccupancyGrid], float] = lambda grid: gain_at(grid, radius_m, pose, looked_from, config)
+        reach_m = config.sensor_range_m + WALL_ROW_M
+
+        def gain(grid: OccupancyGrid) -> float:
+            return gain_at(grid.around(pose.x, pose.y, reach_m), radius_m, pose, looked_from, config)
+
+        self._gain: Callable[[OccupancyGrid], float] = gain
         self._grid, self._gain_m2, self._maps_left = grid, self._gain(grid), _MAPS_AGREE
         self._seen_ratio = config.goal_seen_ratio
 

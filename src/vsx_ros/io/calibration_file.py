@@ -111,7 +111,7 @@ def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "cam
     if camera.shutter is not None:
         tree["shutter"] = camera.shutter._asdict()
     comment = "".join(f"# {line}\n" for line in remark.splitlines())
-    write_text(path, comment + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
+    write_text(path, comment + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None), durable=True)
 
 
 def _matrix(values: np.ndarray[Any, Any]) -> dict[str, Any]:

@@ -28,7 +28,8 @@ def save_dock(docked: SE2 | None, path: Path) -> None:
             return
         x, y, theta = (round(float(value), 4) for value in (docked.x, docked.y, docked.wrapped().theta))
         tree = {"version": _VERSION, "docked": {"x_m": x, "y_m": y, "heading_rad": theta}}
-        write_text(path, _HEADER + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
+        text = _HEADER + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None)
+        write_text(path, text, durable=True)
 
 
 def load_dock(path: Path) -> SE2 | None:

@@ -37,8 +37,9 @@ def save_rooms(rooms: RoomMap, path: Path) -> None:
     rows, columns = rooms.labels.shape
     grey = rooms.labels.astype(np.uint8)
     with explained(MapFileError, f"rooms {path} cannot be written", "choose another folder", OSError):
-        write_bytes(path.with_suffix(".pgm"), f"P5\n{columns} {rows}\n255\n".encode() + grey[::-1].tobytes())
-        write_text(path, json.dumps(room_tree(rooms), indent=1, ensure_ascii=False) + "\n")
+        picture_of = f"P5\n{columns} {rows}\n255\n".encode() + grey[::-1].tobytes()
+        write_bytes(path.with_suffix(".pgm"), picture_of, durable=True)
+        write_text(path, json.dumps(room_tree(rooms), indent=1, ensure_ascii=False) + "\n", durable=True)
 
 
 def load_rooms(path: Path) -> RoomMap | None:

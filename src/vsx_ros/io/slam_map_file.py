@@ -38,10 +38,10 @@ _PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16  # with a camera's noise, a byte of a p
 
 
 def save_slam_map(slam_map: SlamMap, path: Path) -> None:
-    """Write the file in one step; the SLAM may continue meanwhile. Raises MapFileError when it cannot be written."""
+    """Bring the file to the disk in one step; the SLAM may continue meanwhile. Raises MapFileError when that fails."""
     pictures = {image_name(k.id): encoded(k.data.pyramid.level(0)) for k in slam_map.view.keyframes if k.alive}
     with explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError):
-        write_bytes(path, seal(entries_of(slam_map, arrays_of(slam_map.view)) | pictures))
+        write_bytes(path, seal(entries_of(slam_map, arrays_of(slam_map.view)) | pictures), durable=True)
 
 
 def load_slam_map(path: Path) -> SlamMap:

@@ -26,7 +26,8 @@ def save_zones(zones: Sequence[Zone], path: Path) -> None:
             path.unlink(missing_ok=True)
             return
         tree = {"version": _VERSION, "zones": [zone.tree() for zone in zones]}
-        write_text(path, _HEADER + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True))
+        text = _HEADER + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True)
+        write_text(path, text, durable=True)
 
 
 def load_zones(path: Path) -> list[Zone]:

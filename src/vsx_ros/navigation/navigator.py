@@ -60,6 +60,8 @@ class GoalPlanner:
             if isinstance(plan, Refusal):
                 return plan
             slow = blind_spans(plan.blind_spans, config.planner.blind_v_m_s)
+            if frame == ODOM_FRAME and not len(self._landmarks):  # the camera has no map
+                slow = blind_spans(np.array([[0.0, plan.path.length_m]]), config.planner.unmapped_v_m_s)
             slow = np.vstack([slow, zone_spans(plan.path, grid, T_map_frame)])
             return TimedPlan(plan, time_scale(plan.path, config.limits, slow))
         except PlanningError as error:

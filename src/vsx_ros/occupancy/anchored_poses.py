@@ -8,13 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, stacked
 
 TRAIL_STEP_M = 0.05  # a cell of the map: a finer trail shows no more
 BUMP_STEP_M, BUMP_STEP_RAD = 0.1, 0.5  # closer bumps count as one
+_WHOLE, _THINNED_M = 4000, 0.1
+"""So many of the newest poses are kept as they came, 200 m of trail. Of older ones, one is kept at each place of this
+size: the body is wider, and a trail that is driven again and again must not grow."""
 _LOOSE = -1  # anchored to no keyframe yet
 _FIRST_NS = 20_000_000_000
 """How long a spot is avoided at first where wheels turned without effect; twice as long each time it happens again."""
@@ -24,13 +27,16 @@ _DRIVEN_ON_M, _BESIDE_M = 0.1, 0.1
 
 
 class AnchoredPoses:
-    """Poses on the floor, each tied to a keyframe. If that is removed, the pose is tied to the nearest one."""
+    """Poses on the floor, each tied to a keyframe. If that is removed, the pose is tied to the one that was nearest.
+    added: how many were ever added."""
 
     def __init__(self, spacing_m: float, spacing_rad: float = math.inf) -> None:
         """A pose closer than this to the one before, in both position [m] and heading [rad], is left out."""
-        self._spacing_m, self._spacing_rad = spacing_m, spacing_rad
+        self._spacing_m, self._spacing_rad, self.added = spacing_m, spacing_rad, 0
         self._world, self._relative = np.zeros((0, 3)), np.zeros((0, 3))
         self._anchor = np.zeros(0, np.int64)
+        # The keyframes' ids and headings in the last call of ``poses``.
+        self._last: tuple[IntArray, FloatArray] = np.zeros(0, np.int64), np.zeros((0, 3))
 
     def __len__(self) -> int:
         return len(self._world)
@@ -44,12 +50,17 @@ class AnchoredPoses:
         self._world = np.vstack([self._world, pose.as_array()])
         self._relative = np.vstack([self._relative, np.zeros(3)])
         self._anchor = np.append(self._anchor, _LOOSE)
+        self.added += 1
+        if (old := len(self._world) - 1 - _WHOLE) >= 0 and math.isinf(self._spacing_rad):  # else headings count
+            away = np.linalg.norm(self._world[:, :2] - self._world[old, :2], axis=1)
+            if np.count_nonzero(away < _THINNED_M) > 1:
+                self.keep(np.arange(len(away)) != old)
 
     def last_poses(self) -> list[SE2]:
         """The poses in the map of the last call of ``poses``."""
         return [SE2(*row) for row in self._world.tolist()]
 
-    def keep(self, which: Sequence[bool]) -> None:
+    def keep(self, which: Sequence[bool] | BoolArray) -> None:
         """Keep only these of the ``last_poses``."""
         chosen = np.asarray(which, bool)
         self._world, self._relative, self._anchor = self._world[chosen], self._relative[chosen], self._anchor[chosen]
@@ -63,7 +74,7 @@ class AnchoredPoses:
         if state.ndim != 2 or state.shape[1] != 7 or not np.isfinite(state).all():
             raise InputError(f"poses to go on with must be finite, of shape (N, 7), not {state.shape}; start a new run")
         self._world, self._relative = state[:, :3].astype(float), state[:, 3:6].astype(float)
-        self._anchor = state[:, 6].astype(np.int64)
+        self._anchor, self.added = state[:, 6].astype(np.int64), len(state)
 
     def poses(self, keyframe_ids: IntArray, T_world_cams: Sequence[SE3]) -> list[SE2]:
         """The poses in a map of these keyframes (K,), ids ascending."""
@@ -72,10 +83,20 @@ class AnchoredPoses:
         return self.last_poses()
 
     def _move(self, ids: IntArray, cameras: FloatArray) -> None:
+        # A keyframe is often removed when a loop is closed: the map that the pose was in is the one before.
+        before, there = self._last
+        lasting = np.isin(before, ids)
+        if lasting.any():
+            self._tie(~np.isin(self._anchor, [_LOOSE, *ids]), before[lasting], there[lasting])
         at = np.minimum(np.searchsorted(ids, self._anchor), len(ids) - 1)
         tied = ids[at] == self._anchor
         self._world[tied] = _composed(cameras[at[tied]], self._relative[tied])
-        loose = np.flatnonzero(~tied)
+        self._tie(~tied, ids, cameras)
+        self._last = ids, cameras
+
+    def _tie(self, which: BoolArray, ids: IntArray, cameras: FloatArray) -> None:
+        """Tie these poses to the nearest of the keyframes."""
+        loose = np.flatnonzero(which)
         away = np.linalg.norm(self._world[loose, None, :2] - cameras[None, :, :2], axis=2)
         nearest = away.argmin(axis=1)
         self._anchor[loose] = ids[nearest]

@@ -1,6 +1,9 @@
 """The 2-D map: free, occupied, unknown."""
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +71,21 @@ class OccupancyGrid:
         """(N,) whether each (row, column) lies inside."""
         cells = np.asarray(cells).reshape(-1, 2)
         return (cells[:, 0] >= 0) & (cells[:, 0] < self.shape[0]) & (cells[:, 1] >= 0) & (cells[:, 1] < self.shape[1])
+
+    def around(self, x: float, y: float, reach_m: float) -> OccupancyGrid:
+        """The part within reach_m of a place [m], at least a cell; beyond it is outside the map."""
+        corners = self.cells(np.array([[x - reach_m, y - reach_m], [x + reach_m, y + reach_m]]))
+        (top, left), (bottom, right) = np.clip(corners, 0, np.array(self.shape) - 1).tolist()
+        return replace(self, **self._fields_of(slice(top, bottom + 1), slice(left, right + 1)))
+
+    def _fields_of(self, rows: slice, columns: slice) -> dict[str, Any]:
+        """What differs in a part of the grid."""
+        return {
+            "data": self.data[rows, columns],
+            "origin_x": self.origin_x + columns.start * self.resolution,
+            "origin_y": self.origin_y + rows.start * self.resolution,
+            "probability": None if self.probability is None else self.probability[rows, columns],
+        }
 
     def value_at(self, x: float, y: float) -> int:
         """The cell's value at a world position [m]; UNKNOWN outside."""

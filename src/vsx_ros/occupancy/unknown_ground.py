@@ -19,7 +19,7 @@ from vsx_ros.kernels.occupancy.visibility import count_looks, weights_of_looks
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import ZonedGrid
 
-_ROW_CELLS, _ROW_LENGTH_M, _ROW_STEP_RAD = 12, 1.0, math.pi / 90
+_ROW_CELLS, WALL_ROW_M, _ROW_STEP_RAD = 12, 1.0, math.pi / 90
 """A line with this many obstacle cells and this length is a wall; angular step of the search for it."""
 _SPECK_CELLS, _SLIT_CELLS = 3, 7  # 15 and 35 cm at 5 cm per cell: the distance of rays; too narrow for a robot
 MIN_SURE_VOTES = 2
@@ -74,7 +74,7 @@ def walls(
     closed = np.ascontiguousarray(cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc)[width:-width, width:-width])
     lines = cv2.HoughLinesP(
         255 * cells, 1.0, _ROW_STEP_RAD, _ROW_CELLS,
-        minLineLength=_ROW_LENGTH_M / resolution, maxLineGap=gap_m / resolution,
+        minLineLength=WALL_ROW_M / resolution, maxLineGap=gap_m / resolution,
     )  # fmt: skip
     beside = cv2.dilate(cells, np.ones((3, 3), np.uint8))
     for x0, y0, x1, y1 in lines.reshape(-1, 4).tolist() if lines is not None else []:

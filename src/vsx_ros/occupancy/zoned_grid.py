@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -37,6 +37,12 @@ class ZoneCells(NamedTuple):
     wanted: BoolArray | None
     version: int
 
+    def cut(self, rows: slice, columns: slice) -> ZoneCells:
+        """The same on a part of the grid."""
+        part, wanted = (rows, columns), None if self.wanted is None else self.wanted[rows, columns]
+        v_m_s, owner = self.v_m_s[part], self.owner[part]
+        return self._replace(closed=self.closed[part], v_m_s=v_m_s, owner=owner, wanted=wanted)
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ZonedGrid(OccupancyGrid):
@@ -60,6 +66,9 @@ class ZonedGrid(OccupancyGrid):
         nearest = cells[int(np.argmin(np.hypot(*(self.centres(cells) - [x, y]).T)))]
         still = self.zones.closed & (labels != labels[tuple(nearest)])
         return replace(self, zones=self.zones._replace(closed=still))
+
+    def _fields_of(self, rows: slice, columns: slice) -> dict[str, Any]:
+        return {**OccupancyGrid._fields_of(self, rows, columns), "zones": self.zones.cut(rows, columns)}
 
 
 def with_zones(

@@ -124,8 +124,9 @@ def obstacle_ahead(trajectory: Trajectory, from_s: float, grid: OccupancyGrid, r
     when the plan was made. A base that already stands closer to an obstacle may leave."""
     positions = _watched(trajectory, from_s)
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(positions, axis=0).T))])
-    ground = np.where(grid.data == OCCUPIED, OCCUPIED, FREE).astype(np.int8)
-    obstacles = OccupancyGrid(ground, grid.resolution, grid.origin_x, grid.origin_y)
+    near = grid.around(float(positions[0, 0]), float(positions[0, 1]), _AHEAD_M + 2.0 * radius_m)
+    ground = np.where(near.data == OCCUPIED, OCCUPIED, FREE).astype(np.int8)
+    obstacles = OccupancyGrid(ground, near.resolution, near.origin_x, near.origin_y)
     field = clearance_field(obstacles, 2.0 * radius_m)
     clearance_m = field.at(positions)
     touching = np.flatnonzero(clearance_m < min(radius_m, float(clearance_m[0])) - _GIVE_AHEAD_M)

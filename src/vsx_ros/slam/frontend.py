@@ -13,7 +13,7 @@ from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.frame_tracker import FrameTracker, is_sure
 from vsx_ros.slam.initialization import Bootstrap
-from vsx_ros.slam.keyframe import FrameData, MapView, unit_of
+from vsx_ros.slam.keyframe import FrameData, MapView, is_metric, unit_of
 from vsx_ros.slam.local_map import LocalMap, becomes_keyframe, may_grow, nearest_keyframes
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest
@@ -44,9 +44,8 @@ class FrontEnd:
         self._consistency = OdometryConsistency(T_base_cam)
         self.tracking = FrameTracker(config, self._tracker, self._motion)
         self._view = self._here = Map().view()
-        self._reference = self._map_id = self._segment = 0
-        self._segments = count(1)
-        self._corrected, self._since_keyframe, self._keyframe_ns = False, 0, 0
+        self._reference = self._map_id = self._segment = self._since_keyframe = self._keyframe_ns = 0
+        self._segments, self._corrected = count(1), False
         self.record = TrackingRecord()
         self.events: list[SlamEvent] = []
         self._bootstrap = Bootstrap(T_base_cam, config.initialization, lambda ns, why: self._event(ns, "refused", why))
@@ -58,7 +57,9 @@ class FrontEnd:
 
         Internal poses refer to the image's middle row, results to its stamp (start of the first row). Raises InputError
         for an image of the wrong size or type and for a stamp that does not advance; such a frame changes nothing."""
-        result, work = self._process(self._consistency.admit(self._preprocessor.take(frame, odometry)))
+        metric = is_metric(self._view.keyframes, self._map_id)  # else metres mean nothing
+        data = self._preprocessor.take(frame, odometry if metric else None)
+        result, work = self._process(self._consistency.admit(data))
         return self._told(result), work
 
     def _told(self, result: TrackingResult) -> TrackingResult:
@@ -225,9 +226,8 @@ class FrontEnd:
     def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> Outcome:
         """The camera was found in one of the maps. Unless odometry connects the poses, its next segment begins."""
         expected = self._recovery.expected_pose(by_odometry, self._map_id)
-        firm = expected is not None and expected.is_firm
         far = self._recovery.is_lost or found.map_id != self._map_id
-        if not firm and (far or by_odometry is not None):
+        if not (expected is not None and expected.is_firm) and (far or by_odometry is not None):
             self._segment = next(self._segments)
         self._enter(self._view, found.map_id)
         outcome = self._tracked(data, found.track, found.reference, self.tracking.around(self._here, found.reference))

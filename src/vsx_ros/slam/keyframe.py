@@ -117,11 +117,16 @@ class Unit(NamedTuple):
 METRIC = Unit(1.0, "m")
 
 
+def is_metric(keyframes: Sequence[KeyFrame], map_id: int) -> bool:
+    """Whether the given map began with odometry; then it is metric and level. True before it begins."""
+    first = next((keyframe for keyframe in keyframes if keyframe.map_id == map_id), None)
+    return first is None or first.data.T_odom_base is not None
+
+
 def unit_of(keyframes: Sequence[KeyFrame], *indices: int) -> Unit:
-    """Unit of the map around some keyframes: metric if its first keyframe and all of these have odometry."""
+    """Unit of the map around some keyframes: metric if the map is and all of these have odometry."""
     near = [keyframes[k] for k in indices]
-    first = next(k for k in keyframes if k.map_id == near[0].map_id)
-    if all(k.data.T_odom_base is not None for k in (first, *near)):
+    if is_metric(keyframes, near[0].map_id) and all(k.data.T_odom_base is not None for k in near):
         return METRIC
     return Unit(max(near[0].median_depth, 1e-6) / ROOM_DEPTH_M, "units of the map")
 

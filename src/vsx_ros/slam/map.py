@@ -19,6 +19,7 @@ from vsx_ros.slam.keyframe import (
     Observations,
     PointObservers,
     TemplateStore,
+    is_metric,
 )
 
 _ENOUGH_DEPTHS = 5  # least points for a median depth; with fewer the previous one is kept
@@ -144,8 +145,7 @@ class Map:
 
     def is_metric(self, map_id: int) -> bool:
         """Whether the given map began with odometry; then it is metric and level."""
-        first = next(keyframe for keyframe in self.keyframes if keyframe.map_id == map_id)
-        return first.data.T_odom_base is not None
+        return is_metric(self.keyframes, map_id)
 
     def predecessors(self, index: int) -> Iterator[int]:
         """The living keyframes before this one in its segment, latest first."""

@@ -52,6 +52,8 @@ def find_patches(
 def cut_patches(pyramid: Pyramid, positions: NDArray[np.int32], level: int) -> NDArray[np.uint8]:
     """(N, 24, 24) patches around integer level positions (N, 2), which must be at least 12 px from the border."""
     image = pyramid.level(level)
+    if min(image.shape) < PATCH:  # the coarsest level of a small image: no position is so far from the border
+        return np.zeros((0, PATCH, PATCH), np.uint8)
     windows = np.lib.stride_tricks.sliding_window_view(image, (PATCH, PATCH))
     return windows[positions[:, 1] - CENTRE, positions[:, 0] - CENTRE].copy()
 

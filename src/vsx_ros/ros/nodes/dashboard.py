@@ -2,9 +2,10 @@
 
 Subscribers, while there is a viewer: vslam/{preview/compressed,pose,state,keyframes,planes,stats/*}, map,
     explore/{status,events,frontiers}, zones, rooms, move_base/{global_plan,stats/plan_ms},
-    mobile_base/{hazards,operator_hold}, cmd_vel_mux/active, /diagnostics.
+    mobile_base/{hazards,operator_hold}, dock/status, cmd_vel_mux/active, /diagnostics.
 Publishers, when somebody drives: move_base/{goal,cancel}, cmd_vel_mux/input/teleop.
-Services called: explore/{pause,resume,home,stop}, mobile_base/estop, move_base/preview_goal, zones/change, rooms/name.
+Services called: explore/{pause,resume,home,stop}, dock/{start,leave}, mobile_base/estop, move_base/preview_goal,
+    zones/change, rooms/name.
 Parameters: ~host (127.0.0.1: only this machine), ~port (8765), ~allow (further names under which the view may be
     opened, NAME or NAME:PORT, separated by commas), ~v_m_s (0.2), ~omega_rad_s (0.6): full speeds of the page's stick.
 Environment: VSX_VIEW_TOKEN, the token for commands; if it is not set, a token is made and printed once."""
