@@ -57,6 +57,24 @@ def test_a_light_by_name_is_in_the_file(tmp_path: Path) -> None:
         check_world("lab:nigth")
 
 
+def test_with_makes_a_world_hard_and_names_what_it_does_not_know(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "w.yaml"
+    assert run("lab", "--with", "people=2,white-walls", "--with", "latency=100", "--out", str(out)) == 0
+    assert load_world(out).hard == {"people": 2.0, "white-walls": 1.0, "latency": 100.0}
+    assert run("info", str(out)) == 0
+    assert "people=2, white-walls=1, latency=100" in capsys.readouterr().out
+    with pytest.raises(ConfigError, match=r"named 'peple' \(did you mean 'people'\?\)"):
+        run("lab", "--with", "peple", "--out", str(out))
+
+
+def test_hard_things_are_for_emulated_worlds_and_checked_first() -> None:
+    for words, told in ((["--with", "people"], "give --world"), (["--world", "lab", "--with", "people=-1"], "1 to 20")):
+        with pytest.raises(ConfigError, match=told):
+            main.run(main.parse(["explore", *words]))
+
+
 def test_a_floor_plan_alone_is_a_world(tmp_path: Path) -> None:
     assert run("lab", "--seed", "2", "--map", str(tmp_path / "m.pgm")) == 0
     with_origin = open_world(str(tmp_path / "m.pgm"), 1)

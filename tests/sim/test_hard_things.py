@@ -82,6 +82,14 @@ def test_changes_of_surfaces_are_idempotent_and_leave_ways_open(name: str) -> No
         assert is_connected(changed)
 
 
+def test_all_changes_at_once_survive_a_file(tmp_path: Path) -> None:
+    half = {"white-walls": 0.4, "glass-walls": 0.5, "mirrors": 2.0, "windows": 2.0, "thin-legs": 1.5, "people": 2.0}
+    for name, seed in (("lab", 20), ("office", 2)):
+        world = with_hard_things(generate_world(name, seed), half, "test")
+        save_world(world, tmp_path / "world.yaml")
+        assert load_world(tmp_path / "world.yaml") == world
+
+
 def test_white_walls_have_no_pictures_and_others_keep_theirs(lab: World) -> None:
     assert hard(lab, white_walls=1.0).posters == []
     half = hard(lab, white_walls=0.5)
