@@ -1,6 +1,7 @@
 """What the node vslam hears and does beside its SLAM: images that do not fit, touches, and what it leaves behind."""
 
 import errno
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +17,7 @@ from std_msgs.msg import UInt8
 from vsx_hw.readings import Hazard
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.io.atomic import write_bytes
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import slam_run, threads
 from vsx_ros.ros.nodes.vslam import VslamNode
@@ -121,3 +123,23 @@ def test_results_that_cannot_be_written_cost_neither_the_checkpoint_nor_the_map(
     kept = ["slam ended", "maps ended", "bumps 1", "end.vsxmap", "beside end.vsxmap", "beside run/map.yaml"]
     assert [entry for entry in saved if entry != "told"] == kept
     assert ("told" in saved) != ("failed" in caplog.text), "one sentence, but for a mistake in here"
+
+
+def test_two_who_save_the_map_at_once_save_it_one_after_the_other(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Both write the same temporary file: the second found it gone, or the first one's map was half the other's."""
+    map_bytes, saved = [bytes([k]) * 2**24 for k in (1, 2)], list[bytes]()
+    monkeypatch.setattr(rospy, "get_param", lambda _, default: default)
+    monkeypatch.setattr(slam_run, "save_slam_map", lambda content, path: write_bytes(path, content))
+    run = bare(SlamRun, _saving=threading.Lock(), _save_map_to=tmp_path / "map.vsxmap")
+
+    def save(content: bytes) -> None:
+        run.save_map(SimpleNamespace(slam_map=lambda: content), lambda _, path: saved.append(path.read_bytes()))
+
+    callers = [threading.Thread(target=save, args=(content,)) for content in map_bytes]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join()
+    assert sorted(saved) == map_bytes

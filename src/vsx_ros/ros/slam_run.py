@@ -1,6 +1,7 @@
 """The run of the node vslam: how it resumes, what it stores while running and what it writes at the end."""
 
 import tempfile
+import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -39,7 +40,7 @@ class SlamRun:
         self._known_odometry = config.robot.odometry
         T_base_cam, run_dir = mounted(config.robot.mount), node.run_dir()
         self._save_map = str(rospy.get_param("~save_map", ""))  # read now: the master may be gone at the end
-        self._save_map_to = Path(run_dir or tempfile.gettempdir()) / "map.vsxmap"
+        self._save_map_to, self._saving = Path(run_dir or tempfile.gettempdir()) / "map.vsxmap", threading.Lock()
         self._folder = RunFolder(Path(run_dir)) if run_dir else None
         load_map = str(rospy.get_param("~load_map", ""))
         self.continued = rooms_known(self._folder, load_map)
@@ -78,8 +79,9 @@ class SlamRun:
         if slam_map is None:
             raise InputError("there is no map yet: it starts with the first straight drive")
         path = Path(str(rospy.get_param("~save_map_to", "")) or self._save_map_to)
-        save_slam_map(slam_map, path)
-        write_beside(slam_map, path)
+        with self._saving:  # each call has a thread, and all write the same files
+            save_slam_map(slam_map, path)
+            write_beside(slam_map, path)
         return str(path)
 
     def end(
