@@ -5,6 +5,7 @@ a few pieces the first ones are kept, and the next window begins there, with the
 curvature is zero at each joint, so the base drives on. A window ends on the coarse path, best in a straight line, where
 no curve is squeezed; the next window may move that point. Where no window fits, the base stops."""
 
+import itertools
 from dataclasses import replace
 
 from vsx_ros.config import PlannerConfig
@@ -23,6 +24,7 @@ _ENDS = 3  # of a window, tried until one fits
 _CUT_M = 0.1  # a window may end in the middle of straight lines longer than this
 _LONG_RADII = 3.0  # longer lines are pieces of their own but for their ends: one polynomial bends too early
 _PIECE_RADII = (4.0, 0.5)  # longer pieces are divided in the next straight line; then shorter ones, for more freedom
+_ZIGZAG_RAD = 0.3  # turns of a zigzag: bends so short cannot pass from one side to the other smoothly
 
 
 def smoothed(coarse: CoarsePath, start: SE2, goal: SE2, config: PlannerConfig, corridor: Corridor) -> list[Path]:
@@ -30,6 +32,23 @@ def smoothed(coarse: CoarsePath, start: SE2, goal: SE2, config: PlannerConfig, c
     pieces = tuple(_SlidingFit(coarse, start, goal, config, corridor).pieces)
     smooth = certified(start, goal, pieces, "Bernstein coefficients")
     return [certified(start, goal, coarse.pieces(start), "arcs and lines"), smooth]
+
+
+def _straightened(sequence: HeadingSequence) -> HeadingSequence:
+    """Without zigzags: neighbours that bend a little, to different sides, are one piece with the sum of their turns."""
+    turns: list[float] = []
+    directions: list[int] = []
+    members: list[tuple[int, ...]] = []
+    for turn, direction, segments in zip(sequence.turns, sequence.directions, sequence.members):
+        small = turns and directions[-1] == direction and max(abs(turns[-1]), abs(turn)) < _ZIGZAG_RAD
+        if small and turns[-1] * turn <= 0.0:
+            turns[-1], members[-1] = turns[-1] + turn, members[-1] + segments
+        else:
+            turns.append(turn)
+            directions.append(direction)
+            members.append(segments)
+    joints = tuple(a == b for a, b in itertools.pairwise(directions))
+    return replace(sequence, turns=tuple(turns), directions=tuple(directions), joints=joints, members=tuple(members))
 
 
 class _SlidingFit:
@@ -80,8 +99,10 @@ class _SlidingFit:
         """Fit a window from ``_at``; False if none fits."""
         for last in self._ends(most_pieces):
             tried: list[HeadingSequence] = []
-            for sequence in (self._sequence(last, breaks) for breaks in self._breaks):
-                if sequence is None or sequence in tried:
+            found = [self._sequence(last, breaks) for breaks in self._breaks]
+            sequences = [sequence for sequence in found if sequence is not None]
+            for sequence in [*sequences, *map(_straightened, sequences[:1])]:
+                if sequence in tried:
                     continue
                 tried.append(sequence)
                 path = self._fitted(sequence, last)
@@ -133,6 +154,8 @@ class _SlidingFit:
         rooms = [self._config.max_reverse_m for _ in reverse_legs(sequence)]
         if self._joined and sequence.directions[0] < 0:
             rooms[0] -= self._reversed_m()
+        if self._goes_on(last) and sequence.directions[-1] < 0:
+            rooms[-1] -= sum(itertools.takewhile(lambda m: m > 0.0, (-length for length in self._lengths[last:])))
         return fit(sequence, runs, self._at, end, self._config.phi_rad_m, self._corridor, rooms)
 
     def _reversed_m(self) -> float:

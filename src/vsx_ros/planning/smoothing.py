@@ -37,7 +37,7 @@ def coarse_points(sequence: HeadingSequence, pieces: list[list[Piece]]) -> Float
         # Order by heading, then by length for ties on straight lines.
         s = np.cumsum(np.concatenate([np.diff(table[:, 0], prepend=0.0) for table in tables]))
         turned = np.abs(np.concatenate([table[:, 3] for table in tables]) - tables[0][0, 3])
-        key = turned + 1e-3 * s
+        key = np.maximum.accumulate(turned) + 1e-3 * s
         wanted = share * key[-1]
         points.append(np.stack([np.interp(wanted, key, x), np.interp(wanted, key, y)], axis=1))
     return np.concatenate(points)
