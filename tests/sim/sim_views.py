@@ -10,12 +10,31 @@ from vsx_ros.sim.camera import CameraSettings, EmulatedCamera
 from vsx_ros.sim.drawn_world import DrawnWorld
 from vsx_ros.sim.optics import scene_of
 from vsx_ros.sim.scene import Scene
-from vsx_ros.sim.world import World
+from vsx_ros.sim.world import Material, Origin, Outline, Start, World
 
 PERFECT = CameraSettings(
     readout_ns=0, exposure_ns=0, shot_noise=0.0, read_noise=0.0, vibration_rad=0.0, pitch_error_rad=0.0,
     height_error_m=0.0, vignetting=0.0,
 )  # fmt: skip
+
+
+def plain_room(**changes: object) -> World:
+    """6 m x 4 m, 2.5 m high, white walls, start in the middle of the west half looking east."""
+    fields: dict[str, object] = {
+        "generator": Origin(name="plain", seed=0),
+        "start": Start(x=1.5, y=2.0, theta_rad=0.0),
+        "ceiling_height": 2.5,
+        "floor": "dark",
+        "ceiling": "white",
+        "ambient": 1.0,
+        "materials": {
+            "white": Material(kind="plain", brightness=0.8),
+            "dark": Material(kind="plain", brightness=0.2),
+            "red": Material(kind="plain", brightness=0.6, tint=(1.0, 0.25, 0.5)),
+        },
+        "outlines": [Outline(points=[(0, 0), (6, 0), (6, 4), (0, 4)], height=2.5, material="white")],
+    }
+    return World(**{**fields, **changes})  # type: ignore[arg-type]  # fields by name
 
 
 def standing(x: float, y: float, theta: float) -> Callable[[IntArray], FloatArray]:

@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from conftest import plain_room
 from msgspec.structs import replace
-from sim_views import PERFECT, camera_in, standing
+from sim_views import PERFECT, camera_in, plain_room, standing
 
 from vsx_ros.config import MountConfig
 from vsx_ros.robot import STOP
