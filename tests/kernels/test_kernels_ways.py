@@ -10,7 +10,7 @@ from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
 from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, arc_places, places_are_free
 from vsx_ros.kernels.planning.primitives import Grown, cone, grow
 from vsx_ros.kernels.planning.reeds_shepp import advance, room_for, shortest_word
-from vsx_ros.kernels.planning.shortcuts import random_unit, shorten, way_cost
+from vsx_ros.kernels.planning.shortcuts import SEGMENT_COST_M, random_unit, shorten, way_cost
 
 PHI, MAX_REVERSE_M = 1.0, 1.5
 START, GOAL = np.array([1.0, 1.0, 0.3]), np.array([4.2, 4.4, 1.9])
@@ -114,8 +114,8 @@ def test_shortcuts_lead_to_the_goal_over_free_ground(field):
     assert reverse_run(short[1]) <= max(MAX_REVERSE_M, reverse_run(lengths)) + 1e-9
 
 
-def test_a_way_costs_its_length_and_its_cusps():
-    assert way_cost(np.array([1.0, -0.5, 0.0, -0.5, 1.0]), 0.2) == pytest.approx(3.4)
+def test_a_way_costs_its_length_its_cusps_and_its_segments():
+    assert way_cost(np.array([1.0, -0.5, 0.0, -0.5, 1.0]), 0.2) == pytest.approx(3.4 + 4 * SEGMENT_COST_M)
 
 
 def test_primitives_grow_from_their_parents_over_free_ground():

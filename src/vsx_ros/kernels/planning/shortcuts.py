@@ -11,7 +11,7 @@ from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.kernels.planning.lattice import reverse_run, word_is_free
 from vsx_ros.kernels.planning.reeds_shepp import SEGMENTS, advance, room_for, shortest_word
 
-_SEGMENT_COST_M = 0.01  # many short arcs around a corner are hardly shorter than few, but harder to smooth
+SEGMENT_COST_M = 0.01  # many short arcs around a corner are hardly shorter than few, but harder to smooth
 _NEAR_M = 0.5  # shortest part that is replaced on purpose
 MAX_SEGMENTS = 512  # of a way; one with more is not shortened
 
@@ -33,7 +33,7 @@ def way_cost(lengths: FloatArray, cusp_cost: float) -> float:
     total, sign = 0.0, 0.0
     for k in range(lengths.shape[0]):
         if lengths[k] != 0.0:
-            total += abs(lengths[k]) + _SEGMENT_COST_M
+            total += abs(lengths[k]) + SEGMENT_COST_M
             if sign * lengths[k] < 0.0:
                 total += cusp_cost
             sign = lengths[k]
