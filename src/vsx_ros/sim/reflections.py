@@ -54,7 +54,8 @@ def reflectors_of(world: World) -> list[Reflector]:
 def _reflector(quad: Quad, number: int, share: float, *, clear: bool) -> Reflector:
     normal = np.cross(quad.edge_v, quad.edge_u)
     normal = normal / np.linalg.norm(normal)
-    return Reflector(normal, float(normal @ quad.corner), share, clear, np.array([number]))
+    offset = float(normal @ quad.corner)
+    return Reflector(normal=normal, offset=offset, share=share, clear=clear, quads=np.array([number]))
 
 
 def _mirrored(reflector: Reflector, R: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -186,4 +186,5 @@ def compile_scene(world: World, movers: Sequence[Quad] = (), materials: Mapping[
         tints[i] = *material.tint, np.asarray(material.tint, float) @ GREY
         at += len(maps[-1])
     P, U, V = (np.array(part) for part in list(zip(*surfaces))[:3])
-    return Scene(P, U, V, surface, place, tints, tex=np.concatenate(levels), light=np.concatenate(maps))
+    tex, light = np.concatenate(levels), np.concatenate(maps)
+    return Scene(P=P, U=U, V=V, surfaces=surface, places=place, tints=tints, tex=tex, light=light)

@@ -58,7 +58,15 @@ class EmulatorNode:
         self._truth = TruthTopics(start_ns)
         socket = str(rospy.get_param("~camera_socket", f"{tempfile.gettempdir()}/vsx_kinect"))
         port = str(rospy.get_param("~port", f"{tempfile.gettempdir()}/ttyVSX"))
-        settings = RenderSettings(world_name, seed, hard, socket, rate_hz, start_ns, config.robot)
+        settings = RenderSettings(
+            world=world_name,
+            seed=seed,
+            hard=hard,
+            socket=socket,
+            rate_hz=rate_hz,
+            start_ns=start_ns,
+            robot=config.robot,
+        )
         self._child = RenderChild(settings)
         threads.worker("frames", lambda: self._child.listen(self._on_frame))
         wheel_base_m, dock = wired(robot_type).wheel_base_m, dock_pose(str(rospy.get_param("~dock", "")))
