@@ -16,7 +16,6 @@ from vsx_ros.slam.frontend import FrontEnd
 from vsx_ros.slam.place_recognition import Recognition, likeness, structure
 from vsx_ros.slam.recovery import Recovery
 from vsx_ros.slam.slam import SequentialSlam
-from vsx_ros.slam.track import nothing_tracked
 
 CONFIG = Config().slam
 SEED, FRAMES = 12, 30  # of the arc's lab; two seconds
@@ -77,12 +76,3 @@ def test_a_likely_place_is_confirmed_by_the_next_frame_without_another_search(ar
     assert relocalizer.relocalize(first, slam_map.view, None) is None
     monkeypatch.setattr(relocalizer._places, "ranked", lambda small, view, among: likely[:0])
     assert relocalizer.relocalize(second, slam_map.view, None) is not None
-
-
-@pytest.mark.parametrize(("found", "cells", "sure"), [(270, 12, True), (240, 12, False), (270, 8, False)])
-def test_many_points_all_over_the_image_are_a_place_though_others_are_missing(found, cells, sure):
-    rows = np.arange(800)
-    track = nothing_tracked("")._replace(rows=rows[:found], searched_rows=rows)
-    seen = Recognition(0, track, 20, cells)
-    assert seen.is_sure(CONFIG.recognition) == sure
-    assert not seen.is_certain(CONFIG.recognition)

@@ -90,14 +90,11 @@ class CullingConfig(Branch, frozen=True):
 
 class RecognitionConfig(Branch, frozen=True):
     """A place is recognised when patch search finds enough points (found), a large enough share of those searched
-    (ratio), in enough of 4 x 4 parts of the image (cells). sure_*, or spread_* whatever the share: with other evidence;
-    certain_*: without."""
+    (ratio), in enough of 4 x 4 parts of the image (cells). sure_*: with other evidence; certain_*: without."""
 
     sure_found: Count = 40
     sure_ratio: Ratio = 0.42
     sure_cells: Annotated[int, Meta(ge=1, le=16)] = 5
-    spread_found: Count = 250  # in another light; look-alikes reach 240 points in 8 cells
-    spread_cells: Annotated[int, Meta(ge=1, le=16)] = 11
     certain_found: Count = 120
     certain_ratio: Ratio = 0.5
     certain_cells: Annotated[int, Meta(ge=1, le=16)] = 8

@@ -41,11 +41,8 @@ class Recognition(NamedTuple):
 
     def is_sure(self, config: RecognitionConfig) -> bool:
         """Whether this is the place, if other evidence supports it. A poster or chair that exists twice matches its own
-        points but not those around it, and fills only a part of the image. In another light fewer points are found, but
-        many, and all over the image."""
+        points but not those around it, and fills only a part of the image."""
         found, ratio = len(self.track.rows), self.track.ratio
-        if found >= config.spread_found and self.cells >= config.spread_cells:
-            return True
         return found >= config.sure_found and ratio >= config.sure_ratio and self.cells >= config.sure_cells
 
     def is_certain(self, config: RecognitionConfig) -> bool:
