@@ -45,6 +45,7 @@ class _Walls:
 
     def __init__(self, room: Room) -> None:
         self.start_pose = room.start
+        self.hard: dict[str, float] = {}
         x0, x1, y0, y1 = -BEHIND_M, ROOM_M[0], room.side_wall_m - ROOM_M[1], room.side_wall_m
         corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
         self.segments = np.hstack([corners, np.roll(corners, -1, axis=0)])
