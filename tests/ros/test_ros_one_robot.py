@@ -27,7 +27,7 @@ SCENES = {
     "cancelled": Scene(((0.2, AHEAD),), cancelled=4.0),
     "another goal while driving": Scene(((0.2, AHEAD), (4.0, ASIDE))),
 }
-SECONDS = 25.0
+SECONDS = 40.0
 
 
 def live(scene: Scene, seconds: float, monkeypatch: pytest.MonkeyPatch) -> tuple[np.ndarray, list[tuple[str, str]]]:
