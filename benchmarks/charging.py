@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from seeds import seed_range
 from tables import RESULTS, rooms_of
 
 from vsx_hw.battery_emulator import KOBUKI_CELLS, EmulatedBattery
@@ -162,13 +163,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("run",))
     parser.add_argument("--world", default="lab")
-    parser.add_argument("--seeds", default="100-104", help="first-last")
+    parser.add_argument("--seeds", type=seed_range, default=range(100, 105), metavar="A-B")
     parser.add_argument("--pace", type=float, default=40.0, help="of the battery, 1 is real")
     parser.add_argument("--minutes", type=float, default=30.0, help="longest emulated time of a run")
     parser.add_argument("--out", type=Path, default=RESULTS / "charging.jsonl")
     args = parser.parse_args()
-    first, _, last = args.seeds.partition("-")
-    tasks = [Charging(args.world, seed, args.pace, args.minutes) for seed in range(int(first), int(last or first) + 1)]
+    tasks = [Charging(args.world, seed, args.pace, args.minutes) for seed in args.seeds]
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     run_campaign(tasks, charged, Store(args.out, rooms=rooms_of("charging")), Engine(1))
 

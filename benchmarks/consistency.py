@@ -13,7 +13,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from slam import seed_range
+from seeds import seed_range
 from slam_accuracy import SLAM, loop_courses
 from slam_drives import Drive, lab_drive
 

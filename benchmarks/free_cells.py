@@ -19,7 +19,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from exploration_strategy import STRATEGIES, Run
-from slam import seed_range
+from seeds import seed_range
 from table_free_cells import EDGES, diagram
 from tables import RESULTS, ROOT, newest, rooms_of
 

@@ -14,7 +14,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from slam import seed_range
+from seeds import seed_range
 from slam_recordings import direction_deg
 
 from vsx_ros.arrays import FloatArray

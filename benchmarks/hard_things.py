@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from seeds import seed_range
 from tables import RESULTS, rooms_of
 
 from vsx_ros.config import Config
@@ -109,7 +110,7 @@ def table(path: Path) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("run", "table"))
-    parser.add_argument("--seeds", default="20-31", help="first-last")
+    parser.add_argument("--seeds", type=seed_range, default=range(20, 32), metavar="A-B")
     parser.add_argument("--things", default=",".join([NOTHING, *HARD_THINGS]), help="each alone, with commas between")
     parser.add_argument("--also", default=NOTHING, help="hard things of every run, with commas between")
     parser.add_argument("--until", type=float, default=0.9, help="share known and right at which a run ends")
@@ -121,11 +122,10 @@ def main() -> None:
     if args.what == "table":
         print(table(args.out))
         return
-    first, _, last = args.seeds.partition("-")
     tasks = [
         HardRun(thing, args.also, seed, args.until, args.time, args.way)
         for thing in args.things.split(",")
-        for seed in range(int(first), int(last or first) + 1)
+        for seed in args.seeds
     ]
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     run_campaign(tasks, explored, Store(args.out, rooms=rooms_of("hard_things")), Engine(args.jobs, apart=True))

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from seeds import seed_range
 from tables import RESULTS, rooms_of
 
 from vsx_ros.config import Config, overridden
@@ -105,14 +106,12 @@ def straight(pose: SE2, way_m: float, config: Config):
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("run",))
-    parser.add_argument("--seeds", default="20-23", help="first-last")
+    parser.add_argument("--seeds", type=seed_range, default=range(20, 24), metavar="A-B")
     parser.add_argument("--wait", type=float, default=6.0, help="seconds that the robot waits")
     parser.add_argument("--who", default="meets,crosses,nobody")
     parser.add_argument("--out", type=Path, default=RESULTS / "in_the_way.jsonl")
     args = parser.parse_args()
-    first, _, last = args.seeds.partition("-")
-    seeds = range(int(first), int(last or first) + 1)
-    scenes = [Scene(who, seed, args.wait) for seed in seeds for who in args.who.split(",")]
+    scenes = [Scene(who, seed, args.wait) for seed in args.seeds for who in args.who.split(",")]
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     run_campaign(scenes, driven, Store(args.out, rooms=rooms_of("in_the_way")), Engine(1, apart=True))
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 from msgspec.structs import replace
-from slam import seed_range
+from seeds import seed_range
 from slam_accuracy import SLAM, TRACKED, loop_courses
 from slam_drives import CLEAR_M, RATE_HZ, Leg, clearest_start, record
 from tables import RESULTS, rooms_of

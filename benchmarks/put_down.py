@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from seeds import seed_range
 from tables import RESULTS, rooms_of
 
 from vsx_ros.config import Config
@@ -47,21 +48,18 @@ def place(world: EmulatedWorld, rng: np.random.Generator) -> tuple[Start, float]
     segments = world.obstacle_segments(0.0, CONFIG.robot.height_m)
     body = Body(segments, world.start_pose, CONFIG.robot.radius_m, BodySettings(), rng)
     x0, y0, x1, y1 = world.bounds
+    around_m2 = reachable_area_m2(world, CONFIG.robot.radius_m)
     while True:
         x, y, heading = (float(rng.uniform(*between)) for between in ((x0, x1), (y0, y1), (-math.pi, math.pi)))
         start = Start(x=x, y=y, theta_rad=heading)
-        if body.clearance(x, y) >= BESIDE_M and reaches(world, start):
+        joined = body.clearance(x, y) >= BESIDE_M and math.isclose(
+            reachable_area_m2(world.starting_at(start), CONFIG.robot.radius_m), around_m2
+        )
+        if joined:
             ways = np.arange(0.0, AHEAD_M, STEP_M)
             ahead = [SE2(x, y, heading) @ SE2(float(way), 0.0, 0.0) for way in ways]
             blocked = [way for way, pose in zip(ways, ahead, strict=True) if body.clearance(pose.x, pose.y) < 0.0]
             return start, float(blocked[0]) if blocked else AHEAD_M
-
-
-def reaches(world: EmulatedWorld, start: Start) -> bool:
-    """Whether the place belongs to the same room for a robot as the world's own start."""
-    radius_m = CONFIG.robot.radius_m
-    here, there = (reachable_area_m2(w, radius_m) for w in (world.starting_at(start), world))
-    return abs(here - there) < 1e-6
 
 
 class Watch:
@@ -113,15 +111,13 @@ def rounded(value: float | None) -> float | None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("run",))
-    parser.add_argument("--seeds", default="0-19", help="first-last")
+    parser.add_argument("--seeds", type=seed_range, default=range(0, 20), metavar="A-B")
     parser.add_argument("--poses", type=int, default=5, help="in each lab")
     parser.add_argument("--until", type=float, default=0.5, help="share known and right at which a run ends")
     parser.add_argument("--jobs", type=int, default=1, help="runs at once")
     parser.add_argument("--out", type=Path, default=RESULTS / "put_down.jsonl")
     args = parser.parse_args()
-    first, _, last = args.seeds.partition("-")
-    seeds = range(int(first), int(last or first) + 1)
-    tasks = [PutDown(seed, pose, args.until) for pose in range(args.poses) for seed in seeds]
+    tasks = [PutDown(seed, pose, args.until) for pose in range(args.poses) for seed in args.seeds]
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     run_campaign(tasks, put_down, Store(args.out, rooms=rooms_of("put_down")), Engine(args.jobs, apart=True))
 

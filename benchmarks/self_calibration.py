@@ -14,7 +14,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from msgspec.structs import replace
-from slam import seed_range
+from seeds import seed_range
 from slam_building import RATE_HZ, laps_legs
 from slam_drives import CLEAR_M, Drive, clearest_start, kept, record
 

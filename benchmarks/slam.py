@@ -13,6 +13,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from seeds import seed_range
 from slam_accuracy import Row, arcs, kidnappings, loops, turns
 from slam_large import laps, tour
 from slam_lenses import lenses
@@ -31,18 +32,6 @@ SECTIONS = {
     "live": live,
     "lenses": lenses,
 }
-
-
-def seed_range(text: str) -> range:
-    """``100-109`` or ``100``."""
-    first, _, last = text.partition("-")
-    try:
-        seeds = range(int(first), int(last or first) + 1)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a range of seeds like 100-109") from None
-    if not seeds:
-        raise argparse.ArgumentTypeError(f"{text!r} holds no seed; write the smaller one first")
-    return seeds
 
 
 def table(rows: list[Row]) -> str:

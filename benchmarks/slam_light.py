@@ -13,7 +13,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from slam import seed_range, table
+from seeds import seed_range
+from slam import table
 from slam_accuracy import Row, loop_courses, note, run
 from slam_drives import RATE_HZ, Drive, lab_drive
 

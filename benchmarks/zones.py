@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from seeds import seed_range
 from tables import RESULTS, rooms_of
 
 from vsx_ros.config import Config
@@ -145,13 +146,12 @@ def drawn_in(task: Drawing) -> dict[str, object]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("run",))
-    parser.add_argument("--seeds", default="0-99", help="first-last")
+    parser.add_argument("--seeds", type=seed_range, default=range(0, 100), metavar="A-B")
     parser.add_argument("--nearest", type=float, default=0.15, help="least gap when a zone is drawn [m]")
     parser.add_argument("--jobs", type=int, default=1, help="runs at once")
     parser.add_argument("--out", type=Path, default=RESULTS / "zones.jsonl")
     args = parser.parse_args()
-    first, _, last = args.seeds.partition("-")
-    tasks = [Drawing(seed, args.nearest) for seed in range(int(first), int(last or first) + 1)]
+    tasks = [Drawing(seed, args.nearest) for seed in args.seeds]
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     run_campaign(tasks, drawn_in, Store(args.out, rooms=rooms_of("zones")), Engine(args.jobs, apart=True))
 

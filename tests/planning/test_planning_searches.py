@@ -11,7 +11,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.occupancy.distance import joined_distance
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
-from vsx_ros.planning.coarse_path import ArcBounds
+from vsx_ros.planning.coarse_path import ArcBounds, CoarsePath
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.lattice_ways import coarse_lattice, is_stuck, search, search_lattice_back
 from vsx_ros.planning.path import Plan
@@ -26,6 +26,15 @@ def margins(map_: OccupancyGrid, start: SE2, goal: SE2) -> DistanceField:
     return corridor.margin
 
 
+def assert_leads_freely(way: CoarsePath, start: SE2, goal: SE2, margin: DistanceField) -> None:
+    end = way.arcs(start)[-1].end
+    assert end.distance_to(goal) < 1e-9
+    assert abs(end.angle_to(goal)) < 1e-9
+    assert way.longest_reverse_m <= 1.5 + 1e-9
+    for piece in way.pieces(start):
+        assert margin.at(piece.table[:, 1:3]).min() >= -1e-3
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_way_searched_from_the_goal_leads_from_the_start_to_it(seed):
     draw = np.random.default_rng(seed)
@@ -34,12 +43,7 @@ def test_a_way_searched_from_the_goal_leads_from_the_start_to_it(seed):
     margin = margins(map_, start, goal)
     way = search_lattice_back(start, goal, ArcBounds(margin, 1.0, 1.5), coarse_lattice(1.0))
     assert way is not None
-    end = way.arcs(start)[-1].end
-    assert end.distance_to(goal) < 1e-9
-    assert abs(end.angle_to(goal)) < 1e-9
-    assert way.longest_reverse_m <= 1.5 + 1e-9
-    for piece in way.pieces(start):
-        assert margin.at(piece.table[:, 1:3]).min() >= -1e-3
+    assert_leads_freely(way, start, goal, margin)
 
 
 def test_only_a_pose_without_room_for_an_arc_is_stuck():
@@ -102,9 +106,4 @@ def test_a_goal_in_a_pocket_is_reached_by_arcs_that_are_short_there_only():
     assert is_stuck(SE2(goal.x, goal.y, goal.theta + math.pi), start, bounds, coarse_lattice(0.9))
     way = search(start, goal, bounds, joined_distance(margin, (goal.x, goal.y)))
     assert way is not None
-    end = way.arcs(start)[-1].end
-    assert end.distance_to(goal) < 1e-9
-    assert abs(end.angle_to(goal)) < 1e-9
-    assert way.longest_reverse_m <= 1.5 + 1e-9
-    for piece in way.pieces(start):
-        assert margin.at(piece.table[:, 1:3]).min() >= -1e-3
+    assert_leads_freely(way, start, goal, margin)
