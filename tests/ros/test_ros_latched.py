@@ -34,7 +34,7 @@ LATCHED = {
 }  # fmt: skip
 WITHOUT_A_WORD = {topics.DOCK_POSE}
 """There is no dock in the world of the live stack."""
-NOT_ON_A_ROBOT = {"nodes/emulator.py", "player.py"}
+NOT_ON_A_ROBOT = {"nodes/emulator.py", "emulated_truth.py", "player.py"}
 """They stand in for a robot's devices; of what they latch nothing is in the live stack of the tests."""
 
 
