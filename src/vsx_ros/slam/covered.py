@@ -16,7 +16,7 @@ two thirds are hidden then, at 1.75 m one third, and without anybody at most 0.3
 notices one 1.2 m away; without anybody it misses at most 0.23."""
 MORE_THAN_BESIDE = 0.2  # more of the points is missed ahead than beside; dim or blurred images miss as many everywhere
 LEAST_IMAGES = 3  # in a row
-LATELY_S = 3.0  # what was not found for so long is not hidden by something new: a wall may have come before it
+LATELY_S = 2.0  # what was not found for so long is not hidden by something new: a wall may have come before it
 
 
 def covered_ahead(points_cam: Points3, found: BoolArray, telling: BoolArray) -> str:
