@@ -1,6 +1,6 @@
 """Whether a robot on its way waits for a person who walks towards it, or across its way close before it.
 
-    python benchmarks/in_the_way.py run [--seeds 20-23] [--wait 6] [--who meets,crosses,nobody] [--out FILE]
+    python benchmarks/in_the_way.py run [--seeds 20-23] [--wait 3] [--who meets,crosses,nobody] [--out FILE]
 
 A robot in an emulated lab maps while it creeps forward, then follows a straight way to a place far ahead; the person
 begins to walk a second later and stops for nothing. ``--wait 0`` is a robot that does not wait
@@ -107,7 +107,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("run",))
     parser.add_argument("--seeds", type=seed_range, default=range(20, 24), metavar="A-B")
-    parser.add_argument("--wait", type=float, default=6.0, help="seconds that the robot waits")
+    parser.add_argument("--wait", type=float, default=3.0, help="seconds that the robot waits")
     parser.add_argument("--who", default="meets,crosses,nobody")
     parser.add_argument("--out", type=Path, default=RESULTS / "in_the_way.jsonl")
     args = parser.parse_args()

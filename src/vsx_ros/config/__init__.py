@@ -138,7 +138,7 @@ class FollowerConfig(Branch, frozen=True):
     dubious_speed_factor: Annotated[float, Meta(gt=0, le=1)] = 0.5
     dubious_hold_s: NonNegative = 1.0
     # How long the base waits on its way for something that is not in the map and hides it ahead, such as a person.
-    hidden_wait_s: Annotated[float, Meta(ge=0, le=60)] = 6.0
+    hidden_wait_s: Annotated[float, Meta(ge=0, le=60)] = 3.0
     replans_after_divergence: Annotated[int, Meta(ge=0)] = 2
 
 

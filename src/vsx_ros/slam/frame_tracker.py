@@ -59,7 +59,7 @@ class FrameTracker:
         track, before = self._checked_track(data, local, prediction, tracked_before), self._motion.last_pose
         if track.state is TrackingState.LOST and prediction.by_odometry and before is not None:
             self._uncertainty.moved(before.inverse() @ prediction.T_world_cam, prediction.information)
-        return track._replace(ahead=self._cover.believed(track.ahead))
+        return track._replace(ahead=self._cover.ahead(data.stamp_ns, track, local.view.points))
 
     def _checked_track(self, data: FrameData, local: LocalMap, prediction: Prediction, tracked_before: bool) -> Track:
         coarse = self.coarse_next

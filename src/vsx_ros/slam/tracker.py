@@ -11,7 +11,6 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry import project_rows
 from vsx_ros.kernels.slam.pose import optimize_pose
 from vsx_ros.kernels.vision.search import predict, search, warp_templates
-from vsx_ros.slam.covered import covered_ahead
 from vsx_ros.slam.keyframe import FrameData, MapView
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.track import Track
@@ -85,12 +84,10 @@ class Tracker:
         if state is TrackingState.GOOD and (reason := self._doubt(fit, pull, depth[kept])):
             state = TrackingState.DUBIOUS
         concealed = hidden(expected.uv[counted], depth[counted], kept[counted])
-        searched_cam = T_cam_world @ view.points[searched]
-        ahead = "" if data.blurred else covered_ahead(searched_cam, kept[counted], concealed)
         return Track(
             T_cam_world.inverse(), state, rows=expected.rows[kept], uv=uv[kept], level=expected.level[kept],
             searched_rows=searched, information=fit.information, reason=reason, hidden_rows=searched[concealed],
-            blurred=data.blurred, settled=fit.settled[kept], sigma_px=fit.sigma_px, ahead=ahead,
+            blurred=data.blurred, settled=fit.settled[kept], sigma_px=fit.sigma_px,
         )  # fmt: skip
 
     def _coarse(
