@@ -92,7 +92,7 @@ def test_a_gyro_that_drifts_at_standstill_is_told(tmp_path, drift_deg_s):
 
 
 def test_a_gyro_whose_samples_repeat_is_dead(tmp_path):
-    with Line(Kobuki(gyro_samples=((3, -5, 7), (2, -4, 9))), str(tmp_path / "kobuki")) as line:
-        with Host("kobuki", line) as host:
-            wait_for(lambda: host.readings and "dead" in host.last.odometry.doubt, "the dead gyro")
-            assert not host.last.gyro.trusted
+    robot = Kobuki(gyro_samples=((3, -5, 7), (2, -4, 9)))
+    with Line(robot, str(tmp_path / "kobuki")) as line, Host("kobuki", line) as host:
+        wait_for(lambda: host.readings and "dead" in host.last.odometry.doubt, "the dead gyro")
+        assert not host.last.gyro.trusted
