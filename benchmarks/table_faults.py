@@ -129,7 +129,8 @@ def sensors(rows: Sequence[Row]) -> list[str]:
         later = "; on the straight, where it is right, at the next turn" if (base, sensor, fault) in straight else ""
         told = f"{max(told_s):.1f} s{later}" if told_s else "counted as a refused frame"
         stood = [result["stood_s"] for result in results]
-        slip = "; against the turn, as if they slipped, by the gyro" if any(r["as_slip"] for r in results) else ""
+        by_gyro = any(result["as_slip"] and abs(result["wrong_rad"]) > 0.1 for result in results)
+        slip = "; against the turn, as if they slipped, by the gyro" if by_gyro else ""
         then = f"goes on by the wheels{slip}" if None in stood else f"stands within {max(stood):.1f} s"
         then = "goes on, that report left out" if fault == "one wrong report" else then
         jump_cm = 100.0 * max(result["jump_m"] for result in results)
