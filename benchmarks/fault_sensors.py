@@ -15,7 +15,7 @@ from tables import RESULTS, rooms_of
 
 from vsx_ros.experiments.rows import Store
 
-sys.path.append(str(Path(__file__).parents[1] / "tests" / "hw"))
+sys.path.extend(str(Path(__file__).parents[1] / "tests" / room) for room in ("", "hw"))
 import hw_sensor_faults
 
 BASES = ("kobuki", "create", "create2")
@@ -31,7 +31,8 @@ WHEELS = {
 
 def measure_faults(store: Store) -> None:
     for base in BASES:
-        encoders = [(sensor, fault) for sensor in ("left", "both") for fault in hw_sensor_faults.ENCODER_FAULTS]
+        sensors = ("left", "right", "both")
+        encoders = [(sensor, fault) for sensor in sensors for fault in hw_sensor_faults.ENCODER_FAULTS]
         gyro = [("gyro", fault) for fault in hw_sensor_faults.GYRO_FAULTS if base != "create2"]
         for sensor, fault in encoders + gyro:
             for motion in hw_sensor_faults.MOTIONS:
@@ -46,7 +47,7 @@ def case(base: str, sensor: str, fault: str, motion: str) -> dict[str, float | N
         done = hw_sensor_faults.drive_and_break(base, motion, sensor, fault, monkeypatch)
     return {
         "told_s": done.told_s, "stood_s": done.stood_s, "jump_m": done.jump_m, "jump_rad": done.jump_rad,
-        "wrong_rad": done.wrong_rad,
+        "wrong_rad": done.wrong_rad, "as_slip": done.words.endswith("that of the gyro"),
     }  # fmt: skip
 
 

@@ -118,7 +118,7 @@ def disks(rows: Sequence[Row]) -> list[str]:
 
 
 def sensors(rows: Sequence[Row]) -> list[str]:
-    """The worst of line, arc and spot turn."""
+    """The worst of all motions."""
     lines = [
         "| base | sensor | fault | told within | what the robot does | pose jumps by at most | heading off after 4 s |",
         "|---|---|---|---|---|---|---|",
@@ -129,11 +129,13 @@ def sensors(rows: Sequence[Row]) -> list[str]:
         later = "; on the straight, where it is right, at the next turn" if (base, sensor, fault) in straight else ""
         told = f"{max(told_s):.1f} s{later}" if told_s else "counted as a refused frame"
         stood = [result["stood_s"] for result in results]
-        then = "goes on by the wheels" if None in stood else f"stands within {max(stood):.1f} s"
+        by_gyro = any(result["as_slip"] and abs(result["wrong_rad"]) > 0.1 for result in results)
+        slip = "; against the turn, as if they slipped, by the gyro" if by_gyro else ""
+        then = f"goes on by the wheels{slip}" if None in stood else f"stands within {max(stood):.1f} s"
         then = "goes on, that report left out" if fault == "one wrong report" else then
         jump_cm = 100.0 * max(result["jump_m"] for result in results)
         jump, off = (math.degrees(max(abs(r[k]) for r in results)) for k in ("jump_rad", "wrong_rad"))
-        name = {"left": "one encoder", "both": "both encoders"}.get(sensor, sensor)
+        name = {"left": "left encoder", "right": "right encoder", "both": "both encoders"}.get(sensor, sensor)
         lines.append(
             f"| {base} | {name} | {fault} | {told} | {then} | {jump_cm:.1f} cm, {jump:.1f} deg | {off:.0f} deg |"
         )
@@ -190,7 +192,7 @@ def soaks(rows: Sequence[Row]) -> list[str]:
 
 
 def _untold_on_the_straight(row: Row) -> bool:
-    return row.asked["motion"] == "line" and row.result["told_s"] is None
+    return row.asked["motion"] in ("line", "reverse") and row.result["told_s"] is None
 
 
 def _spread(values: Sequence[float]) -> str:

@@ -26,8 +26,9 @@ REFUSED_REPORTS = 5  # This many refused reports of one sensor within a second a
 
 BASE_RAD, SLIP, SIGMAS = 0.03, 0.03, 3.0
 """Largest difference in a second, beyond what is learned: 1.7 degrees (not sampled at the same instant, a wheel on a
-sill) and a share of the turn, for occasional slip. It detects a drift of 5 deg/s; below 3 deg/s the camera must detect
-it."""
+sill) and a share of the turn, for occasional slip. It detects a drift of 5 deg/s in a second; a smaller one may be a
+difference of the wheels until the base stands."""
+ZERO_RAD_S = math.radians(0.3)  # Turn rate that a good gyro may show at standstill; one that drifts by 1 deg/s is told
 SLIP_NS = 200_000_000  # over which slip is judged
 AGREED_RAD, AGREED_M = 0.5, 1.0
 """Turn over which both must agree again; if the gyro was not left out, this distance is enough. A dead gyro would also
@@ -74,6 +75,7 @@ class MotionCheck:
         self._trace = CommandTrace()
         self._mismatch = TurnMismatch()
         self._sums = deque([_Sums(0)])
+        self._stood = _Sums(0)  # since when the base stands: neither told to move nor moved
         self._rate_rad_s = 0.0
         self._doubt, self._gyro_out = "", False
         self._unproven, self._wrong_ns = "", 0
@@ -112,9 +114,8 @@ class MotionCheck:
         refused = no_gyro or no_wheels
         if not whole:
             self._sums = deque([_Sums(now_ns)])
+            self._stood = self._sums[-1]
             return self._verdict_of(wheels_rad, turn_rad, refused, "", no_gyro)
-        if not refused:
-            self._rate_rad_s = turn_rad / dt_s
         counted = turn_rad if refused else wheels_rad
         step = _Sums(
             pause_ns, left_m, right_m, wheels_rad=counted, gyro_rad=turn_rad, no_gyro=no_gyro, no_wheels=no_wheels
@@ -122,10 +123,16 @@ class MotionCheck:
         now = last.after(step)
         self._sums.append(now)
         begin = self._window(now_ns)
-        fault = self._fault(begin, now)
+        told = self._trace.between(begin.time_ns, now.time_ns, self._wheel_base_m)
+        if left_m or right_m or any(map(any, told)):
+            self._stood = now
+        fault = self._fault(begin, now, *told[:2])
         if gyro_rad is not None:
-            self._compare(begin, now, alive)
-        return self._verdict_of(wheels_rad, turn_rad, now.refused > begin.refused, fault, no_gyro)
+            self._compare(begin, now, told[2], alive)
+        verdict = self._verdict_of(wheels_rad, turn_rad, now.refused > begin.refused, fault, no_gyro)
+        if not refused:
+            self._rate_rad_s = verdict.turn_rad / dt_s
+        return verdict
 
     def _verdict_of(
         self, wheels_rad: float, turn_rad: float, refused: bool, fault: str, no_gyro: bool
@@ -156,9 +163,8 @@ class MotionCheck:
                 self._mismatch.learn(way_m, turn_rad, difference, (b.time_ns - a.time_ns) * 1e-9)
         return sums[0]
 
-    def _fault(self, begin: _Sums, now: _Sums) -> str:
+    def _fault(self, begin: _Sums, now: _Sums, left: Span, right: Span) -> str:
         """Which wheel does not follow its command, in words. The pose is uncertain until both follow again."""
-        left, right, _ = self._told(begin, now)
         sides = {"left": (now.left_m - begin.left_m, left), "right": (now.right_m - begin.right_m, right)}
         verdicts = {side: wheel_verdict(way_m, told) for side, (way_m, told) in sides.items()}
         wrong = [f"the {side} wheel {verdict}; see to its encoder" for side, verdict in verdicts.items() if verdict]
@@ -173,10 +179,7 @@ class MotionCheck:
             self._unproven = ""
         return ""
 
-    def _told(self, begin: _Sums, now: _Sums) -> tuple[Span, Span, Span]:
-        return self._trace.between(begin.time_ns, now.time_ns, self._wheel_base_m)
-
-    def _compare(self, begin: _Sums, now: _Sums, alive: bool | None) -> None:
+    def _compare(self, begin: _Sums, now: _Sums, told: Span, alive: bool | None) -> None:
         """Judge the last second: begin, keep or end a doubt."""
         way_m = 0.5 * (now.left_m - begin.left_m + now.right_m - begin.right_m)
         wheels_rad, gyro_rad = now.wheels_rad - begin.wheels_rad, now.gyro_rad - begin.gyro_rad
@@ -189,15 +192,23 @@ class MotionCheck:
             self._distrust(True, "the gyro jumps; the heading is that of the wheels")
         elif now.no_wheels - begin.no_wheels >= REFUSED_REPORTS:
             self._distrust(False, "the counters of the wheels jump; the heading is that of the gyro")
+        elif self._drifts(now):
+            self._distrust(True, "the gyro turns while the base stands; the heading is that of the wheels")
         elif abs(gyro_rad - wheels_rad - expected) > bound:
             slip = alive is True and self._slips(now)
-            self._choose(wheels_rad, gyro_rad, slip, self._told(begin, now)[2])
+            self._choose(wheels_rad, gyro_rad, slip, told)
         elif self._doubt:
             a, b = self._sums[-2], now
             self._agreed_rad += abs(b.wheels_rad - a.wheels_rad)
             self._agreed_m += 0.5 * abs(b.left_m - a.left_m + b.right_m - a.right_m)
             if self._agreed_rad > AGREED_RAD or (self._agreed_m > AGREED_M and not self._gyro_out):
                 self._doubt, self._gyro_out = "", False
+
+    def _drifts(self, now: _Sums) -> bool:
+        """Whether the gyro turned since the base stands."""
+        stood_s = (now.time_ns - self._stood.time_ns) * 1e-9
+        turned_rad = abs(now.gyro_rad - self._stood.gyro_rad)
+        return turned_rad > BASE_RAD + 2.0 * self._step_rad + ZERO_RAD_S * stood_s
 
     def _slips(self, now: _Sums) -> bool:
         """Whether the gyro now measures a turn in the direction of the wheels' turn, but a smaller one."""

@@ -13,12 +13,18 @@ from vsx_hw.readings import Hazard
 from vsx_hw.safety import SpeedLimits, Supervisor
 from vsx_hw.serial_emulator import PlantState
 
-MOTIONS = {"line": (0.2, 0.0), "arc": (0.2, 0.4), "spot turn": (0.0, 0.4)}
+MOTIONS = {
+    "line": (0.2, 0.0),
+    "reverse": (-0.2, 0.0),
+    "arc": (0.2, 0.4),
+    "right arc": (0.2, -0.4),
+    "spot turn": (0.0, 0.4),
+}
 ENCODER_FAULTS = ("dead", "stuck", "double", "backwards")
-GYRO_FAULTS = ("stuck", "one wrong report", "drift", "wrong sign")
+DRIFTS_RAD_S = {"drift to the left": math.radians(5.0), "drift to the right": math.radians(-5.0)}
+GYRO_FAULTS = ("stuck", "one wrong report", *DRIFTS_RAD_S, "wrong sign")
 DEAD_TIME_NS = {"kobuki": 200 * MS, "create": 60 * MS, "create2": 60 * MS}
 LAG_S, SLIP = 0.08, 0.02
-DRIFT_RAD_S = math.radians(5.0)
 REPORT_NS = 20 * MS
 
 
@@ -47,7 +53,7 @@ class SlippingWheels:
     def break_sensor(self, sensor: str, fault: str) -> None:
         if sensor == "gyro":
             self._gyro_scale = {"stuck": 0.0, "wrong sign": -1.0}.get(fault, 1.0)
-            self._drift = DRIFT_RAD_S if fault == "drift" else 0.0
+            self._drift = DRIFTS_RAD_S.get(fault, 0.0)
             self._wrong_until_ns = self.now_ns + REPORT_NS if fault == "one wrong report" else -1
             return
         for side in {"left": (0,), "right": (1,), "both": (0, 1)}[sensor]:

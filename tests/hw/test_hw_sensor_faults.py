@@ -25,6 +25,12 @@ TOLD_S, JUMP_M, JUMP_RAD = 1.5, 0.05, math.radians(3.0)
 BASES = ("kobuki", "create", "create2")
 RIGHT_ON_THE_STRAIGHT = {("kobuki", "wrong sign"), ("create", "wrong sign"), ("create", "stuck")}
 """These gyros tell the truth, no turn, until the next turn; the Kobuki's that is stuck has no noise any more."""
+LIKE_SLIP = {
+    ("kobuki", "arc", "drift to the right"),
+    ("kobuki", "right arc", "drift to the left"),
+    ("kobuki", "spot turn", "drift to the right"),
+}
+"""A living gyro that turns less than the wheels is one whose wheels slip, until the base stands."""
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
@@ -50,12 +56,17 @@ def test_a_broken_gyro_is_told_and_the_base_goes_on_by_its_wheels(kind, fault, m
     assert done.jump_m < JUMP_M
     assert done.jump_rad < JUMP_RAD
     assert done.stood_s is None
+    if (kind, motion, fault) in LIKE_SLIP:
+        assert done.told_s <= TOLD_S
+        assert "that of the gyro" in done.words
+        assert done.trusted == 0.0
+        return
     assert abs(done.wrong_rad) < math.radians(6.0)
     if (kind, fault) == ("kobuki", "one wrong report"):
         assert done.told_s is None, "the frame was refused"
         assert abs(done.wrong_rad) < math.radians(0.5)
         return
-    if motion == "line" and (kind, fault) in RIGHT_ON_THE_STRAIGHT:
+    if motion in ("line", "reverse") and (kind, fault) in RIGHT_ON_THE_STRAIGHT:
         assert done.told_s is None
         assert abs(done.wrong_rad) < math.radians(0.5)
         done = drive_and_break(kind, motion, "gyro", fault, monkeypatch, then="spot turn")
@@ -97,7 +108,7 @@ def test_a_gyro_that_turns_while_the_wheels_stand_is_not_believed(monkeypatch):
 
         def each_ms(drive=drive, plant=plant) -> None:
             if drive.wire.now_ns == 4000 * MS:
-                plant.break_sensor("gyro", "drift")
+                plant.break_sensor("gyro", "drift to the left")
 
         drive.wire.each_ms = each_ms
         drive.serve(60.0)
@@ -114,7 +125,7 @@ def test_a_gyro_is_believed_again_after_both_have_agreed_through_a_turn(monkeypa
 
     def each_ms() -> None:
         if drive.wire.now_ns == 4000 * MS:
-            plant.break_sensor("gyro", "drift")
+            plant.break_sensor("gyro", "drift to the left")
         elif drive.wire.now_ns == 8000 * MS:
             plant.break_sensor("gyro", "none")
 

@@ -46,8 +46,8 @@ class LoneBase:
         self.processes = Processes(folder, f"http://{HOST}:{free_port()}", ROS_HOSTNAME=HOST)
         self.port = str(folder / "base")
         self.plant = CountedPlant(open_world("lab", 1), 1, RobotConfig(), lambda _: None, BASES["kobuki"].wheel_base_m)
-        self._emulator = base_emulator("kobuki", self.plant, self.port, 1)
-        self._emulator.start(time.monotonic_ns())
+        self.emulator = base_emulator("kobuki", self.plant, self.port, 1)
+        self.emulator.start(time.monotonic_ns())
         self.uri = self.processes.environment["ROS_MASTER_URI"]
         self.master_port = self.uri.rsplit(":", 1)[1]
         self.start_master()
@@ -80,4 +80,4 @@ class LoneBase:
 
     def close(self) -> None:
         self.processes.end()
-        self._emulator.close()
+        self.emulator.close()

@@ -76,10 +76,10 @@ def test_the_emergency_stop_is_taken_and_answered(base: LoneBase) -> None:
 
 def test_a_base_that_is_plugged_in_again_reports_again(base: LoneBase) -> None:
     assert base.observe(REPORTS) == "odom"
-    base._emulator.unplug()
+    base.emulator.unplug()
     base.processes.wait(lambda: not Path(base.port).exists(), "the port to go")
     base.observe("import json, time; time.sleep(3.0); print(json.dumps(0))")
-    base._emulator.replug()
+    base.emulator.replug()
     assert base.observe(REPORTS) == "odom"
 
 

@@ -151,6 +151,26 @@ def test_what_a_master_has_lost_of_the_node_is_registered_anew(graph: list[Graph
     wait_for(graph[0].knows_base)
 
 
+@pytest.mark.parametrize("every", [1, 3])
+def test_topics_are_looked_for_every_so_many_periods(
+    graph: list[Graph], every: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The motion that a master's loss of the topics allows; mobile_base asks for them every third time."""
+    asked: list[str] = []
+    ask = master_watch.ask_master
+
+    def recorded(questions: list[tuple[Any, ...]], *patience: float) -> Any:
+        asked.append(questions[0][0] if questions else "")
+        return ask(questions, *patience)
+
+    monkeypatch.setattr(master_watch, "ask_master", recorded)
+    watch = MasterWatch()
+    watch.topics_every = every
+    wait_for(lambda: asked.count("getSystemState") > 4)
+    between = "".join({"lookupNode": "s", "getSystemState": "T"}.get(what, "") for what in asked).split("T")
+    assert max(map(len, between[1:-1])) <= every
+
+
 def test_a_new_master_gets_the_parameters_of_the_old_one_but_not_over_newer_ones(graph: list[Graph]) -> None:
     for name, value in (("/base/port", "/dev/one"), ("/base/robot_type", "create"), ("config", {"a": {"b": 1.5}})):
         graph[0].asked.setParam(name, value)

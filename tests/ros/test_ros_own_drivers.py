@@ -4,18 +4,24 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("rospy")
 
 import rosgraph
+import rospy
+from geometry_msgs.msg import Twist
 from processes import Processes
 from ros_ports import HOST, free_port
 from sensor_msgs.msg import CompressedImage, Image
 
+from vsx_hw.readings import BaseReading
 from vsx_ros.errors import ConfigError, InputError
-from vsx_ros.ros import images
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Odometry
+from vsx_ros.ros import images, topic_drivers
 from vsx_ros.ros.topic_drivers import image_of, info_topic, topic_names
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -107,6 +113,71 @@ def test_a_base_and_a_camera_with_drivers_of_their_own_are_used_by_their_topics(
     assert done.returncode == 0, done.stderr + processes.logs()
     seen = json.loads(done.stdout)
     assert seen == {"frame": "odom", "image": ["mono8", 320, 240], "most": 0.1}
+
+
+class TopicRig:
+    """A TopicBase without a master, on a clock of its own. sent: (now_s, v [m/s]) of every command."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_s = 100.0
+        self.sent: list[tuple[float, float]] = []
+        self.links: list[bool] = []
+        self.readings: list[int] = []
+        clock = SimpleNamespace(monotonic=lambda: self.now_s, monotonic_ns=lambda: round(self.now_s * 1e9))
+        monkeypatch.setattr(topic_drivers, "time", clock)
+        monkeypatch.setattr(rospy, "Publisher", lambda *_, **__: self)
+        monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+        self.base = topic_drivers.TopicBase(
+            topic_drivers.TopicNames(), self._on_reading, lambda connected, _: self.links.append(connected), 0.25
+        )
+
+    def publish(self, twist: Twist) -> None:
+        self.sent.append((self.now_s, twist.linear.x))
+
+    def _on_reading(self, reading: BaseReading) -> None:
+        self.readings.append(reading.stamp_ns)
+        self.base.drive(0.2, 0.0)
+
+    def tell(self, *stamps_ms: int) -> list[float]:
+        """Readings with these stamps, 50 ms apart; returns the speeds that were sent meanwhile."""
+        del self.sent[:]
+        for stamp_ms in stamps_ms:
+            self.now_s += 0.05
+            moved = Odometry(stamp_ms * 1_000_000, SE2(0.0, 0.0, 0.0), 0.0, 0.0)
+            self.base._on_odometry(moved)
+            self.base._send()
+        return [v for _, v in self.sent]
+
+
+@pytest.mark.parametrize("stamps_ms", [(50,), (50, 100), (50, 50, 50, 50), (150, 100, 50), (50, 100, 100, 150, 200)])
+def test_a_base_on_topics_stands_until_three_stamps_in_a_row_have_risen(
+    stamps_ms: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = TopicRig(monkeypatch)
+    assert not any(rig.tell(*stamps_ms))
+    assert "of 3 readings in a row with rising stamps" in rig.base.status().message
+    assert any(rig.tell(1000, 1050, 1100))
+    assert rig.base.status().connected
+    assert rig.links == [True]
+
+
+def test_stamps_that_stand_are_a_silence_after_which_a_row_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = TopicRig(monkeypatch)
+    assert rig.tell(50, 100, 150, 200)[-1] == 0.2
+    assert rig.tell(*[200] * 9)[-1] == 0.0, "the command ran out: no reading renewed it"
+    rig.tell(*[200] * 3)
+    assert "no odometry with a newer stamp on /odom for 0.5 s" in rig.base.status().message
+    assert rig.base.status().counters == {"readings": 4, "repeated": 12}
+    assert not any(rig.tell(250, 300))
+    assert rig.tell(350)[-1] == 0.2
+    assert rig.links == [True, False, True]
+
+
+def test_one_repeated_reading_does_not_stop_a_base_on_topics(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = TopicRig(monkeypatch)
+    rig.tell(50, 100, 150)
+    assert set(rig.tell(150, 200, 250, 250, 300)) == {0.2}
+    assert rig.readings == [stamp_ms * 1_000_000 for stamp_ms in (50, 100, 150, 200, 250, 300)]
 
 
 def test_topics_of_a_base_are_two_or_the_usual_ones() -> None:

@@ -43,10 +43,10 @@ def master_watch() -> MasterWatch:
 
 
 class MasterWatch:
-    """Asks the master every ``period_s`` seconds on its own thread."""
+    """Asks the master every ``period_s`` seconds on its own thread, for topics every ``topics_every`` periods."""
 
     def __init__(self) -> None:
-        self.period_s = PERIOD_S
+        self.period_s, self.topics_every = PERIOD_S, TOPICS_EVERY
         self._answered_s, self._told_all_s = time.monotonic(), -math.inf
         self._trouble = "the ROS master was not asked yet"
         self._owing = False
@@ -105,7 +105,7 @@ class MasterWatch:
         mine = [rospy.core.get_node_uri(), *offered.services.values()]
         found = [address if code == 1 else "" for code, _, address in answers]
         if found == mine and not self._owing:
-            if time.monotonic() - self._told_all_s < TOPICS_EVERY * self.period_s:
+            if time.monotonic() - self._told_all_s < self.topics_every * self.period_s:
                 self._write()
                 return ""
             if not missing(offered):

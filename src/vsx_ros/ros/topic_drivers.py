@@ -1,7 +1,8 @@
 """Bases and cameras that have their own ROS drivers, used through their topics.
 
 Such a base publishes odometry on one topic and obeys a Twist on another. As for every base, commands first pass the
-mux, limits, time-outs and emergency stop of ``mobile_base``. Bumpers, cliffs and battery are unknown. If
+mux, limits, time-outs and emergency stop of ``mobile_base``, and the wheels turn only after a row of readings whose
+stamps rise. Bumpers, cliffs and battery are unknown, and wheels, gyro and command are not compared. If
 ``mobile_base`` itself is killed, only the base's own driver can stop the wheels; every driver should do so when
 commands cease."""
 
@@ -17,6 +18,7 @@ import rospy
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from vsx_hw.base_driver import ROW
 from vsx_hw.cameras import FROZEN, FrozenImageDetector
 from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, BatteryReading, Hazard, ImageReading, LinkStatus, OdometryReading, Signal
@@ -73,8 +75,9 @@ class TopicBase:
         self._lock = threading.Lock()
         self._command, self._until_ns = STOP, 0
         self._zero_until_s = self._heard_s = 0.0
+        self._stamp_ns, self._row = 0, 0  # of the latest reading; readings in a row whose stamps rise, at most ROW
         self._connected = self._closed = False
-        self._readings = 0
+        self._readings = self._repeated = 0
         self._command_pub = rospy.Publisher(names.command, Twist, queue_size=1, tcp_nodelay=True)
 
     def start(self) -> None:
@@ -100,7 +103,12 @@ class TopicBase:
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
         silence = self._silence()
-        return LinkStatus(not silence, silence or "connected", self._names.odometry, {"readings": self._readings})
+        return LinkStatus(
+            not silence,
+            silence or "connected",
+            self._names.odometry,
+            {"readings": self._readings, "repeated": self._repeated},
+        )
 
     def close(self) -> bool:
         """Send zero; returns True, although nothing confirms that the wheels stand."""
@@ -110,16 +118,35 @@ class TopicBase:
         return True
 
     def _silence(self) -> str:
-        """Why the base is silent; empty while odometry comes."""
-        if time.monotonic() - self._heard_s < _ODOMETRY_WITHIN_S:
-            return ""
-        said = f"no odometry on {rospy.resolve_name(self._names.odometry)} for {_ODOMETRY_WITHIN_S:g} s"
-        return f"{said}; start the base's own driver, or name its topics (base ros)"
+        """Why the wheels must stand; empty while odometry comes. A reading whose stamp does not rise is none."""
+        topic = rospy.resolve_name(self._names.odometry)
+        if self._is_stale():
+            said = f"no odometry with a newer stamp on {topic} for {_ODOMETRY_WITHIN_S:g} s"
+            return f"{said}; start the base's own driver, or name its topics (base ros)"
+        if self._row < ROW:
+            return f"{topic}: {self._row} of {ROW} readings in a row with rising stamps; see to the base's own driver"
+        return ""
+
+    def _is_stale(self) -> bool:
+        return time.monotonic() - self._heard_s >= _ODOMETRY_WITHIN_S
+
+    def _is_new(self, stamp_ns: int) -> bool:
+        """Count readings in a row after a silence, as drivers of serial bases do (``base_driver.ROW``)."""
+        rises, self._stamp_ns = stamp_ns > self._stamp_ns, stamp_ns
+        if self._is_stale() or not (rises or self._row == ROW):
+            self._row = 0
+        if not rises:
+            self._repeated += 1
+            return False
+        self._heard_s = time.monotonic()
+        self._row = min(self._row + 1, ROW)
+        return True
 
     def _on_odometry(self, moved: Odometry) -> None:
-        self._heard_s = time.monotonic()
+        if not self._is_new(moved.stamp_ns):
+            return
         self._readings += 1
-        self._link("")
+        self._link(self._silence())
         T = moved.T_odom_base
         odometry = OdometryReading(
             moved.stamp_ns, x_m=T.x, y_m=T.y, heading_rad=T.theta, v_m_s=moved.v, omega_rad_s=moved.omega

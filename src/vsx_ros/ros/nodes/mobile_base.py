@@ -49,7 +49,7 @@ class MobileBaseNode:
     def __init__(self, config: Config) -> None:
         self._latest: tuple[BaseReading, Decision] | None = None
         self._master = master_watch()
-        self._master.period_s = 0.1
+        self._master.period_s, self._master.topics_every = 0.1, 3
         settings = base_settings(config)
         self._supervisor = supervisor(config, settings)
         self._topics = BaseTopics(settings.robot_type, config.exploration.teleop_quiet_s)

@@ -1,0 +1,65 @@
+"""A base that falls silent is an ERROR on /diagnostics within a second."""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy")
+
+from lone_base import LoneBase
+from waiting import PATIENCE_S
+
+pytestmark = pytest.mark.ros
+
+LISTENER = """
+import json, sys, threading, time
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+
+rospy.init_node("listener", anonymous=True)
+levels, heard = [], threading.Condition()
+
+def on_diagnostics(array):
+    for status in array.status:
+        if status.name == "mobile_base: link":
+            with heard:
+                levels.append((time.monotonic(), status.level, status.message))
+                heard.notify_all()
+
+def wait(level):
+    with heard:
+        assert heard.wait_for(lambda: levels and levels[-1][1] == level, 120.0), levels[-3:]
+        return levels[-1]
+
+rospy.Subscriber("/diagnostics", DiagnosticArray, on_diagnostics, queue_size=50, tcp_nodelay=True)
+wait(0)
+print("connected", flush=True)
+sys.stdin.readline()
+print(json.dumps(wait(2)), flush=True)
+"""
+
+
+@pytest.fixture
+def base(tmp_path: Path) -> Iterator[LoneBase]:
+    made = LoneBase(tmp_path)
+    made.start("mobile_base", "_robot_type:=kobuki", f"_port:={made.port}")
+    yield made
+    made.close()
+
+
+def test_a_silent_base_is_an_error_within_a_second(base: LoneBase) -> None:
+    command = [sys.executable, "-c", LISTENER]
+    with subprocess.Popen(
+        command, env=base.processes.environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as listener:
+        assert listener.stdout.readline() == "connected\n", base.processes.logs()
+        base.emulator.paused = True
+        silent_s = time.monotonic()  # one clock for all processes of a machine
+        told_s, _, words = json.loads(listener.communicate("\n", timeout=PATIENCE_S)[0])
+    assert 0.0 < told_s - silent_s < 1.0
+    assert "no data for" in words
