@@ -81,6 +81,10 @@ def no_view(path: Path) -> None:
 
 
 GLTF = {
+    "parents": (
+        "no tree",
+        lambda path: many_nodes(path, 0, 1, nodes=[{"children": [1]}, {"mesh": 0}], scenes=[{"nodes": [0, 1]}]),
+    ),
     "nodes": ("12000000 triangles", lambda path: many_nodes(path, 600, 20_000)),
     "no view": ("bytes of data", no_view),
     "same view": (
@@ -96,7 +100,7 @@ GLTF = {
         lambda path: many_nodes(path, 200, 1, meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}] * 200}]),
     ),
     "chain": (
-        "",
+        "nested more than 64",
         lambda path: many_nodes(
             path, 0, 1, nodes=[{"mesh": 0, "children": [k + 1] * (k < 3999)} for k in range(4000)], scenes=[{"nodes": [0]}]
         ),
@@ -232,10 +236,7 @@ def test_obj(tmp_path: Path, kind: str) -> None:
 def painted(folder: Path, name: str) -> Path:
     look = f"<material><pbr><metal><albedo_map>{name}</albedo_map></metal></pbr></material>"
     shape = "<geometry><box><size>1 1 1</size></box></geometry>"
-    return world(
-        folder,
-        f'<model name="m"><pose>2 1 0.5 0 0 0</pose><link name="l"><visual name="v">{shape}{look}</visual></link></model>',
-    )
+    return world(folder, f'<model name="m"><link name="l"><visual name="v">{shape}{look}</visual></link></model>')
 
 
 def test_many_textures_inside_of_a_mesh(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ MOST_JSON = 64 * MIB  # bytes; it may hold the data as text
 MOST_VALUES = 500_000  # of the JSON
 MOST_DATA = 256 * MIB  # bytes of its buffers, views and numbers
 MOST_VERTICES = 4_000_000  # of all primitives, with their indices
-MOST_PARTS, MOST_EDGES = 4000, 10_000  # nodes, primitives, primitives of nodes; children of nodes
+MOST_PARTS, DEEPEST = 4000, 64  # nodes, primitives, primitives of nodes; nodes in nodes
 LONGEST_NAME = 1000
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _VALUES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -38,15 +38,23 @@ def triangles_of(path: Path) -> int:
     copied = sum(len(mesh["primitives"]) * len(mesh.get("extras") or ()) for mesh in _list(tree, "meshes"))
     _at_most(copied, MOST_VALUES, "values in the extras of its primitives")
     _at_most(max(len(nodes), sum(map(len, meshes)), sum(len(meshes[k]) for k in used)), MOST_PARTS, "nodes or parts")
-    _at_most(
-        sum(len(one.get(k, ())) for one in (*nodes, *_list(tree, "scenes")) for k in ("children", "nodes")),
-        MOST_EDGES,
-        "children of nodes",
-    )
+    _check_tree(nodes, _list(tree, "scenes"))
     counts = [a["count"] for a in accessors]
     sizes = [[_sizes(primitive, counts) for primitive in mesh] for mesh in meshes]
     _at_most(sum(vertices for mesh in sizes for vertices, _ in mesh), MOST_VERTICES, "vertices in its primitives")
     return sum(triangles for k in used for _, triangles in sizes[k])
+
+
+def _check_tree(nodes: list[Any], scenes: list[Any]) -> None:
+    """As glTF demands, no node has two parents: trimesh follows the parents of each."""
+    layer = {k for scene in scenes for k in scene.get("nodes", ())}
+    children = [k for node in nodes for k in node.get("children", ())]
+    if len(layer.union(children)) != len(layer) + len(children):
+        raise ValueError("its nodes are no tree")
+    for _ in range(DEEPEST):
+        layer = {k for parent in layer for k in nodes[parent].get("children", ())}
+    if layer:
+        raise ValueError(f"its nodes are nested more than {DEEPEST} deep")
 
 
 def _json(path: Path) -> bytes:

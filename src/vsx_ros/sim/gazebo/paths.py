@@ -36,7 +36,7 @@ class ModelFolders:
         scheme = _SCHEME.match(uri)
         rest = unquote(uri[scheme.end() :] if scheme else uri).replace("\\", "/")
         absolute = Path("/" + rest) if scheme is None and rest.startswith("/") or uri.startswith("file:///") else None
-        if absolute is not None and absolute.exists():
+        if absolute is not None and _exists(absolute):
             return absolute
         near = (beside,) if scheme is None else ()
         far = (beside, *(folder.parent for folder in self.folders)) if scheme and scheme[1].lower() == "file" else ()
@@ -57,6 +57,14 @@ class ModelFolders:
 def _texture_folders(meshes: Path, model: Path) -> Iterator[Path]:
     yield from (meshes, model / "materials" / "textures", meshes / "textures", model / "textures")
     yield from (meshes / "materials" / "textures", model.parent / "materials" / "textures")
+
+
+def _exists(path: Path) -> bool:
+    """Whether it does; no file has a name that is too long for the disk, or holds a null."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
 
 
 def _changed_ns(folder: Path) -> int:
@@ -84,7 +92,7 @@ def below(folder: Path, rest: str) -> Path | None:
                 return None
             continue
         step = here / part
-        if not step.exists():
+        if not _exists(step):
             same = _by_small_letters(here, _changed_ns(here)).get(part.lower())
             if same is None:
                 return None

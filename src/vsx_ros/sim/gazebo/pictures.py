@@ -118,8 +118,8 @@ def substitute(name: str) -> Picture:
 
 
 def pack(pictures: list[Picture]) -> Textures:
-    """Decode the pictures one after another, and close them. Raises InputError for one that is damaged, and if they do not fit into
-    memory."""
+    """Decode the pictures one after another, and close them. Raises InputError for one that is damaged, and if they do
+    not fit into memory."""
     count, needed = len(pictures), sum(picture.texels for picture in pictures)
     if needed > MOST_TEXELS:
         most = f"at most {MOST_TEXELS} can be drawn"
