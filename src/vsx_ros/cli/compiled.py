@@ -112,8 +112,8 @@ def _compiled(groups: list[str], folder: Path) -> set[str]:
 
 
 def _ending_as_by_keyboard() -> dict[signal.Signals, Any]:
-    """From now on SIGTERM and SIGHUP raise KeyboardInterrupt, as Ctrl-C does; returns the handlers before. Only the main
-    thread can do so."""
+    """From now on SIGTERM and SIGHUP raise KeyboardInterrupt, as Ctrl-C does; returns the handlers before. Only in the
+    main thread."""
 
     def end(*_: object) -> None:
         raise KeyboardInterrupt

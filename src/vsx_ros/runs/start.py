@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vsx_ros.config import Config, overridden
-from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.errors import ConfigError, InputError, MapFileError, explained
 from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
 from vsx_ros.io.atomic import sync
 from vsx_ros.io.bag import open_recording
@@ -74,10 +74,10 @@ def check_files(args: argparse.Namespace) -> None:
         args.load_map = str(Path(args.load_map).resolve())
         if not Path(args.load_map).is_file():
             raise ConfigError(f"there is no map {args.load_map}; 'vsx map save' makes one")
-        with explained(MapFileError, f"map {args.load_map} cannot be used", "give a .vsxmap", (OSError, ValueError)):
-            with Path(args.load_map).open("rb") as file:
-                if file.read(2) != b"PK":
-                    raise ValueError("it is no .vsxmap")
+        failed = explained(MapFileError, f"map {args.load_map} cannot be read", "give a .vsxmap", (OSError, ValueError))
+        with failed, Path(args.load_map).open("rb") as file:
+            if file.read(2) != b"PK":
+                raise ValueError("it is no .vsxmap")
     if args.room is not None:
         if args.load_map is None and args.resume is None:
             raise ConfigError(f"--room {args.room}: rooms are known of a saved map; give it with --load-map")
