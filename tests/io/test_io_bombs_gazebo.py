@@ -13,13 +13,13 @@ from taken import taken
 from vsx_ros.sim.gazebo_world import load_gazebo
 
 
-def world(folder: Path, *parts: str, walls: bool = True) -> Path:
-    """A world of these parts, with a floor and, so that it can be used, walls."""
-    box = '<collision name="w"><pose>0 {} 0.5 0 0 0</pose><geometry><box><size>6 0.1 1</size></box></geometry></collision>'
-    sides = f'<model name="s"><link name="l">{box.format(2)}{box.format(-2)}</link></model>' if walls else ""
+def world(folder: Path, *parts: str) -> Path:
+    """A world of these parts, with a floor and two walls; returns its folder."""
+    box = "<geometry><box><size>6 0.1 1</size></box></geometry>"
+    sides = (f'<collision name="w"><pose>0 {y} 0.5 0 0 0</pose>{box}</collision>' for y in (-2, 2))
     floor = "<include><uri>model://ground_plane</uri></include>"
-    path = folder / "w.world"
-    path.write_text(f'<sdf version="1.6"><world name="w">{floor}{sides}{"".join(parts)}</world></sdf>')
+    text = f'<sdf version="1.6"><world name="w">{floor}{model(*sides)}{"".join(parts)}</world></sdf>'
+    (folder / "w.world").write_text(text)
     return folder
 
 
@@ -80,50 +80,34 @@ def no_view(path: Path) -> None:
                "scenes": [{"nodes": [0]}]})  # fmt: skip
 
 
+USE = {"attributes": {"POSITION": 0}, "indices": 1}
+VIEW = {"buffer": 0, "byteOffset": 1, "byteLength": 120_000}
+CHAIN = [{"mesh": 0, "children": [k + 1] * (k < 3999)} for k in range(4000)]
+EXTRAS = {str(k): 0 for k in range(10**5)}
+NEGATIVE = {"componentType": 5126, "count": -9, "type": "VEC3"}
 GLTF = {
-    "parents": (
-        "no tree",
-        lambda path: many_nodes(path, 0, 1, nodes=[{"children": [1]}, {"mesh": 0}], scenes=[{"nodes": [0, 1]}]),
-    ),
-    "nodes": ("12000000 triangles", lambda path: many_nodes(path, 600, 20_000)),
-    "no view": ("bytes of data", no_view),
-    "same view": (
-        "bytes of data",
-        lambda path: many_nodes(path, 1, 10_000, bufferViews=[{"buffer": 0, "byteOffset": 1, "byteLength": 120_000}] * 9000),
-    ),
-    "same primitive": (
-        "vertices in its primitives",
-        lambda path: many_nodes(path, 1, 9000, meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}] * 900}]),
-    ),
-    "crowd": (
-        "nodes or parts",
-        lambda path: many_nodes(path, 200, 1, meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}] * 200}]),
-    ),
-    "chain": (
-        "nested more than 64",
-        lambda path: many_nodes(
-            path, 0, 1, nodes=[{"mesh": 0, "children": [k + 1] * (k < 3999)} for k in range(4000)], scenes=[{"nodes": [0]}]
-        ),
-    ),
-    "name": ("letters in meshes", lambda path: many_nodes(path, 1, 1, meshes=[{"name": "m" * 10**6, "primitives": []}])),
-    "extras": (
-        "extras of its primitives",
-        lambda path: many_nodes(path, 1, 1, meshes=[
-            {"extras": {str(k): 0 for k in range(10**5)}, "primitives": [{"attributes": {"POSITION": 0}}] * 900}
-        ]),
-    ),
-    "negative": (
-        "no number of things",
-        lambda path: many_nodes(path, 1, 1, accessors=[{"componentType": 5126, "count": -9, "type": "VEC3"}]),
-    ),
-}  # fmt: skip
+    "nodes": ("12000000 triangles", 600, 20_000, {}),
+    "same view": ("bytes of data", 1, 10_000, {"bufferViews": [VIEW] * 9000}),
+    "same primitive": ("vertices in its primitives", 1, 9000, {"meshes": [{"primitives": [USE] * 900}]}),
+    "crowd": ("nodes or parts", 200, 1, {"meshes": [{"primitives": [USE] * 200}]}),
+    "chain": ("nested more than 64", 0, 1, {"nodes": CHAIN, "scenes": [{"nodes": [0]}]}),
+    "parents": ("no tree", 0, 1, {"nodes": [{"children": [1]}, {"mesh": 0}], "scenes": [{"nodes": [0, 1]}]}),
+    "name": ("letters in meshes", 1, 1, {"meshes": [{"name": "m" * 10**6, "primitives": []}]}),
+    "extras": ("extras of its primitives", 1, 1, {"meshes": [{"extras": EXTRAS, "primitives": [USE] * 900}]}),
+    "negative": ("no number of things", 1, 1, {"accessors": [NEGATIVE]}),
+}
 
 
 @pytest.mark.parametrize("kind", GLTF)
 def test_gltf(tmp_path: Path, kind: str) -> None:
-    words, make = GLTF[kind]
-    make(tmp_path / "m.glb")
+    words, count, faces, more = GLTF[kind]
+    many_nodes(tmp_path / "m.glb", count, faces, **more)
     assert words in said(world(tmp_path, uses("glb", 1)))
+
+
+def test_gltf_without_data(tmp_path: Path) -> None:
+    no_view(tmp_path / "m.glb")
+    assert "bytes of data" in said(world(tmp_path, uses("glb", 1)))
 
 
 @pytest.mark.parametrize("what", ["visual", "collision"])
@@ -236,7 +220,7 @@ def test_obj(tmp_path: Path, kind: str) -> None:
 def painted(folder: Path, name: str) -> Path:
     look = f"<material><pbr><metal><albedo_map>{name}</albedo_map></metal></pbr></material>"
     shape = "<geometry><box><size>1 1 1</size></box></geometry>"
-    return world(folder, f'<model name="m"><link name="l"><visual name="v">{shape}{look}</visual></link></model>')
+    return world(folder, model(f'<visual name="v">{shape}{look}</visual>'))
 
 
 def test_many_textures_inside_of_a_mesh(tmp_path: Path) -> None:
