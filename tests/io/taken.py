@@ -23,7 +23,6 @@ def taken(path: Path, read) -> str:
         read(path)
     except VsxError as error:
         said = str(error)
-    print(f"TAKEN {resident_mib('VmHWM') - before_mib:.0f} MiB {time.process_time() - began_s:.1f} s {said[:230]}")
     assert resident_mib("VmHWM") - before_mib < LIMIT_MIB
     assert time.process_time() - began_s < LIMIT_S
     assert "\n" not in said

@@ -145,7 +145,7 @@ FILES = {
     "deep names": ("letters", f'<model name="{LONG[:450]}">' * 12 + "<link/>" + "</model>" * 12),
     "elements": ("elements", "<a/>" * 300_000),
     "tags": ("tags", "<a/>" * 1_900_000),
-    "attributes": ("attributes", f"<a {' '.join(f'a{k}={chr(39) * 2}' for k in range(1_000_000))}/>"),
+    "attributes": ("attributes", f"<a {' '.join(f'a{k}={chr(39) * 2}' for k in range(800_000))}/>"),
     "links": ("", model(*['<link name="l"/>' * 190_000])),
     "deep": ("", "<a>" * 90_000 + "</a>" * 90_000),
 }

@@ -19,7 +19,7 @@ from vsx_ros.sim.gazebo.surfaces import Colour, Surface, gazebo_colour, ogre_mat
 
 FAR_M = 1e9  # no coordinate is larger
 LONGEST = 500  # letters of a name or address: each is told with all that is inside
-MOST_MARKS = 1_000_000  # tags and attributes of a file
+MOST_MARKS = 700_000  # tags and attributes of a file
 
 
 _NAMING = "name", "uri", "albedo_map"  # elements whose text is a name
