@@ -19,6 +19,7 @@ from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration
+from vsx_ros.io.dock_file import save_dock
 from vsx_ros.io.map_export import write_ply
 from vsx_ros.io.map_file import map_png
 from vsx_ros.io.room_file import save_rooms
@@ -225,6 +226,10 @@ def zones_yaml(path: Path) -> None:
     corners = ((1.0, 2.0), (3.0, 2.0), (3.0, 4.5))
     kinds = (ZoneKind.NO_GO, ZoneKind.WALL, ZoneKind.ONLY, ZoneKind.SLOW, ZoneKind.LOOK)
     save_zones([Zone(kind.name.lower(), kind, corners, 0.1 if kind is ZoneKind.SLOW else None) for kind in kinds], path)
+
+
+def dock_yaml(path: Path) -> None:
+    save_dock(SE2(1.25, -3.5, 0.5), path)
 
 
 def rooms_folder(path: Path) -> None:

@@ -41,6 +41,7 @@ from vsx_ros.io.bag import open_recording
 from vsx_ros.io.bag_reader import messages
 from vsx_ros.io.bag_without_index import UnindexedBag
 from vsx_ros.io.calibration_file import read_calibration
+from vsx_ros.io.dock_file import load_dock
 from vsx_ros.io.image_encoding import SUPPORTED, decoded, gray_image
 from vsx_ros.io.map_export import read_ply
 from vsx_ros.io.map_file import load_map, load_plan
@@ -258,6 +259,7 @@ READERS = [
     Reader("gazebo world", samples.gazebo_world, ("*.*",), _by_suffix, _gazebo),
     Reader("zones", samples.zones_yaml, (), _any_text, lambda p: with_zones(samples.grid(), load_zones(p), 0.1, 0.2)),
     Reader("rooms", samples.rooms_folder, ("*.*",), _by_suffix, lambda p: load_rooms(p / "map_rooms.json")),
+    Reader("dock", samples.dock_yaml, (), _any_text, load_dock),
     Reader("map", _map_folder, ("map.yaml", "map.pgm"), _by_suffix, _plan_map),
     Reader("calibration", samples.camera_yaml, (), _any_text, read_calibration),
     Reader("configuration", samples.config_yaml, (), _any_text, lambda p: load_config(p, [])),
@@ -274,7 +276,7 @@ READERS = [
 ]
 SUFFIXES = {
     "slam map": ".vsxmap", "journal": ".jsonl", "world": ".yaml", "calibration": ".yaml", "configuration": ".yaml",
-    "robot file": ".yaml", "zones": ".yaml", "campaign": ".jsonl", "png plan": ".png",
+    "robot file": ".yaml", "zones": ".yaml", "dock": ".yaml", "campaign": ".jsonl", "png plan": ".png",
     "point cloud": ".ply", "trajectory": ".txt",
 }  # fmt: skip
 _BY_PATH = (_by_suffix, _bag2, _raw_image)

@@ -13,12 +13,21 @@ from actionlib_msgs.msg import GoalStatus
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from std_srvs.srv import Trigger
 
+PATIENCE_S = 30.0
+
+
+def asked(service: str) -> None:
+    """Call a service of the exploration, which must be there by now."""
+    rospy.wait_for_service(service, PATIENCE_S)
+    rospy.ServiceProxy(service, Trigger)()
+
 
 def main(x: float, y: float, heading: float) -> int:
     rospy.init_node("send_a_goal", anonymous=True, disable_signals=True)
     client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
-    client.wait_for_server()
-    rospy.ServiceProxy("explore/pause", Trigger)()
+    if not client.wait_for_server(rospy.Duration(PATIENCE_S)):
+        sys.exit(f"no robot took part within {PATIENCE_S:g} s; start one with 'scripts/vsx explore --world lab'")
+    asked("explore/pause")
     goal = MoveBaseGoal()
     goal.target_pose.header.frame_id = "map"
     goal.target_pose.header.stamp = rospy.Time.now()
@@ -27,7 +36,7 @@ def main(x: float, y: float, heading: float) -> int:
     goal.target_pose.pose.orientation.w = math.cos(0.5 * heading)
     state = client.send_goal_and_wait(goal, rospy.Duration(60.0))
     print(f"{GoalStatus.to_string(state)}: {client.get_goal_status_text()}")
-    rospy.ServiceProxy("explore/resume", Trigger)()
+    asked("explore/resume")
     return 0 if state == GoalStatus.SUCCEEDED else 1
 
 

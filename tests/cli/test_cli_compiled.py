@@ -1,4 +1,7 @@
 import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -119,3 +122,32 @@ def test_the_cores_share_the_work(cores):
     assert sorted(sum(shares, [])) == sorted(ALL)
     work = [sum(compiled._COSTS[group] for group in share) for share in shares]
     assert max(work) <= max(1.2 * sum(work) / len(work), max(compiled._COSTS.values()))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_who_is_stopped_while_compiling_leaves_no_compiler_behind(tmp_path, number):
+    """A program of its own: the signal must end it in one sentence, and its compilers with it."""
+    (tmp_path / "loop.py").write_text("")
+    program = (
+        "import subprocess, sys\nfrom pathlib import Path\nfrom vsx_ros.cli import compiled, main\n"
+        "def start(groups):\n"
+        "    words = ['sh', '-c', 'sleep 600 & sleep 600']\n"
+        "    one = subprocess.Popen(words, start_new_session=True, stdout=subprocess.PIPE)\n"
+        "    compiled.os.set_blocking(one.stdout.fileno(), False)\n"
+        "    return one\n"
+        "def told(process, _said=compiled._said):\n"
+        "    print(process.pid, flush=True)\n    return _said(process)\n"
+        "compiled._started, compiled._said = start, told\ncompiled._shares = lambda groups, cores: [groups]\n"
+        f"main.run = lambda _: compiled.compile_kernels(folder=Path({str(tmp_path)!r}))\n"
+        "sys.exit(main.execute(['config']))\n"
+    )
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", program], stdout=pipe, stderr=pipe, text=True) as running:
+        group = int(running.stdout.readline())
+        running.send_signal(number)
+        said = running.communicate(timeout=120.0)[1]
+    assert running.returncode == STOPPED
+    assert "stopped by the operator" in said
+    assert "Traceback" not in said
+    states = [path.read_text().rpartition(")")[2].split() for path in Path("/proc").glob("[0-9]*/stat")]
+    assert [state for state in states if int(state[2]) == group and state[0] != "Z"] == []

@@ -129,6 +129,11 @@ def test_a_reader_that_leaves_is_no_error():
         ),
         (["explore", "--config", "{config}"], "unknown field `v_ms` - at `$.limits` (did you mean 'v_m_s'?)"),
         (["replay", "drive.bagg"], "there is no drive.bagg"),
+        (["explore", "--fast", "--load-map", "no.vsxmap"], "there is no map"),
+        (["explore", "--fast", "--load-map", "{config}"], "it is no .vsxmap"),
+        (["explore", "--world", "lab", "--resume", "no_run"], "no_run"),
+        (["explore", "--fast", "--zones", "no_zones.yaml"], "no_zones.yaml"),
+        (["explore", "--fast", "--room", "kitchen"], "give it with --load-map"),
         (["replay", "drive.bag", "--set", "slam.x=1"], "there is no parameter 'slam.x'"),
     ],
 )

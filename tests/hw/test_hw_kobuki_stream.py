@@ -86,6 +86,8 @@ def test_the_versions_of_old_firmware():
         assert objection(firmware, Version(1, 0, 4)) == ""
     for unknown in (Version(2, 0, 0), Version(1, 2, 1), Version(0, 0, 1), Version(1, 3, 0), None):
         assert "flash 1.2.0" in objection(unknown, None)
+    assert "not told its hardware version; " in objection(Version(1, 2, 0), None)
+    assert "hardware 2.0.0 is unknown" in objection(Version(1, 2, 0), Version(2, 0, 0))
 
 
 def test_two_bits_of_one_column_are_no_step_and_free_no_contact():

@@ -1,6 +1,5 @@
 """A file of at most 10 MB takes at most 512 MiB, whatever it declares, and is one sentence."""
 
-import time
 from pathlib import Path
 
 import bombs
@@ -8,6 +7,7 @@ import file_samples
 import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from taken import taken
 
 from vsx_ros.cli.main import execute
 from vsx_ros.errors import InputError, VsxError
@@ -26,30 +26,6 @@ from vsx_ros.sim.generate import world_from_grid
 from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.truth import ground_truth_grid
 from vsx_ros.sim.world_file import load_world, save_world
-
-LIMIT_MIB, LIMIT_S = 512, 30.0
-
-
-def resident_mib(name: str) -> float:
-    lines = Path("/proc/self/status").read_text().splitlines()
-    return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(name))
-
-
-def taken(path: Path, read) -> str:
-    """What the reader says of the file; how much memory it takes and how long is checked."""
-    size = sum(f.stat().st_size for f in path.rglob("*")) if path.is_dir() else path.stat().st_size
-    assert size <= 10_000_000
-    Path("/proc/self/clear_refs").write_text("5")
-    before_mib, began_s, said = resident_mib("VmRSS"), time.process_time(), ""
-    try:
-        read(path)
-    except VsxError as error:
-        said = str(error)
-    assert resident_mib("VmHWM") - before_mib < LIMIT_MIB
-    assert time.process_time() - began_s < LIMIT_S
-    assert "\n" not in said
-    assert len(said) < 1500
-    return said
 
 
 @pytest.fixture(scope="module")

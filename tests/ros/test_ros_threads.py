@@ -79,6 +79,19 @@ def test_no_node_waits_for_ros_time() -> None:
     assert [str(file) for file in files if waits.search(file.read_text(encoding="utf-8"))] == []
 
 
+def test_nothing_outside_of_the_nodes_waits_without_end() -> None:
+    """Of examples, scripts and experiments: neither for a server or service nor for another program."""
+    root = Path(__file__).parents[2]
+    rooms = root / "examples", root / "scripts", root / "src/vsx_ros/experiments", root / "src/vsx_ros/cli"
+    files = sorted(file for room in rooms for file in room.rglob("*") if file.is_file() and file.suffix in ("", ".py"))
+    calls = re.compile(r"(wait_for_\w+|subprocess\.(?:run|check_\w+))\(((?:[^()]|\((?:[^()]|\([^()]*\))*\))*)\)")
+    limits = re.compile(r"timeout|_S\b|_s\b|Duration\(")
+    texts = {str(file): file.read_text(encoding="utf-8") for file in files}
+    found = [(file, *call) for file, text in texts.items() for call in calls.findall(text)]
+    assert found
+    assert [call for call in found if not limits.search(call[2])] == []
+
+
 NODE = """
 import logging, logging.config, os, sys
 import rospy

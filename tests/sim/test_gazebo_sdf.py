@@ -9,13 +9,14 @@ from gazebo_files import FLOOR, ROOM, box_model, write_world
 
 from vsx_ros.errors import InputError
 from vsx_ros.sim.gazebo import geometry
+from vsx_ros.sim.gazebo.budget import Budget
 from vsx_ros.sim.gazebo.paths import ModelFolders, below
 from vsx_ros.sim.gazebo.sdf import Layout, read_layout
 from vsx_ros.sim.gazebo.surfaces import ogre_material
 
 
 def layout_of(path: Path, *folders: Path) -> Layout:
-    return read_layout(path, ModelFolders(folders))
+    return read_layout(path, ModelFolders(folders), Budget())
 
 
 def test_poses_of_nested_models_multiply(tmp_path: Path) -> None:

@@ -180,6 +180,9 @@ def objection(firmware: Version | None, hardware: Version | None) -> str:
         return f"firmware {firmware} speaks protocol {firmware.major}, not {PROTOCOL}; {remedy}"
     if firmware not in KNOWN_FIRMWARE:
         return f"firmware {firmware} is unknown; {remedy}"
-    if hardware is not None and hardware.major != PROTOCOL:
-        return f"hardware {hardware} is unknown, Kobukis are 1.x; set ~allow_unknown_firmware to drive it all the same"
+    allow = "set ~allow_unknown_firmware to drive it all the same"
+    if hardware is None:
+        return f"the Kobuki has not told its hardware version; switch it off and on, or {allow}"
+    if hardware.major != PROTOCOL:
+        return f"hardware {hardware} is unknown, Kobukis are 1.x; {allow}"
     return ""

@@ -6,10 +6,13 @@ import contextlib
 import importlib.metadata
 import os
 import platform
+import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import vsx_ros
 from vsx_ros.runs.process import DONE, FAILED, Progress
@@ -82,8 +85,11 @@ def _compiled(groups: list[str], folder: Path) -> set[str]:
     began_s, shares, compiled = time.monotonic(), _shares(groups, len(os.sched_getaffinity(0))), set[str]()
     progress = Progress(sys.stderr)
     progress.say(f"compiling the kernels, as after each update: {len(groups)} parts, {len(shares)} at once")
-    running = [_started(share) for share in shares]
+    running: list[subprocess.Popen[bytes]] = []
+    before = _ending_as_by_keyboard()
     try:
+        for share in shares:
+            running.append(_started(share))
         while running:
             time.sleep(_POLL_S)
             over = [process for process in running if process.poll() is not None]
@@ -96,10 +102,25 @@ def _compiled(groups: list[str], folder: Path) -> set[str]:
                 progress.show(f"kernels: {parts}, {time.monotonic() - began_s:.0f} s")
     finally:
         for process in running:
-            process.kill()
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+        for number, handler in before.items():
+            signal.signal(number, handler)
     progress.clear()
     progress.say(f"kernels: {len(compiled)} of {len(groups)} parts, {time.monotonic() - began_s:.0f} s")
     return compiled
+
+
+def _ending_as_by_keyboard() -> dict[signal.Signals, Any]:
+    """From now on SIGTERM and SIGHUP raise KeyboardInterrupt, as Ctrl-C does; returns the handlers before. Only in the
+    main thread."""
+
+    def end(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+    return {number: signal.signal(number, end) for number in (signal.SIGTERM, signal.SIGHUP)}
 
 
 def _shares(groups: list[str], cores: int) -> list[list[str]]:

@@ -23,7 +23,7 @@ from vsx_ros.runs.record import RunRecord
 from vsx_ros.runs.report import tell_the_end, write_report
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import RunWriter
-from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
+from vsx_ros.runs.start import check_files, opened_recording, replay_code, replay_folder
 from vsx_ros.runs.world import check_world
 from vsx_ros.session import SlamSession
 from vsx_ros.sim.hard_things import named_things
@@ -46,6 +46,7 @@ def explore(args: argparse.Namespace) -> int:
     if args.world is not None:
         check_world(args.world)
     named_things(args.hard, "--with")
+    check_files(args)
     if args.fast:
         from vsx_ros.runs.lockstep import explore_fast
 

@@ -30,6 +30,7 @@ from vsx_ros.limits import LOG_BYTES, file_bytes, json_tree
 PACKAGE = Path(vsx_ros.__file__).parent
 _PACKAGES = ("vsx_ros", "numpy", "cv2", "numba")
 _DIGITS = 12  # of hashes; enough to distinguish commits and configurations
+_GIT_S = 30.0  # a hung disk must not hang a run
 
 
 class Provenance(msgspec.Struct, frozen=True):
@@ -167,8 +168,8 @@ def _key(asked: Mapping[str, Any]) -> str:
 def _git(*words: str) -> str:
     """Git's output for the checkout of this package; empty if there is none."""
     try:
-        done = subprocess.run(["git", *words], cwd=PACKAGE, capture_output=True, text=True, check=False)
-    except OSError:
+        done = subprocess.run(["git", *words], cwd=PACKAGE, capture_output=True, text=True, check=False, timeout=_GIT_S)
+    except (OSError, subprocess.TimeoutExpired):
         return ""
     return done.stdout.strip() if done.returncode == 0 else ""
 

@@ -13,6 +13,7 @@ from vsx_ros.limits import file_text, yaml_tree
 _VERSION = 1
 _HEADER = "# Where the base stands when it charges, in the coordinates of the map beside this file.\n"
 _FAR_M = 1e4  # larger than any building
+_TURN_RAD = 2.0 * math.pi
 
 
 def dock_file(map_file: Path) -> Path:
@@ -42,9 +43,9 @@ def load_dock(path: Path) -> SE2 | None:
         if not isinstance(tree, dict) or tree.get("version") != _VERSION or not isinstance(tree.get("docked"), dict):
             raise ValueError(f"it needs 'version: {_VERSION}' and a table 'docked'")
         values = [tree["docked"].get(name) for name in ("x_m", "y_m", "heading_rad")]
-        if not all(isinstance(value, (int, float)) and math.isfinite(value) for value in values):
+        if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
             raise ValueError("'docked' needs the numbers x_m, y_m and heading_rad")
-        docked = SE2(*map(float, values))
-        if max(abs(docked.x), abs(docked.y)) > _FAR_M:
-            raise ValueError(f"({docked.x:g}, {docked.y:g}) m lies in no building")
-    return docked
+        if not all(abs(value) <= most for value, most in zip(values, (_FAR_M, _FAR_M, _TURN_RAD))):  # none is NaN
+            x, y, heading = (f"{value!r:.20}" for value in values)
+            raise ValueError(f"({x}, {y}) m with the heading {heading} rad lies in no building")
+        return SE2(*map(float, values))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vsx_ros.config import Config, overridden
-from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.errors import ConfigError, InputError, MapFileError, explained
 from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
 from vsx_ros.io.atomic import sync
 from vsx_ros.io.bag import open_recording
@@ -45,18 +45,9 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | 
     fill(args, DEFAULTS)
     if args.fast:
         fill(args, {"world": "lab"})
+    check_files(args)
     if args.load_map is not None:
-        args.load_map = str(Path(args.load_map).resolve())
-        if not Path(args.load_map).is_file():
-            raise ConfigError(f"there is no map {args.load_map}; 'vsx map save' makes one")
         load_slam_map(Path(args.load_map))
-    if args.room is not None:
-        if args.load_map is None:
-            raise ConfigError(f"--room {args.room}: rooms are known of a saved map; give it with --load-map")
-        room_beside(Path(args.load_map), args.room)
-    if args.zones is not None:
-        args.zones = str(Path(args.zones).resolve())
-        given_zones(Path(args.zones))
     if args.config is None and args.world is None:
         args.config = robot_file_here()
     parameters = load(args.config, args.set)
@@ -72,6 +63,29 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | 
         save_world(world, folder.path / "world.yaml")
         sync(folder.path / "world.yaml")
     return folder, parameters, world
+
+
+def check_files(args: argparse.Namespace) -> None:
+    """Make the paths of files absolute. Raises InputError, ConfigError or MapFileError for a run, map, room or zones
+    that cannot be used, as far as that is known without kernels."""
+    if args.resume is not None:
+        RunFolder.open(args.resume).read_config()
+    if args.load_map is not None:
+        args.load_map = str(Path(args.load_map).resolve())
+        if not Path(args.load_map).is_file():
+            raise ConfigError(f"there is no map {args.load_map}; 'vsx map save' makes one")
+        failed = explained(MapFileError, f"map {args.load_map} cannot be read", "give a .vsxmap", (OSError, ValueError))
+        with failed, Path(args.load_map).open("rb") as file:
+            if file.read(2) != b"PK":
+                raise ValueError("it is no .vsxmap")
+    if args.room is not None:
+        if args.load_map is None and args.resume is None:
+            raise ConfigError(f"--room {args.room}: rooms are known of a saved map; give it with --load-map")
+        if args.load_map is not None:
+            room_beside(Path(args.load_map), args.room)
+    if args.zones is not None:
+        args.zones = str(Path(args.zones).resolve())
+        given_zones(Path(args.zones))
 
 
 def tell_remarks(world: EmulatedWorld | None) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.sim.gazebo.assemble import Parts, assemble
+from vsx_ros.sim.gazebo.budget import Budget
 from vsx_ros.sim.gazebo.paths import ModelFolders
 from vsx_ros.sim.gazebo.sdf import read_layout
 from vsx_ros.sim.mesh_world import MeshWorld, floor_height, ground_bounds
@@ -24,8 +25,9 @@ def load_gazebo(path: Path, folders: Sequence[Path], start: Start | None = None)
     path = path.resolve()
     beside = (path.parent, path.parent / "models", path.parent.parent / "models", path.parent.parent)
     search = ModelFolders([*folders, *beside])
-    layout = read_layout(path, search)
-    parts = assemble(layout, search)
+    budget = Budget()
+    layout = read_layout(path, search, budget)
+    parts = assemble(layout, search, budget)
     told = f" (its parts: {'; '.join(parts.remarks[:3])})" if parts.remarks else ""
     if not len(parts.solids):
         raise ConfigError(f"world {path} holds nothing solid{told}; give it models with collisions")

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import Float32Array, FloatArray, Int32Array, IntArray
-from vsx_ros.errors import InputError
+from vsx_ros.sim.gazebo.budget import Budget
 from vsx_ros.sim.gazebo.elements import MeshUse
 from vsx_ros.sim.gazebo.geometry import placed
-from vsx_ros.sim.gazebo.meshes import MOST_TRIANGLES, MeshPart, read_mesh
+from vsx_ros.sim.gazebo.meshes import MeshPart, read_mesh
 from vsx_ros.sim.gazebo.paths import ModelFolders
 from vsx_ros.sim.gazebo.pictures import Picture, Textures, pack
 from vsx_ros.sim.gazebo.sdf import Layout, Shape
@@ -43,20 +43,19 @@ class Parts(NamedTuple):
     remarks: list[str]
 
 
-def assemble(layout: Layout, folders: ModelFolders) -> Parts:
+def assemble(layout: Layout, folders: ModelFolders, budget: Budget) -> Parts:
     """All shapes in place. Solids of links that show nothing are drawn in plain grey: no obstacle is invisible. Raises
-    InputError for a mesh or picture that is damaged, or for more triangles than can be drawn."""
-    return _Assembly(folders).of(layout)
+    InputError for a mesh or picture that is damaged, or for more than the budget has."""
+    return _Assembly(folders, budget).of(layout)
 
 
 class _Assembly:
-    def __init__(self, folders: ModelFolders) -> None:
-        self._folders = folders
+    def __init__(self, folders: ModelFolders, budget: Budget) -> None:
+        self._folders, self._budget = folders, budget
         self._meshes: dict[Path, list[MeshPart]] = {}
-        self._drawn: list[tuple[FloatArray, FloatArray, int]] = []
+        self._drawn: list[tuple[Float32Array, Float32Array, int]] = []
         self._surfaces: dict[Surface, int] = {}
         self._remarks: list[str] = []
-        self._count = 0
 
     def of(self, layout: Layout) -> Parts:
         shown: set[str] = set()
@@ -81,6 +80,7 @@ class _Assembly:
             if shape.link not in shown and parts:
                 self._remarks.append(f"{shape.link} has no visual that can be drawn: its collision is drawn plain")
                 for part in parts:
+                    self._budget.take("triangles", len(part.corners), part.name)
                     self._draw(part._replace(surface=Surface(GREY)))
         told = [f"{what} ({n} times)" if n > 1 else what for what, n in Counter(self._remarks).items()]
         return Parts(
@@ -92,12 +92,8 @@ class _Assembly:
         )
 
     def _draw(self, part: MeshPart) -> None:
-        self._drawn.append((part.corners, part.uv, self._surfaces.setdefault(part.surface, len(self._surfaces))))
-        self._count += len(part.corners)
-        if self._count > MOST_TRIANGLES:
-            raise InputError(
-                f"the world has more than {MOST_TRIANGLES} triangles at {part.name or 'its last shape'}; simplify it"
-            )
+        surface = self._surfaces.setdefault(part.surface, len(self._surfaces))
+        self._drawn.append((part.corners.astype(np.float32), part.uv.astype(np.float32), surface))
 
     def _parts(self, shape: Shape) -> list[MeshPart]:
         """The triangles of a shape in the world, without those that lie far away."""
@@ -125,10 +121,12 @@ class _Assembly:
             self._remarks.append(f"{shape.name}: mesh {use.uri} does not exist; it is left out")
             return []
         if use.path not in self._meshes:
-            self._meshes[use.path] = read_mesh(use.path, self._folders.find_texture)
+            self._meshes[use.path] = read_mesh(use.path, self._folders.find_texture, self._budget)
             for missing in dict.fromkeys(part.missing for part in self._meshes[use.path] if part.missing):
                 self._remarks.append(f"{use.path.name}: texture {missing} does not exist; paint is drawn in its place")
+        self._budget.take("parts of meshes", len(self._meshes[use.path]), shape.name)
         parts = [part for part in self._meshes[use.path] if use.submesh in ("", part.name)]
+        self._budget.take("triangles", sum(len(part.corners) for part in parts), shape.name)
         if use.submesh and not parts:
             self._remarks.append(f"{shape.name}: {use.path.name} has no submesh {use.submesh}; it is left out")
         if use.centred and parts:
@@ -145,15 +143,15 @@ class _Assembly:
             starts += [at + step for step in range(GROUP, len(corners), GROUP)]
             at += len(corners)
             starts.append(at)
-        none = (np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), 0)
+        none = (np.zeros((0, 3, 3), np.float32), np.zeros((0, 3, 2), np.float32), 0)
         all_corners, all_uv, kinds = zip(*(self._drawn or [none]))
         surfaces = list(self._surfaces) or [Surface(GREY)]
         rows: dict[Picture | None, int] = {None: -1}
         for surface in surfaces:
             rows.setdefault(surface.picture, len(rows) - 1)
         return Seen(
-            corners=np.concatenate(all_corners).astype(np.float32),
-            uv=np.concatenate(all_uv).astype(np.float32),
+            corners=np.concatenate(all_corners),
+            uv=np.concatenate(all_uv),
             kinds=np.repeat(np.array(kinds, np.int32), [len(c) for c in all_corners]),
             starts=np.array(starts, np.int64),
             colours=np.array([surface.colour for surface in surfaces], float),

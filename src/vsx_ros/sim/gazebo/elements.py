@@ -18,6 +18,11 @@ from vsx_ros.sim.gazebo.pictures import read_picture, substitute
 from vsx_ros.sim.gazebo.surfaces import Colour, Surface, gazebo_colour, ogre_material
 
 FAR_M = 1e9  # no coordinate is larger
+LONGEST = 500  # letters of a name or address: each is told with all that is inside
+MOST_MARKS = 700_000  # tags and attributes of a file
+
+
+_NAMING = "name", "uri", "albedo_map"  # elements whose text is a name
 
 
 class MeshUse(NamedTuple):
@@ -48,7 +53,14 @@ def xml_root(path: Path) -> Element:
         content = file_bytes(path, TEXT_BYTES)
         if b"<!ENTITY" in content:
             raise ValueError("it defines entities")
-        return ElementTree.fromstring(content)
+        if content.count(b"<") + content.count(b"=") > MOST_MARKS:
+            raise ValueError(f"it has more than {MOST_MARKS} tags and attributes")
+        root = ElementTree.fromstring(content)
+        for element in root.iter():
+            said = *element.attrib.values(), element.text or "" if element.tag in _NAMING else ""
+            if max(map(len, said)) > LONGEST:
+                raise ValueError(f"a <{element.tag:.40}> has more than {LONGEST} letters")
+        return root
 
 
 def text(element: Element | None, tag: str, default: str = "") -> str:

@@ -1,6 +1,7 @@
 """Shapes of SDF as triangles, and poses as 4 x 4 matrices."""
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +59,13 @@ def _quads(corners: FloatArray, uv: FloatArray) -> Triangles:
 
 def box(x: float, y: float, z: float) -> Triangles:
     """A cuboid centred at the origin; each face shows the whole texture."""
+    faces, uv = _unit_box()
+    return _quads(faces * (0.5 * np.array([x, y, z])), uv)
+
+
+@cache
+def _unit_box() -> tuple[FloatArray, FloatArray]:
+    """Of half sides 1: (6, 4, 3) corners and (6, 4, 2) uv."""
     faces = []
     for axis in range(3):
         for sign in (-1.0, 1.0):
@@ -66,7 +74,7 @@ def box(x: float, y: float, z: float) -> Triangles:
             v = np.cross(n, u)
             faces.append([n - u - v, n + u - v, n + u + v, n - u + v])
     uv = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    return _quads(np.array(faces) * (0.5 * np.array([x, y, z])), np.repeat(uv[None], 6, axis=0))
+    return np.array(faces), np.repeat(uv[None], 6, axis=0)
 
 
 def plane(normal: FloatArray, size_x: float, size_y: float) -> Triangles:

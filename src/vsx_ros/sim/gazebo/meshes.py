@@ -10,15 +10,20 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.errors import InputError, explained
-from vsx_ros.limits import DAMAGE, MIB
+from vsx_ros.limits import DAMAGE, MIB, Allowance, file_bytes
+from vsx_ros.sim.gazebo import gltf
+from vsx_ros.sim.gazebo.budget import MOST_TRIANGLES, Budget
 from vsx_ros.sim.gazebo.pictures import picture_of, read_picture, substitute
 from vsx_ros.sim.gazebo.surfaces import Colour, Surface
 
-MOST_TRIANGLES = 2_000_000  # of a file and of a world: 152 bytes each while it is drawn
 MOST_BYTES = 512 * MIB
+MOST_BESIDE = 128 * MIB  # bytes of the files that a mesh names, each time it does
+MOST_TAGS = 500_000  # of a DAE file
 KINDS = (".dae", ".obj", ".stl", ".gltf", ".glb")
 PICTURES = (".png", ".jpg", ".jpeg", ".tga", ".bmp", ".tif", ".tiff", ".webp", ".dds")
 _COUNT = re.compile(rb"<(?:triangles|polylist|polygons|trifans|tristrips)\b[^>]*\bcount=\"(\d+)\"")
+
+_FACE = re.compile(rb"^f[ \t]([^\n]*)", re.MULTILINE)
 
 FindTexture = Callable[[str, Path], Path | None]
 
@@ -34,17 +39,18 @@ class MeshPart(NamedTuple):
     missing: str = ""
 
 
-def read_mesh(path: Path, find_texture: FindTexture) -> list[MeshPart]:
+def read_mesh(path: Path, find_texture: FindTexture, budget: Budget) -> list[MeshPart]:
     """The parts of a mesh file. Its unit is applied; its up axis is ignored, as Gazebo does. Raises InputError for a
     file that is too large, damaged, or of an unknown kind."""
     if path.suffix.lower() not in KINDS:
         raise InputError(f"mesh {path} is none of {', '.join(KINDS)}; convert it")
-    announced = _announced(path)
-    if announced > MOST_TRIANGLES:
-        raise InputError(f"mesh {path} has {announced} triangles, at most {MOST_TRIANGLES} can be drawn; simplify it")
     read = _collada_parts if path.suffix.lower() == ".dae" else _trimesh_parts
     with explained(InputError, f"mesh {path} cannot be read", "export it again", (*DAMAGE, *_foreign_errors())):
-        parts = [part for part in read(path, find_texture) if len(part.corners)]
+        announced = _announced(path)
+        if announced > MOST_TRIANGLES:
+            most = f"at most {MOST_TRIANGLES} can be drawn"
+            raise InputError(f"mesh {path} has {announced} triangles, {most}; simplify it")
+        parts = [part for part in read(path, find_texture, budget) if len(part.corners)]
     if any(not np.isfinite(part.corners).all() for part in parts):
         raise InputError(f"mesh {path} has corners that are not finite; export it again")
     return parts
@@ -66,10 +72,15 @@ def _announced(path: Path) -> int:
             head = file.read(84)
             number = struct.unpack("<I", head[80:])[0] if len(head) == 84 else 0
             return number if 84 + 50 * number == size else size // 250  # the text form takes 250 bytes each
-        if kind not in (".dae", ".obj"):
-            return 0
-        content = file.read()
-    return content.count(b"\nf ") if kind == ".obj" else sum(int(number) for number in _COUNT.findall(content))
+    if kind in (".gltf", ".glb"):
+        return gltf.triangles_of(path)
+    content = path.read_bytes()
+    if kind == ".obj":
+        joined = content.replace(b"\\\n", b"")
+        return sum(max(len(face[1].split()) - 2, 1) for face in _FACE.finditer(joined))
+    if b"<!ENTITY" in content or content.count(b"<") > MOST_TAGS:
+        raise ValueError(f"it defines entities or has more than {MOST_TAGS} tags")
+    return sum(int(number) for number in _COUNT.findall(content))
 
 
 def _colour(values: Any) -> Colour:
@@ -77,18 +88,20 @@ def _colour(values: Any) -> Colour:
     return r, g, b
 
 
-def _collada_parts(path: Path, find_texture: FindTexture) -> Iterator[MeshPart]:
+def _collada_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Iterator[MeshPart]:
     import collada
 
     document = collada.Collada(str(path), ignore=[collada.common.DaeError])
     metres = float(document.assetInfo.unitmeter or 1.0)
     surfaces: dict[Any, tuple[Surface, str]] = {}
-    for geometry in document.scene.objects("geometry") if document.scene is not None else ():
+    for geometry in _instances(document.scene.nodes if document.scene is not None else (), None, path, budget):
         for primitive in geometry.primitives():
+            budget.take("vertices", len(primitive.vertex) if primitive.vertex is not None else 0, str(path))
             triangles = primitive.triangleset() if hasattr(primitive, "triangleset") else primitive
             index = getattr(triangles, "vertex_index", None)
             if index is None or triangles.vertex is None or np.shape(index)[1:] != (3,):
                 continue  # lines
+            budget.take("triangles", len(index), str(path))
             corners = metres * np.asarray(triangles.vertex, float)[index]
             uv = np.zeros((len(index), 3, 2))
             if len(triangles.texcoordset):
@@ -98,6 +111,19 @@ def _collada_parts(path: Path, find_texture: FindTexture) -> Iterator[MeshPart]:
             surface, missing = surfaces[triangles.material]
             name = str(geometry.original.name or geometry.original.id)
             yield MeshPart(corners=corners, uv=uv, surface=surface, name=name, missing=missing)
+
+
+def _instances(nodes: Any, matrix: Any, path: Path, budget: Budget) -> Iterator[Any]:
+    """The geometries below nodes, as ``collada.scene.Scene.objects``, but each node counts each time it is used."""
+    from collada.scene import Node
+
+    for node in nodes:
+        budget.take("parts of meshes", 1, str(path))
+        if isinstance(node, Node):
+            inner = node.matrix if matrix is None else np.dot(matrix, node.matrix)
+            yield from _instances(node.children, inner, path, budget)
+        else:
+            yield from node.objects("geometry", matrix)
 
 
 def _collada_surface(material: Any, path: Path, find_texture: FindTexture) -> tuple[Surface, str]:
@@ -117,38 +143,45 @@ def surface_of(name: str, colour: Colour, beside: Path, find_texture: FindTextur
     return (Surface(colour, substitute(name)), name) if file is None else (Surface(colour, read_picture(file)), "")
 
 
-def _trimesh_parts(path: Path, find_texture: FindTexture) -> Iterator[MeshPart]:
+def _trimesh_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Iterator[MeshPart]:
     import trimesh
 
     missing: list[str] = []
-    refused: list[InputError] = []
+    refused: list[Exception] = []
+    beside = Allowance(MOST_BESIDE, 0, 0)
 
     class Beside(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]  # trimesh is untyped
         """Finds pictures as for any mesh, and keeps in mind what trimesh would only log."""
 
         def get(self, name: str) -> bytes:
-            if not name.lower().endswith(PICTURES):
-                return bytes(super().get(name))
-            file = find_texture(name, path)
+            if refused:
+                raise refused[0]
+            shown = name.lower().endswith(PICTURES)
+            file = find_texture(name, path) if shown else self.absolute(name)
             if file is None:
                 missing.append(name)
                 raise FileNotFoundError(name)
             try:
-                read_picture(file)
-            except InputError as error:
+                if shown:
+                    read_picture(file)
+                content = file_bytes(file, MOST_BESIDE)
+                beside.take(len(content), f"{name:.80}, with what else it names,")
+            except (InputError, ValueError) as error:
                 refused.append(error)
                 raise
-            return file.read_bytes()
+            return content
 
     scene = trimesh.load_scene(str(path), resolver=Beside(str(path)), process=False)
     if refused:
         raise refused[0]
     for node in scene.graph.nodes_geometry:
+        budget.take("parts of meshes", 1, str(path))
         T, name = scene.graph[node]
         mesh = scene.geometry[name]
         faces = getattr(mesh, "faces", None)
         if faces is None or not len(faces):
             continue  # points or lines
+        budget.take("triangles", len(faces), str(path))
         corners = (np.asarray(mesh.vertices, float) @ T[:3, :3].T + T[:3, 3])[faces]
         given = getattr(mesh.visual, "uv", None)
         uv = np.asarray(given, float)[faces][..., :2] if given is not None else np.zeros((len(faces), 3, 2))

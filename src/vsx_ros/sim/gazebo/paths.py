@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -20,16 +21,22 @@ class ModelFolders:
 
     def __init__(self, folders: Sequence[Path]) -> None:
         self.folders = tuple(dict.fromkeys(folder.resolve() for folder in folders if folder.is_dir()))
+        self._found: dict[tuple[str, Path], Path | None] = {}
 
     def find(self, uri: str, beside: Path) -> Path | None:
         """The existing file or folder of a URI, or None. beside: folder of the file that names it."""
+        if (uri, beside) not in self._found:
+            self._found[uri, beside] = self._search(uri, beside)
+        return self._found[uri, beside]
+
+    def _search(self, uri: str, beside: Path) -> Path | None:
         uri = uri.strip()
         if not uri or is_remote(uri):
             return None
         scheme = _SCHEME.match(uri)
         rest = unquote(uri[scheme.end() :] if scheme else uri).replace("\\", "/")
         absolute = Path("/" + rest) if scheme is None and rest.startswith("/") or uri.startswith("file:///") else None
-        if absolute is not None and absolute.exists():
+        if absolute is not None and _exists(absolute):
             return absolute
         near = (beside,) if scheme is None else ()
         far = (beside, *(folder.parent for folder in self.folders)) if scheme and scheme[1].lower() == "file" else ()
@@ -52,6 +59,27 @@ def _texture_folders(meshes: Path, model: Path) -> Iterator[Path]:
     yield from (meshes / "materials" / "textures", model.parent / "materials" / "textures")
 
 
+def _exists(path: Path) -> bool:
+    """Whether it does; no file has a name that is too long for the disk, or holds a null."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+def _changed_ns(folder: Path) -> int:
+    return folder.stat().st_mtime_ns if folder.is_dir() else 0
+
+
+@lru_cache(maxsize=256)
+def _by_small_letters(folder: Path, _changed_ns: int) -> dict[str, Path]:
+    """What lies in a folder, by its name in small letters; nothing if it cannot be listed."""
+    try:
+        return {entry.name.lower(): entry for entry in reversed(list(folder.iterdir()))}
+    except OSError:
+        return {}
+
+
 def below(folder: Path, rest: str) -> Path | None:
     """The existing path folder/rest, letter case aside, or None. Steps upwards may not leave the model's folder."""
     here = folder
@@ -64,13 +92,10 @@ def below(folder: Path, rest: str) -> Path | None:
                 return None
             continue
         step = here / part
-        if not step.exists():
-            try:
-                same = [entry for entry in here.iterdir() if entry.name.lower() == part.lower()]
-            except OSError:
+        if not _exists(step):
+            same = _by_small_letters(here, _changed_ns(here)).get(part.lower())
+            if same is None:
                 return None
-            if not same:
-                return None
-            step = same[0]
+            step = same
         here = step
     return here

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import FloatArray, Int32Array
 from vsx_ros.errors import InputError, explained
+from vsx_ros.geometry.camera import MAX_PIXELS
 from vsx_ros.kernels.sim.mesh_scene import MIP_LEVELS
 from vsx_ros.limits import DAMAGE, MIB
 from vsx_ros.sim.scene import GREY
@@ -19,7 +20,9 @@ from vsx_ros.sim.world import Material
 
 MOST_GIVEN_PX, MOST_KEPT_PX = 8192, 2048  # sides of a picture: as read, and as drawn
 MOST_BYTES = 128 * MIB  # of a picture's file
+MOST_PIXELS = 12 * MAX_PIXELS  # of all pictures of a world, as read
 MOST_TEXELS = 2**27  # of a world; a house has half of it; 4 bytes each
+FORMATS = "PNG", "JPEG", "TGA", "BMP", "TIFF", "WEBP", "DDS", "GIF"  # as Pillow calls them
 OPAQUE = 250  # alpha from here on counts as solid
 _HOLE_PX = 512  # side of the map of a picture's holes, at most
 _STRIP = 256  # rows that are packed together
@@ -29,11 +32,12 @@ Pixels = NDArray[np.uint8]  # (H, W, 3) red, green, blue, or with alpha (H, W, 4
 
 class Picture(NamedTuple):
     """A texture that is not decoded yet. source: its file, or an image as Pillow opens it; two pictures are equal if it
-    is the same object. size: width and height as drawn, powers of two."""
+    is the same object. size: width and height as drawn, powers of two. pixels: their number as read."""
 
     name: str
     source: Any
     size: tuple[int, int]
+    pixels: int = 0
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Picture) and self.source is other.source
@@ -66,16 +70,18 @@ def _fitting(side: int) -> int:
 
 
 def _too_large(name: str, size: str) -> InputError:
-    most = f"at most {MOST_GIVEN_PX} x {MOST_GIVEN_PX} are read"
+    most = f"at most {MOST_GIVEN_PX} x {MOST_GIVEN_PX} and {MAX_PIXELS} in all are read"
     return InputError(f"texture {name} has {size} pixels, {most}; make it smaller")
 
 
 def picture_of(name: str, image: Any) -> Picture:
     """A texture from an image as Pillow opens it. Raises InputError if it is too large."""
     width, height = image.size
-    if max(width, height) > MOST_GIVEN_PX or min(width, height) < 1:
+    if image.format not in (None, "MPO", *FORMATS):  # MPO: a JPEG with more pictures
+        raise InputError(f"texture {name} is of kind {image.format}, not of {', '.join(FORMATS)}; save it as PNG")
+    if max(width, height) > MOST_GIVEN_PX or min(width, height) < 1 or width * height > MAX_PIXELS:
         raise _too_large(name, f"{width} x {height}")
-    return Picture(name, image, (_fitting(width), _fitting(height)))
+    return Picture(name, image, (_fitting(width), _fitting(height)), width * height)
 
 
 def _opened(path: Path) -> Any:
@@ -83,7 +89,7 @@ def _opened(path: Path) -> Any:
 
     with explained(InputError, f"texture {path} cannot be read", "save it again as PNG", DAMAGE):
         try:
-            return Image.open(path)
+            return Image.open(path, formats=FORMATS)
         except Image.DecompressionBombError:
             raise _too_large(str(path), "too many") from None
 
@@ -112,12 +118,17 @@ def substitute(name: str) -> Picture:
 
 
 def pack(pictures: list[Picture]) -> Textures:
-    """Decode the pictures one after another. Raises InputError for one that is damaged, and if they do not fit into
-    memory."""
+    """Decode the pictures one after another, and close them. Raises InputError for one that is damaged, and if they do
+    not fit into memory."""
     count, needed = len(pictures), sum(picture.texels for picture in pictures)
     if needed > MOST_TEXELS:
         most = f"at most {MOST_TEXELS} can be drawn"
         raise InputError(f"the world's {count} textures have {needed} texels, {most}; leave some out")
+    given = sum(picture.pixels for picture in pictures)
+    if given > MOST_PIXELS:
+        raise InputError(
+            f"the world's {count} textures have {given} pixels, at most {MOST_PIXELS} are read; shrink them"
+        )
     packed = Textures(
         logs=np.array([[side.bit_length() - 1 for side in p.size] for p in pictures], np.int32).reshape(-1, 2),
         levels=np.zeros((max(count, 1), MIP_LEVELS), np.int32),
@@ -147,8 +158,7 @@ def _decoded(picture: Picture) -> Pixels:
             shares = [max(1, a // b) for a, b in zip(given.size, picture.size)]
             pixels = np.asarray(given.reduce(shares) if max(shares) > 1 else given)  # first there: it needs less memory
         finally:
-            if image is not kept:
-                image.close()
+            image.close()  # one that is not read from a file, too: it is drawn once, and keeps its pixels
     if picture.size != (pixels.shape[1], pixels.shape[0]):
         pixels = cv2.resize(pixels, picture.size, interpolation=cv2.INTER_AREA)
     return np.asarray(pixels, np.uint8)

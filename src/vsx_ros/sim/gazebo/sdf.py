@@ -10,12 +10,13 @@ import numpy as np
 from vsx_ros.arrays import FloatArray
 from vsx_ros.errors import InputError
 from vsx_ros.sim.gazebo import elements, geometry
+from vsx_ros.sim.gazebo.budget import Budget
 from vsx_ros.sim.gazebo.elements import Lamp, MeshUse, numbers, text
 from vsx_ros.sim.gazebo.geometry import Triangles
 from vsx_ros.sim.gazebo.paths import ModelFolders, is_remote
 from vsx_ros.sim.gazebo.surfaces import Surface
 
-MOST_SHAPES, DEEPEST = 20_000, 16  # of a world; of models in models
+DEEPEST = 16  # models in models
 _SUN = Lamp(
     kind="directional",
     position=np.array([0.0, 0.0, 10.0]),
@@ -50,21 +51,24 @@ class Layout(NamedTuple):
     remarks: list[str]
 
 
-def read_layout(path: Path, folders: ModelFolders) -> Layout:
-    """Everything that is placed in a world file, or a model file. Raises InputError if it is no SDF."""
+def read_layout(path: Path, folders: ModelFolders, budget: Budget) -> Layout:
+    """Everything that is placed in a world file, or a model file. Raises InputError if it is no SDF, or holds more than
+    the budget has."""
     root = elements.xml_root(path)
     if root.tag not in ("sdf", "gazebo"):
         raise InputError(f"{path} is no SDF: its root is <{root.tag}>, not <sdf>; give a Gazebo .world or .sdf file")
-    return _Reader(folders).read(root, path)
+    return _Reader(folders, budget).read(root, path)
 
 
 class _Reader:
-    def __init__(self, folders: ModelFolders) -> None:
-        self._folders = folders
-        self._roots: dict[Path, Element] = {}
+    def __init__(self, folders: ModelFolders, budget: Budget) -> None:
+        self._folders, self._budget = folders, budget
+        self._files: dict[tuple[str, Path], Path | None] = {}
+        self._models: dict[Path, tuple[Element | None, int]] = {}
         self._layout = Layout(shapes=[], lamps=[], ambient=0.4, sky=0.7, remarks=[])
 
     def read(self, root: Element, path: Path) -> Layout:
+        self._budget.take("elements", sum(1 for _ in root.iter()), str(path))
         world = root.find("world")
         world = root if world is None else world
         moved = {model.get("name", ""): model for model in world.findall("state/model")}
@@ -90,9 +94,13 @@ class _Reader:
                 T_model = elements.pose(element, f"model {name}") if T is None else T
                 self._model(element, T_parent @ T_model, name, folder, depth)
             case "light":
-                self._layout.lamps.append(elements.lamp(element, T_parent, f"light {element.get('name', '')}"))
+                self._lamp(element, T_parent, f"light {element.get('name', '')}")
             case tag if tag in _UNSUPPORTED:
                 self._remark(f"<{tag}> {prefix}{element.get('name', '')} is not supported and left out")
+
+    def _lamp(self, light: Element, T_parent: FloatArray, where: str) -> None:
+        self._budget.take("lamps", 1, where)
+        self._layout.lamps.append(elements.lamp(light, T_parent, where))
 
     def _remark(self, words: str) -> None:
         self._layout.remarks.append(words)
@@ -102,31 +110,41 @@ class _Reader:
     ) -> None:
         uri = text(element, "uri")
         name = prefix + text(element, "name", uri.rstrip("/").rpartition("/")[2])
-        found = self._folders.find(uri, folder)
-        file = _model_file(found) if found is not None else None
+        file = self._file(uri, folder)
         if file is None:
             self._built_in(uri, name, T_parent)
             return
-        root = self._root(file)
-        model = next((child for child in root if child.tag in ("model", "light")), None)
+        model = self._first_model(file, name)
         if model is None:
             self._remark(f"model {name}: {file} holds none and is left out")
             return
         where = f"include of {name}"
         own = elements.pose(element if element.find("pose") is not None else model, where) if T is None else T
         if model.tag == "light":
-            self._layout.lamps.append(elements.lamp(model, T_parent, where))
+            self._lamp(model, T_parent, where)
             return
         self._model(model, T_parent @ own, name, file.parent, depth)
 
-    def _root(self, file: Path) -> Element:
-        if file not in self._roots:
-            self._roots[file] = elements.xml_root(file)
-        return self._roots[file]
+    def _file(self, uri: str, folder: Path) -> Path | None:
+        if (uri, folder) not in self._files:
+            found = self._folders.find(uri, folder)
+            self._files[uri, folder] = _model_file(found) if found is not None else None
+        return self._files[uri, folder]
+
+    def _first_model(self, file: Path, name: str) -> Element | None:
+        """The model or light of a file, read once; its elements count each time."""
+        if file not in self._models:
+            root = elements.xml_root(file)
+            model = next((child for child in root if child.tag in ("model", "light")), None)
+            self._models[file] = model, sum(1 for _ in root.iter())
+        model, size = self._models[file]
+        self._budget.take("elements", size, name)
+        return model
 
     def _built_in(self, uri: str, name: str, T_parent: FloatArray) -> None:
         word = uri.rstrip("/").rpartition("/")[2]
         if word == "sun":
+            self._budget.take("lamps", 1, name)
             self._layout.lamps.append(_SUN)
         elif word == "ground_plane":
             floor = geometry.plane(np.array([0.0, 0.0, 1.0]), 100.0, 100.0)
@@ -145,7 +163,9 @@ class _Reader:
 
     def _model(self, model: Element, T_world: FloatArray, name: str, folder: Path, depth: int) -> None:
         if depth > DEEPEST:
-            raise InputError(f"model {name} is nested more than {DEEPEST} deep; take it apart")
+            raise InputError(f"model {name:.200} is nested more than {DEEPEST} deep; take it apart")
+        if len(name) > elements.LONGEST:
+            raise InputError(f"model {name:.200}... has a name of {len(name)} letters; rename its models")
         for child in model:
             if child.tag == "link":
                 self._link(child, T_world, name, folder)
@@ -157,7 +177,7 @@ class _Reader:
         T_link = T_model @ elements.pose(link, name)
         for child in link:
             if child.tag == "light":
-                self._layout.lamps.append(elements.lamp(child, T_link, name))
+                self._lamp(child, T_link, name)
             if child.tag not in ("visual", "collision"):
                 continue
             where = f"{child.tag} {name}/{child.get('name', '')}"
@@ -181,8 +201,9 @@ class _Reader:
             )
 
     def _add(self, shape: Shape) -> None:
-        if len(self._layout.shapes) >= MOST_SHAPES:
-            raise InputError(f"the world has more than {MOST_SHAPES} shapes; leave some models out")
+        self._budget.take("shapes", 1, shape.name)
+        if not isinstance(shape.geometry, MeshUse):
+            self._budget.take("triangles", len(shape.geometry.corners), shape.name)
         self._layout.shapes.append(shape)
 
 
@@ -202,5 +223,7 @@ def _model_file(found: Path) -> Path | None:
 def _named(config: Path) -> Iterator[str]:
     """The files that model.config names, the oldest version first."""
     sdf = elements.xml_root(config).findall("sdf")
-    for element in sorted(sdf, key=lambda e: [int(n) if n.isdigit() else 0 for n in e.get("version", "0").split(".")]):
+    for element in sorted(
+        sdf, key=lambda e: [int(n) if n.isdecimal() else 0 for n in e.get("version", "0").split(".")]
+    ):
         yield (element.text or "").strip() or "model.sdf"

@@ -3,10 +3,11 @@
 import math
 import re
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
-from vsx_ros.limits import file_text
+from vsx_ros.limits import MIB, file_text
 from vsx_ros.sim.gazebo.pictures import Picture
 
 Colour = tuple[float, float, float]
@@ -35,7 +36,10 @@ def gazebo_colour(script: str) -> Colour:
     return next((colour for name, colour in _GAZEBO_COLOURS.items() if name in word), GREY)
 
 
-_BLOCK = r"material\s+{}\b[^{{]*\{{(.*?)(?=\n\s*material\s|\Z)"
+_SCRIPT_BYTES = 2 * MIB
+_BEGIN = re.compile(r"^[ \t]*material[ \t]+([^\s:{]+)", re.MULTILINE)
+_DIFFUSE = re.compile(r"diffuse[ \t]+(\S{1,40})[ \t]+(\S{1,40})[ \t]+(\S{1,40})")
+_TEXTURE = re.compile(r"^[ \t]*texture[ \t]+(\S{1,500})", re.MULTILINE)
 
 
 def ogre_material(
@@ -45,19 +49,27 @@ def ogre_material(
     it is not there. find: as ``ModelFolders.find_texture``."""
     files = sorted(script.glob("*.material")) if script.is_dir() else [script]
     for file in files:
-        try:
-            text = file_text(file)
-        except (OSError, ValueError):
-            continue
-        block = re.search(_BLOCK.format(re.escape(name)), text, re.DOTALL)
-        if block is None:
-            continue
-        diffuse = re.search(r"diffuse\s+(\S+)\s+(\S+)\s+(\S+)", block[1])
-        colour = _ogre_colour(diffuse.groups()) if diffuse else WHITE
-        named = re.search(r"^\s*texture\s+(\S+)", block[1], re.MULTILINE)
-        picture = named[1] if named else ""
-        return colour, find(picture, file) if picture else None, picture
+        found = _materials(file, file.stat().st_mtime_ns if file.is_file() else 0).get(name)
+        if found is not None:
+            colour, picture = found
+            return colour, find(picture, file) if picture else None, picture
     return None
+
+
+@lru_cache(maxsize=64)
+def _materials(file: Path, _changed_ns: int) -> dict[str, tuple[Colour, str]]:
+    """Colour and picture's name of each material in a script; none if it cannot be read."""
+    try:
+        text = file_text(file, _SCRIPT_BYTES)
+    except (OSError, ValueError):
+        return {}
+    found: dict[str, tuple[Colour, str]] = {}
+    begins = list(_BEGIN.finditer(text))
+    for begin, after in zip(begins, [*(match.start() for match in begins[1:]), len(text)]):
+        diffuse, picture = _DIFFUSE.search(text, begin.end(), after), _TEXTURE.search(text, begin.end(), after)
+        colour = _ogre_colour(diffuse.groups()) if diffuse else WHITE
+        found.setdefault(begin[1], (colour, picture[1] if picture else ""))
+    return found
 
 
 def _ogre_colour(words: Sequence[str]) -> Colour:
