@@ -108,7 +108,7 @@ def test_a_long_report_comes_whole_through_a_slow_network(monkeypatch: pytest.Mo
     served = ViewServer(Board(), {}, lambda count: None, TOKEN, "127.0.0.1", 0)
     served.report = lambda: page
     threading.Thread(target=served.serve_forever, daemon=True).start()
-    connection = http.client.HTTPConnection("127.0.0.1", served.server_port, timeout=30)
+    connection = http.client.HTTPConnection("127.0.0.1", served.server_port, timeout=PATIENCE_S)
     connection.request("GET", "/report")
     answer, parts = connection.getresponse(), []
     while part := answer.read(2**20):
