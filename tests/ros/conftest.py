@@ -88,14 +88,14 @@ class Stack:
 
     def up(self) -> None:
         self.start_master()
-        start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
+        self.start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
         settings = RenderSettings(
             world=WORLD,
             seed=SEED,
             hard="",
             socket=str(self._folder / "camera"),
             rate_hz=15.0,
-            start_ns=start_ns,
+            start_ns=self.start_ns,
             robot=RobotConfig(),
         )
         child = [sys.executable, "-m", "vsx_ros.ros.emulation", msgspec.json.encode(settings).decode()]
