@@ -30,6 +30,7 @@ from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.world import open_world
 
 CHECKOUT = Path(__file__).resolve().parents[2]
+sys.path.append(str(CHECKOUT / "benchmarks"))  # file_samples
 WORLD, SEED = "office", 1  # large enough to be explored as long as the tests last
 
 

@@ -56,9 +56,9 @@ class TrueOutline:
         self._states = [*self._states[-_KEPT:], state]
 
 
-def draw_across_the_plan(browser: Chromium) -> bool:
-    """By clicks on the open page, a square of half a metre ahead on the way. Whether there was such a way, and the time
-    to draw it."""
+def draw_across_the_plan(browser: Chromium, stack: Stack) -> bool:
+    """By clicks on the open page, a square of half a metre ahead on the way that is driven. Whether there was such a
+    way, and the time to draw it."""
     here = browser.evaluate("known.pose.slice(0, 2)")
     plan = np.array(browser.evaluate("known.plan")).reshape(-1, 2)
     away_m = np.hypot(*(plan - here).T)
@@ -72,7 +72,7 @@ def draw_across_the_plan(browser: Chromium) -> bool:
         for kind in ("Moved", "Pressed", "Released"):
             browser.mouse(kind, *window_place(browser, *corner))
     x, y, drawn = browser.evaluate("[...known.pose.slice(0, 2), draft.points.length]")
-    if drawn != 4 or np.hypot(place[0] - x, place[1] - y) < _AT_LEAST_M:
+    if drawn != 4 or not stack.plant.moving or np.hypot(place[0] - x, place[1] - y) < _AT_LEAST_M:
         browser.key("Escape")
         return False
     browser.click("#saveZone")

@@ -231,8 +231,7 @@ def test_a_zone_drawn_across_the_way_is_kept_out_of_and_a_room_is_named(
         browser.wait("known.pose && known.plan && known.zones && known.rooms && known.rooms.rooms.length")
         browser.mouse("Wheel", *window_place(browser, 0.0, 0.0), deltaX=0, deltaY=200)  # the sheet covers no plan
         stack.wait_until_driving()
-        stack.wait(lambda: go_far() and draw_across_the_plan(browser), "a zone to be drawn across the way")
-        assert stack.plant.moving
+        stack.wait(lambda: go_far() and draw_across_the_plan(browser, stack), "a zone to be drawn across the way")
         try:
             [zone] = heard_zones(latched(topics.ZONES))[0]
             outline.keep_out_of(zone)
