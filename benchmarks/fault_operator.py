@@ -6,8 +6,9 @@ As benchmarks/fault_nodes.py, on the same stack: real nodes and drivers, an emul
 operator presses the emergency stop, or turns the base by teleop, for so many seconds; or a client of move_base sends
 it to the place where it began, which is driven to. A row is one repetition: the time until the mission says so
 (``said_s``), whether status, base and event name the operator (``told``), the goals that the explorer gave meanwhile
-(``goals``), the views that were blacklisted because of it (``blacklisted``), and the time until the robot explores on
-after the end (``went_on_s``; null: not within two minutes; from an emergency stop: after its release).
+(``goals``), the views that were blacklisted because of it (``blacklisted``), whether a goal was reached (``reached``;
+null: there was none), and the time until the robot explores on after the end (``went_on_s``; null: not within two
+minutes; from an emergency stop: after its release).
 """
 
 import argparse
@@ -44,6 +45,7 @@ class Operator:
         self._estop = rospy.ServiceProxy(f"/{topics.ESTOP}", SetBool)
         self._keys, self._turn = rospy.Publisher(f"/{topics.COMMAND_TELEOP}", Twist, queue_size=1), Twist()
         self._turn.angular.z = TELEOP_RAD_S
+        self._reached: bool | None = None
         self._client = actionlib.SimpleActionClient(f"/{topics.MOVE_BASE_ACTION}", MoveBaseAction)
 
     def once(self, what: str) -> dict[str, Any] | None:
@@ -52,6 +54,7 @@ class Operator:
         if heard.status.get("state") != "mapping":
             return None
         heard.events.clear()
+        self._reached = None
         begun_s = time.monotonic()
         said_s = {EMERGENCY_STOP: self._stop, "teleop": self._teleop, "goal": self._goal}[what]()
         goals, told = sum("driving" in event["reason"] for event in heard.events), self._told
@@ -61,7 +64,8 @@ class Operator:
         on = self._until(lambda: heard.status["state"] == "mapping" and self._stack.plant.moving, ON_WITHIN_S)
         return {
             "said_s": None if said_s is None else round(said_s - begun_s, 2), "told": told, "goals": goals,
-            "blacklisted": len(heard.blamed()), "went_on_s": round(time.monotonic() - ended_s, 2) if on else None,
+            "blacklisted": len(heard.blamed()), "reached": self._reached,
+            "went_on_s": round(time.monotonic() - ended_s, 2) if on else None,
         }  # fmt: skip
 
     def _stop(self) -> float | None:
@@ -81,6 +85,7 @@ class Operator:
         return said_s
 
     def _goal(self) -> float | None:
+        from actionlib_msgs.msg import GoalStatus
         from move_base_msgs.msg import MoveBaseGoal
 
         from vsx_ros.geometry.se2 import SE2
@@ -90,7 +95,8 @@ class Operator:
         self._client.send_goal(MoveBaseGoal(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), SE2())))
         said_s = self._said("user goal")
         self._told = "/operator" in self._heard.status["reason"]
-        self._until(lambda: self._client.get_state() > 1, GOAL_S)
+        self._until(lambda: self._client.get_state() > GoalStatus.ACTIVE, GOAL_S)
+        self._reached = self._client.get_state() == GoalStatus.SUCCEEDED
         return said_s
 
     def _said(self, state: str) -> float | None:

@@ -97,8 +97,10 @@ def operators(rows: Sequence[Row]) -> list[str]:
     for (what,), results in _parts(rows, "what"):
         told, goals, listed = (sum(result[key] for result in results) for key in ("told", "goals", "blacklisted"))
         said, on = ([r[key] for r in results if r[key] is not None] for key in ("said_s", "went_on_s"))
+        sent = [result["reached"] for result in results if result.get("reached") is not None]
+        reached = f" ({sum(sent)} of {len(sent)} reached)" if sent else ""
         lines.append(
-            f"| {acts[what]} | {told} of {len(results)} | {_spread(said)} | {goals} | {listed} "
+            f"| {acts[what]}{reached} | {told} of {len(results)} | {_spread(said)} | {goals} | {listed} "
             f"| {_spread(on)} of {len(on)} |"
         )
     return lines

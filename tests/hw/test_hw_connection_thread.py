@@ -51,5 +51,5 @@ def test_a_listener_that_fails_leaves_no_device_without_its_driver() -> None:
 def test_a_keeper_that_ended_by_itself_is_known_to_be_dead() -> None:
     told = Told(SystemExit)
     told.start()
-    told._thread.join(10.0)
+    told._thread.join(PATIENCE_S)
     assert not told.alive

@@ -30,6 +30,7 @@ from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.world import open_world
 
 CHECKOUT = Path(__file__).resolve().parents[2]
+sys.path.append(str(CHECKOUT / "benchmarks"))  # file_samples
 WORLD, SEED = "office", 1  # large enough to be explored as long as the tests last
 
 
@@ -88,14 +89,14 @@ class Stack:
 
     def up(self) -> None:
         self.start_master()
-        start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
+        self.start_ns, start_monotonic_ns = time.time_ns(), time.monotonic_ns()
         settings = RenderSettings(
             world=WORLD,
             seed=SEED,
             hard="",
             socket=str(self._folder / "camera"),
             rate_hz=15.0,
-            start_ns=start_ns,
+            start_ns=self.start_ns,
             robot=RobotConfig(),
         )
         child = [sys.executable, "-m", "vsx_ros.ros.emulation", msgspec.json.encode(settings).decode()]

@@ -92,6 +92,7 @@ class PostingRobot:
     def _post_state(self) -> None:
         reason = "driving to a view of 4.0 m2, 2.0 m away [U = 2.0]"
         status = {"state": "mapping", "reason": reason, "goal": [3.0, 0.3, 0.0]}
+        status |= {"begun_ns": 10**18, "left_s": 230}
         self._post("mission", {**status, "elapsed_s": 85, "driven_m": 12.3, "known_area_m2": 23.4})
         self._post("slam", ["TRACKING", ""])
         health = {
@@ -99,6 +100,9 @@ class PostingRobot:
             "vslam: input": [0, "30 images a second", {"dropped": "4"}],
         }
         self._post("health", health)
-        event = {"stamp_ns": 10**18, "state": "mapping", "reason": "<b>chosen</b>"}
-        again = [{"stamp_ns": 10**18, "state": "mapping", "reason": f"blocked {k} cm ahead"} for k in range(7)]
+        event = {"stamp_ns": 10**18 + 90 * 10**9, "state": "mapping", "reason": "<b>chosen</b>"}
+        again = [
+            {"stamp_ns": 10**18 + (12 + k) * 10**9, "state": "mapping", "reason": f"blocked {k} cm ahead"}
+            for k in range(7)
+        ]
         self._post("events", [*again, event])

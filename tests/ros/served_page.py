@@ -36,6 +36,13 @@ CONTRASTS = """(() => {
 """Ratio of contrast (WCAG 2.2) and words of every element that shows words of its own and is no disabled button."""
 
 
+def window_place(browser: Chromium, x: float, y: float) -> tuple[float, float]:
+    """Where a place on the map [m] of the open page is in the window [px]."""
+    script = "(box => toScreen(%s, %s).map((px, i) => px + [box.x, box.y][i]))($('map').getBoundingClientRect())"
+    px, py = browser.evaluate(script % (x, y))
+    return px, py
+
+
 class ServedPage:
     """done: name and value of every command. answers: what commands answer, by name; else they succeed. hangs: names of
     those that never answer."""
@@ -101,9 +108,7 @@ class ServedPage:
 
     def at(self, x: float, y: float) -> tuple[float, float]:
         """Where a place on the map [m] is in the window [px]."""
-        script = "(box => toScreen(%s, %s).map((px, i) => px + [box.x, box.y][i]))($('map').getBoundingClientRect())"
-        px, py = self.value(script % (x, y))
-        return px, py
+        return window_place(self.browser, x, y)
 
     def click_map(self, x: float, y: float) -> None:
         """Click a place on the map [m]; on a phone tap it."""

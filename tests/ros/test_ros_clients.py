@@ -49,7 +49,7 @@ def tool(stack: Stack, *words: str, until: str = "") -> str:
         words, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     ) as started:
         assert started.stdout is not None
-        watchdog = threading.Timer(60.0, started.kill)
+        watchdog = threading.Timer(PATIENCE_S, started.kill)
         watchdog.start()
         said = ""
         for line in started.stdout:
@@ -72,8 +72,8 @@ def call(service: str) -> None:
     assert answer.success, answer.message
 
 
-def heard(topic: str, kind: type, seconds: float = 30.0) -> object:
-    return rospy.wait_for_message(f"/{topic}", kind, timeout=seconds)
+def heard(topic: str, kind: type) -> object:
+    return rospy.wait_for_message(f"/{topic}", kind, timeout=PATIENCE_S)
 
 
 def base_in(frame: str) -> SE2:
@@ -145,13 +145,13 @@ def test_a_client_of_move_base_is_driven_to_its_goal(stack: Stack, frame: str) -
         wait_until_standing(stack)
         start = base_in(frame.lstrip("/"))
         client = actionlib.SimpleActionClient(f"/{topics.MOVE_BASE_ACTION}", MoveBaseAction)
-        assert client.wait_for_server(rospy.Duration(10))
+        assert client.wait_for_server(rospy.Duration(PATIENCE_S))
         fed: list[float] = []
         for way_m, turn_rad in itertools.product((AHEAD_M, -AHEAD_M), (0.0, 0.4, -0.4)):
             goal = SE2.exp(way_m, turn_rad)
             target = convert.pose_stamped(frame, time.time_ns(), start @ goal)
             client.send_goal(MoveBaseGoal(target), feedback_cb=lambda f: fed.append(f.base_position.pose.position.x))
-            assert client.wait_for_result(rospy.Duration(40)), "no result"
+            assert client.wait_for_result(rospy.Duration(PATIENCE_S)), "no result"
             if client.get_state() == GoalStatus.SUCCEEDED:
                 break
         assert client.get_state() == GoalStatus.SUCCEEDED, client.get_goal_status_text()
@@ -223,14 +223,14 @@ def test_make_plan_answers_without_driving(stack: Stack) -> None:
 def test_make_plan_refuses_a_start_in_another_frame_than_its_goal(stack: Stack) -> None:
     start = convert.pose_stamped(topics.ODOM_FRAME, 0, SE2())
     goal = convert.pose_stamped(topics.MAP_FRAME, 0, SE2(0.1, 0.0, 0.0))
-    rospy.wait_for_service(f"/{topics.MAKE_PLAN}", 60.0)
+    rospy.wait_for_service(f"/{topics.MAKE_PLAN}", PATIENCE_S)
     assert rospy.ServiceProxy(f"/{topics.MAKE_PLAN}", GetPlan)(start, goal, 0.1).plan.poses == []
     assert "make_plan: the start is in frame 'odom', the goal in 'map'" in stack.logs()
 
 
 def test_make_plan_refuses_a_goal_without_a_heading(stack: Stack) -> None:
     start = convert.pose_stamped(topics.ODOM_FRAME, 0, SE2())
-    rospy.wait_for_service(f"/{topics.MAKE_PLAN}", 60.0)
+    rospy.wait_for_service(f"/{topics.MAKE_PLAN}", PATIENCE_S)
     assert rospy.ServiceProxy(f"/{topics.MAKE_PLAN}", GetPlan)(start, PoseStamped(), 0.1).plan.poses == []
     assert "make_plan: pose message holds" in stack.logs()
     assert "Error processing request" not in stack.logs()

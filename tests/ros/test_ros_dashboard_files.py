@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from importlib import resources
 
 import pytest
+from waiting import PATIENCE_S
 
 from vsx_ros.ros import dashboard
 from vsx_ros.ros.dashboard.feed import Board
@@ -25,7 +26,7 @@ def port() -> Iterator[int]:
 
 
 def get(port: int, path: str, **headers: str) -> tuple[http.client.HTTPResponse, str]:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
     connection.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
     answer = connection.getresponse()
     return answer, answer.read().decode()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import base64
 import http.client
 import json
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,13 +21,17 @@ import numpy as np
 import rosgraph
 import rospy
 from chromium import EXECUTABLE, Chromium
+from drawn_zone import TrueOutline, draw_across_the_plan
 from ros_ports import free_port
+from served_page import window_place
 from std_msgs.msg import String
 from waiting import PATIENCE_S, wait_for
 
+from vsx_ros.occupancy.zones import ZoneKind, entered
 from vsx_ros.ros import launch, topics
 from vsx_ros.ros.dashboard.server import TOKEN_HEADER
 from vsx_ros.ros.nodes.dashboard import TOKEN
+from vsx_ros.ros.zones import heard_zones
 
 if TYPE_CHECKING:
     from conftest import Stack
@@ -92,8 +98,12 @@ def subscriptions() -> set[str]:
     return {topic for topic, nodes in subscribed if "/dashboard" in nodes}
 
 
+def latched(topic: str) -> String:
+    return rospy.wait_for_message(f"/{topic}", String, timeout=PATIENCE_S)
+
+
 def told() -> dict[str, Any]:
-    return dict(json.loads(rospy.wait_for_message(f"/{topics.EXPLORE_STATUS}", String, timeout=PATIENCE_S).data))
+    return dict(json.loads(latched(topics.EXPLORE_STATUS).data))
 
 
 def mission() -> str:
@@ -196,6 +206,56 @@ def test_the_buttons_of_the_page_stop_the_wheels_and_let_them_go(stack: Stack, p
             press("release", "The robot may drive")
         stack.wait_until_driving()
         browser.wait("$('release').hidden")
+
+
+def vsx(stack: Stack, *words: str) -> str:
+    command = [sys.executable, "-m", "vsx_ros.cli.main", *words]
+    return subprocess.check_output(command, env=stack.environment, text=True, timeout=PATIENCE_S)
+
+
+@pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
+def test_a_zone_drawn_across_the_way_is_kept_out_of_and_a_room_is_named(
+    stack: Stack, port: int, tmp_path: Path
+) -> None:
+    outline = TrueOutline(stack)
+
+    def go_far() -> bool:
+        """Most ways to views are short; the one home is long by and by."""
+        x, y = browser.evaluate("known.pose.slice(0, 2)")
+        if mission() == "mapping" and np.hypot(x, y) > 2.0:
+            command(port, "go", {"x": 0.0, "y": 0.0})
+        return bool(stack.plant.moving)
+
+    with Chromium(tmp_path / "profile", 1440, 1600) as browser:
+        browser.open(f"http://127.0.0.1:{port}/#{SECRET}")
+        browser.wait("known.pose && known.plan && known.zones && known.rooms && known.rooms.rooms.length")
+        browser.mouse("Wheel", *window_place(browser, 0.0, 0.0), deltaX=0, deltaY=200)  # the sheet covers no plan
+        stack.wait_until_driving()
+        stack.wait(lambda: go_far() and draw_across_the_plan(browser, stack), "a zone to be drawn across the way")
+        try:
+            [zone] = heard_zones(latched(topics.ZONES))[0]
+            outline.keep_out_of(zone)
+            assert zone.kind is ZoneKind.NO_GO
+            assert len(zone.points) == 4
+            browser.wait(f"known.zones.zones.some(zone => zone.name === {zone.name!r})")
+            browser.click("#rooms button")
+            browser.wait("document.activeElement === $('roomName')")
+            for letter in "den":
+                browser.key(letter, letter)
+            browser.key("Enter", "\r")
+            browser.wait("$('said').textContent.startsWith('Room ')")
+            assert "den" in [room["name"] for room in json.loads(latched(topics.ROOMS).data)["rooms"]]
+            assert "is called 'study'" in vsx(stack, "room", "name", "den", "study")
+            assert "study" in [room["name"] for room in json.loads(latched(topics.ROOMS).data)["rooms"]]
+            stack.wait(lambda: outline.driven_m > 1.5, "the drive to go on beside the zone")
+            assert not entered([zone], *browser.evaluate("known.plan[known.plan.length - 1]"), 0.0)
+            assert outline.entered == 0
+        finally:
+            outline.end()
+            assert "is removed" in vsx(stack, "zone", "remove", zone.name)
+        browser.wait("known.zones.zones.length === 0")
+        assert heard_zones(latched(topics.ZONES))[0] == []
+    stack.wait_until_driving()
 
 
 def test_without_the_node_behind_it_a_button_says_so(stack: Stack, port: int) -> None:

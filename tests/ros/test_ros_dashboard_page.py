@@ -1,7 +1,9 @@
 """The page in a real browser, fed with messages as the stack sends them; no master needed."""
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rospy")
@@ -9,6 +11,9 @@ pytest.importorskip("rospy")
 from chromium import EXECUTABLE
 from posting_robot import KEYFRAMES
 from served_page import TOKEN, ServedPage
+
+from vsx_ros.evaluation.events import collapsed
+from vsx_ros.exploration.time_left import left_words
 
 pytestmark = pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
 
@@ -26,12 +31,15 @@ def test_the_page_shows_everything_and_asks_nobody_else(page: ServedPage, tmp_pa
     assert "30\nimages / s" in page.value("$('numbers').innerText")
     events = page.value("$('events').textContent")
     assert "<b>chosen</b>" in events  # words from outside stay words
-    assert "blocked 0 cm ahead (7 times)" in events
+    assert "12.0 smappingblocked 0 cm ahead (7 times until 18.0 s)" in events
     assert page.value("$('events').children.length") == 2
     numbers = page.value("$('numbers').innerText")
-    assert numbers.startswith("1:25\nelapsed\n12.3 m\ndriven\n23 m²\nknown area\n")
+    assert numbers.startswith("1:25\nelapsed\n12.3 m\ndriven\n23 m²\nknown area\n94 %\nrooms known\n")
+    assert "4\nimages skipped" in numbers
     assert f"{KEYFRAMES}\nkeyframes" in numbers
-    assert page.value("$('why').textContent").startswith("Driving to a view of 4.0 m2, 2.0 m away.")
+    assert page.value("$('why').textContent").startswith(
+        "Driving to a view of 4.0 m2, 2.0 m away. · about 4 minutes left"
+    )
     assert page.value("$('figuresText').textContent") == "U = 2.0"
     assert page.value("$('figures').hidden || $('figures').open") is False
     assert "rug" in page.value("$('zones').textContent")
@@ -85,6 +93,31 @@ def test_the_page_says_that_the_stack_is_away_and_comes_back_with_it(page: Serve
     before = page.value("known.pictures")
     page.serve(page.port)
     page.wait(f"known.pictures > {before} + 2 && $('banner').hidden")
+
+
+@pytest.mark.parametrize("left_s", [None, 3, 44, 50, 89, 91, 3600])
+def test_the_time_left_is_told_as_by_vsx_status(page: ServedPage, left_s: float | None) -> None:
+    page.open()
+    page.post("mission", {"state": "mapping", "reason": "on the way", "left_s": left_s})
+    page.wait("$('why').textContent.startsWith('On the way.')")
+    said = page.value("$('why').textContent").split(" · ")
+    assert said == ["On the way.", *filter(None, [left_words(left_s)])]
+
+
+def test_events_are_collapsed_as_in_the_report(page: ServedPage) -> None:
+    page.open()
+    rng = np.random.default_rng(3)
+    reasons = "pose is 20 ms old", "pose is -3.5 ms old", "following", ""
+    events = [
+        (10**9 * k, "", state, reasons[i])
+        for k, (state, i) in enumerate(zip(rng.choice(["stale", "on"], 300), rng.integers(0, 4, 300), strict=True))
+    ]
+    events += [(10**9 * (300 + k), "", ("stale", "on")[k % 2], f"{k} ms") for k in range(99)]
+    told = [{"stamp_ns": stamp_ns, "state": str(state), "reason": why} for stamp_ns, _, state, why in events]
+    script = f"collapsed({json.dumps(told)}).map(e => [e.stamp_ns, e.state, e.reason, e.times, e.last_ns])"
+    expected = [[e.event[0], str(e.event[2]), e.event[3], e.times, e.last_ns] for e in collapsed(events)]
+    assert page.value(script) == expected
+    assert max(times for _, _, _, times, _ in expected) >= 49
 
 
 def test_held_wheels_are_red_and_say_by_what(page: ServedPage) -> None:

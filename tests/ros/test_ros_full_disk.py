@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("rospy")
 
 from lone_base import LoneBase
+from waiting import PATIENCE_S
 
 from vsx_ros.ros import topics
 
@@ -23,13 +24,13 @@ from nav_msgs.msg import Odometry
 from std_srvs.srv import SetBool
 
 rospy.init_node("operator", anonymous=True)
-rospy.wait_for_service("{topics.ESTOP}", 60.0)
-rospy.wait_for_message("{topics.ODOM}", Odometry, 60.0)
+rospy.wait_for_service("{topics.ESTOP}", {PATIENCE_S})
+rospy.wait_for_message("{topics.ODOM}", Odometry, {PATIENCE_S})
 answers = []
 call = lambda: answers.append(rospy.ServiceProxy("{topics.ESTOP}", SetBool)(True).message)
 thread = threading.Thread(target=call, daemon=True)
 thread.start()
-thread.join(20.0)
+thread.join({PATIENCE_S})
 print(json.dumps([answers, rospy.get_param("/mobile_base/estopped", None)]))
 """
 HANGING = f"""
@@ -38,14 +39,14 @@ import rospy
 from std_srvs.srv import SetBool
 
 rospy.init_node("operator", anonymous=True)
-rospy.wait_for_service("{topics.ESTOP}", 60.0)
+rospy.wait_for_service("{topics.ESTOP}", {PATIENCE_S})
 stop = rospy.ServiceProxy("{topics.ESTOP}", SetBool, persistent=True)
 stop(False)
 answers, master = [], int(sys.argv[1])
 os.kill(master, signal.SIGSTOP)
 thread = threading.Thread(target=lambda: answers.append(stop(True).message), daemon=True)
 thread.start()
-thread.join(20.0)
+thread.join({PATIENCE_S})
 os.kill(master, signal.SIGCONT)
 print(json.dumps(answers))
 """
@@ -55,7 +56,7 @@ import rospy
 from nav_msgs.msg import Odometry
 
 rospy.init_node("listener", anonymous=True)
-print(json.dumps(rospy.wait_for_message("{topics.ODOM}", Odometry, 60.0).header.frame_id))
+print(json.dumps(rospy.wait_for_message("{topics.ODOM}", Odometry, {PATIENCE_S}).header.frame_id))
 """
 
 

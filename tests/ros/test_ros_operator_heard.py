@@ -12,15 +12,19 @@ import pytest
 pytest.importorskip("rospy")
 
 import actionlib
+import cv2
+import numpy as np
 import rospy
 from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
 from mission_listener import MissionListener
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from std_srvs.srv import SetBool
 from waiting import PATIENCE_S
 
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import FREE
 from vsx_ros.robot import EMERGENCY_STOP
 from vsx_ros.ros import convert, topics
 
@@ -30,6 +34,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.ros
 
 HELD_S = 12.0  # longer than any goal takes to fail
+GOAL_AHEAD_M, ROOM_M, ASIDE_RAD = (0.6, 0.9), 0.35, 1.0  # goals, free ground about all of the way, bearings tried
 
 
 @pytest.fixture
@@ -46,6 +51,39 @@ def pose() -> SE2:
     return convert.se2(
         rospy.wait_for_message(f"/{topics.POSE}", PoseWithCovarianceStamped, timeout=PATIENCE_S).pose.pose
     )
+
+
+def free_ahead() -> SE2 | None:
+    """A place in the map in free known ground ahead, as is the way there; None if there is none."""
+    here = pose()
+    grid = convert.grid(rospy.wait_for_message(f"/{topics.MAP}", OccupancyGridMsg, timeout=PATIENCE_S))
+    room_m = grid.resolution * cv2.distanceTransform((grid.data == FREE).astype(np.uint8), cv2.DIST_L2, 5)
+    for ahead_m in GOAL_AHEAD_M[::-1]:
+        for aside_rad in sorted(np.linspace(-ASIDE_RAD, ASIDE_RAD, 9), key=abs):
+            goal = here @ SE2(0.0, 0.0, float(aside_rad)) @ SE2(ahead_m, 0.0, 0.0)
+            cells = grid.cells(np.linspace([here.x, here.y], [goal.x, goal.y], 30))
+            if grid.contains(cells).all() and room_m[cells[10:, 0], cells[10:, 1]].min() > ROOM_M:
+                return goal
+    return None
+
+
+def some_way_ahead(stack: Stack, mission: MissionListener) -> SE2:
+    """A goal that has to be driven to, while the robot explores."""
+    found: list[SE2] = []
+
+    def find() -> bool:
+        goal = free_ahead()
+        if goal is not None and mission.status["state"] == "mapping" and stack.plant.moving:
+            found.append(goal)
+        return bool(found)
+
+    stack.wait(find, "free known ground ahead")
+    return found[0]
+
+
+def explores_on(stack: Stack, mission: MissionListener) -> None:
+    stack.wait(lambda: mission.status["state"] == "mapping", "the exploration to go on")
+    stack.wait_until_driving()
 
 
 def test_an_emergency_stop_holds_the_mission_and_blames_nobody(stack: Stack, mission: MissionListener) -> None:
@@ -84,13 +122,13 @@ def test_teleop_holds_the_mission_and_it_goes_on_by_itself(stack: Stack, mission
 def test_a_goal_of_an_actionlib_client_is_driven_to_while_exploring(stack: Stack, mission: MissionListener) -> None:
     client = actionlib.SimpleActionClient(f"/{topics.MOVE_BASE_ACTION}", MoveBaseAction)
     assert client.wait_for_server(rospy.Duration(PATIENCE_S))
-    goal = convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), pose())
-    client.send_goal(MoveBaseGoal(goal))
+    goal = some_way_ahead(stack, mission)
+    client.send_goal(MoveBaseGoal(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), goal)))
     stack.wait(lambda: mission.status["state"] == "user goal", "the explorer to step back")
     assert client.wait_for_result(rospy.Duration(PATIENCE_S))
-    assert "cancelled" not in client.get_goal_status_text()
-    assert client.get_state() in (GoalStatus.SUCCEEDED, GoalStatus.ABORTED)
-    stack.wait_until_driving()
+    assert client.get_state() == GoalStatus.SUCCEEDED, client.get_goal_status_text()
+    assert pose().distance_to(goal) < 0.25
+    explores_on(stack, mission)
     assert any("the goal of /observer is" in event["reason"] for event in mission.events)
     assert mission.blamed() == []
 
@@ -98,17 +136,17 @@ def test_a_goal_of_an_actionlib_client_is_driven_to_while_exploring(stack: Stack
 def test_an_arrow_of_rviz_is_driven_to_while_exploring(stack: Stack, mission: MissionListener) -> None:
     arrow = rospy.Publisher(f"/{topics.SIMPLE_GOAL}", PoseStamped, queue_size=1)
     stack.wait(arrow.get_num_connections, "move_base to listen")
-    arrow.publish(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), pose()))
+    goal = some_way_ahead(stack, mission)
+    arrow.publish(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), goal))
     stack.wait(lambda: mission.status["state"] == "user goal", "the explorer to step back")
     assert "/observer" in mission.status["reason"]
-    stack.wait(lambda: mission.status["state"] != "user goal", "the end of the goal")
-    stack.wait_until_driving()
+    stack.wait(lambda: pose().distance_to(goal) < 0.25, "the robot to be there")
+    explores_on(stack, mission)
 
 
 def test_vsx_go_waits_for_the_end(stack: Stack, mission: MissionListener) -> None:
-    here = pose()
-    words = [sys.executable, "-m", "vsx_ros.cli.main", "go", f"{here.x:.2f},{here.y:.2f},{here.theta * 57.3:.0f}"]
+    goal = some_way_ahead(stack, mission)
+    words = [sys.executable, "-m", "vsx_ros.cli.main", "go", f"{goal.x:.2f},{goal.y:.2f},{goal.theta * 57.3:.0f}"]
     done = subprocess.run(words, env=stack.environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
-    assert "reached" in done.stdout + done.stderr
-    assert (done.returncode == 0) == done.stdout.startswith("reached")
-    stack.wait_until_driving()
+    assert (done.returncode, done.stdout.startswith("reached")) == (0, True), done.stderr
+    explores_on(stack, mission)

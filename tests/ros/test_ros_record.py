@@ -3,19 +3,22 @@
 import argparse
 import shutil
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import pytest
 
 pytest.importorskip("rospy")
 
+import rospy
 from rosbags.rosbag1 import Reader
 from waiting import PATIENCE_S
 
 from vsx_ros.cli.option_values import Size
 from vsx_ros.errors import InputError
-from vsx_ros.ros import record
+from vsx_ros.ros import record, topics
 from vsx_ros.ros.record import BagWriter, Serialized
 
 STRING = {
@@ -71,10 +74,33 @@ def test_a_disk_that_hangs_is_not_waited_for(tmp_path: Path, monkeypatch: pytest
         writer.put(message(b"one"))
     closed = threading.Thread(target=writer.close, daemon=True)
     closed.start()
-    closed.join(10.0)
+    closed.join(PATIENCE_S / 2.0)  # the disk takes it later
     assert not closed.is_alive()
     assert writer.failure == "it took nothing for 0.1 s"
     taken.set()
+
+
+@pytest.mark.parametrize(("image_s", "waited_s"), [(7.0, 7.0), (None, 20.0)])
+def test_recording_begins_with_the_first_image_whatever_the_camera_says_before(
+    monkeypatch: pytest.MonkeyPatch, image_s: float | None, waited_s: float
+) -> None:
+    """A driver tells the calibration at once; the first image may take seconds, or never come."""
+    clock_s, listening = [0.0], dict[str, Callable[[object], None]]()
+
+    def sleep(seconds: float) -> None:
+        clock_s[0] += seconds
+        for topic, due_s in ((topics.CAMERA_INFO, 0.0), (topics.IMAGE, image_s)):
+            if due_s is not None and clock_s[0] >= due_s and topic in listening:
+                listening[topic](object())
+
+    def subscribe(topic: str, _: type, take: Callable[[object], None], **__: object) -> Mock:
+        listening[topic] = take
+        return Mock()
+
+    monkeypatch.setattr(rospy, "Subscriber", subscribe)
+    monkeypatch.setattr(record, "time", SimpleNamespace(monotonic=lambda: clock_s[0], sleep=sleep))
+    record._await_camera(Mock(came=None), Mock(is_due=False))
+    assert clock_s[0] == pytest.approx(waited_s, abs=0.2)
 
 
 def test_a_folder_that_was_deleted_is_told(tmp_path: Path) -> None:

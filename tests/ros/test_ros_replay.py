@@ -92,7 +92,8 @@ def test_the_nodes_find_what_lock_step_finds(bag: Path, in_lock_step: RunFolder,
 
 
 def test_rosbags_own_player_feeds_the_nodes_too(bag: Path, in_lock_step: RunFolder, tmp_path: Path) -> None:
-    """roslaunch ends by itself when the bag does, and leaves the results. Slowly: rosbag play waits for nobody."""
+    """roslaunch ends by itself when the bag does, and leaves the results in a new folder. Slowly: rosbag play waits for
+    nobody."""
     names = [
         "rate:=0.4",
         "image_topic:=/kinect/image_raw",
@@ -100,11 +101,12 @@ def test_rosbags_own_player_feeds_the_nodes_too(bag: Path, in_lock_step: RunFold
         "odometry_topic:=/wheels",
     ]
     done = subprocess.run(
-        ["roslaunch", "vsx_ros", "replay.launch", f"bag:={bag}", f"run_dir:={tmp_path / 'run'}", *names],
+        ["roslaunch", "vsx_ros", "replay.launch", f"bag:={bag}", *names],
         env={**environment(tmp_path), "ROS_PACKAGE_PATH": f"{CHECKOUT}:/usr/share", "VSX_PYTHON": sys.executable},
         capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
-    folder = RunFolder(tmp_path / "run")
+    [path] = (tmp_path / "runs").iterdir()
+    folder = RunFolder(path)
     assert (folder.path / "summary.json").exists(), done.stdout + done.stderr
     expected = in_lock_step.read_summary()["frames_tracked"]
     assert folder.read_summary()["frames_tracked"] == pytest.approx(expected, abs=15)

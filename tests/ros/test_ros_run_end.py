@@ -11,6 +11,7 @@ import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
+import file_samples
 import numpy as np
 import pytest
 
@@ -18,22 +19,24 @@ pytest.importorskip("rospy")
 
 from chromium import EXECUTABLE, Chromium
 from free_ports import free_port
-from waiting import PATIENCE_S
+from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.cli.main import parse
 from vsx_ros.config import Config
 from vsx_ros.errors import VsxError
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.geometry.se3 import SE3, StampedPose
-from vsx_ros.io.zone_file import save_zones, zone_file
+from vsx_ros.io.slam_map_file import load_slam_map
+from vsx_ros.io.zone_file import load_zones, save_zones, zone_file
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.ros import run
-from vsx_ros.ros.dashboard import server
+from vsx_ros.ros.dashboard import ending, server
 from vsx_ros.ros.dashboard.ending import Ended, show_end
 from vsx_ros.ros.dashboard.feed import Board
 from vsx_ros.ros.dashboard.server import ViewServer
 from vsx_ros.ros.run import go_on_words
+from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.start import begin
 
@@ -73,7 +76,10 @@ class End:
 
 
 @pytest.fixture
-def end(folder: RunFolder) -> Iterator[End]:
+def end(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> Iterator[End]:
+    """It waits for a viewer as long as a browser may take to start, and does not leave while another page is shown."""
+    monkeypatch.setattr(ending, "_COME_S", PATIENCE_S)
+    monkeypatch.setattr(ending, "_GONE_S", PATIENCE_S)
     shown = End(folder)
     yield shown
     shown.close()
@@ -108,7 +114,7 @@ def test_a_long_report_comes_whole_through_a_slow_network(monkeypatch: pytest.Mo
     served = ViewServer(Board(), {}, lambda count: None, TOKEN, "127.0.0.1", 0)
     served.report = lambda: page
     threading.Thread(target=served.serve_forever, daemon=True).start()
-    connection = http.client.HTTPConnection("127.0.0.1", served.server_port, timeout=30)
+    connection = http.client.HTTPConnection("127.0.0.1", served.server_port, timeout=PATIENCE_S)
     connection.request("GET", "/report")
     answer, parts = connection.getresponse(), []
     while part := answer.read(2**20):
@@ -176,8 +182,37 @@ def test_the_page_shows_what_was_reached(folder: RunFolder, end: End, tmp_path: 
         browser.evaluate("($('map').focus(), $('map').dispatchEvent(new KeyboardEvent('keydown', {key: 'Enter'})))")
         browser.wait("!$('sheet').hidden")  # a place can be looked at, but nobody drives there
         assert browser.evaluate("$('go') === null && $('sheet').innerText.includes(' m')")
-        browser.evaluate("document.querySelector('[data-command=explore_on]').click()")
+        browser.click("[data-command=explore_on]")
         browser.wait("$('said').textContent.startsWith('Not done: ') && $('said').textContent.includes('no map')")
         end.stop = True
         browser.wait("!$('banner').hidden && $('banner').textContent.startsWith('The run is over')")
         assert browser.evaluate("document.body.classList.contains('old')")
+
+
+def pages_at(browser: Chromium, path: str) -> list[str]:
+    """Numbers of the open pages whose address ends so."""
+    pages = browser.call("Target.getTargets")["targetInfos"]
+    return [page["targetId"] for page in pages if page["url"].endswith(path)]
+
+
+@pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
+def test_the_buttons_of_the_end_save_the_map_open_the_report_and_explore_on(
+    folder: RunFolder, end: End, tmp_path: Path
+) -> None:
+    folder.checkpoint.write(CheckpointData(file_samples.slam_map(), 1, {}, {}))
+    (folder.path / "map.yaml").touch()  # a run that ends in order writes it last
+    with Chromium(tmp_path / "profile") as browser:
+        browser.open(f"http://127.0.0.1:{end.port}/#{TOKEN}")
+        browser.wait("known.end && !$('endReport').hidden")
+        browser.click("[data-command=save_map]")
+        browser.wait("$('said').textContent.startsWith('The map is saved: ')")
+        saved = folder.path / "map.vsxmap"
+        assert load_slam_map(saved).view.keyframes
+        assert [zone.name for zone in load_zones(zone_file(saved))] == ["carpet"]
+        browser.click("#endReport")
+        [report] = wait_for(lambda: pages_at(browser, "/report"), "the report")
+        browser.call("Target.closeTarget", targetId=report)
+        browser.call("Page.bringToFront")
+        browser.click("[data-command=explore_on]")
+        wait_for(lambda: end.go_on is not None, "the end to be over")
+        assert end.go_on is True

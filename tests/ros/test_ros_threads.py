@@ -13,6 +13,7 @@ pytest.importorskip("rospy")
 
 import rospy
 import rospy.core
+from waiting import PATIENCE_S
 
 from vsx_hw import base_driver
 from vsx_ros.errors import InputError
@@ -38,13 +39,13 @@ def test_topics_that_close_at_the_end_are_no_failure(
 ) -> None:
     monkeypatch.setattr(rospy.core, "is_shutdown_requested", lambda: ending)
     with caplog.at_level(logging.ERROR, threads.__name__):
-        threads.worker("mission", refuse).join(5.0)
+        threads.worker("mission", refuse).join(PATIENCE_S)
     assert told == ([] if ending else ["thread 'mission' failed: publish() to a closed topic"])
     assert bool(caplog.records) != ending
 
 
 def test_a_thread_that_fails_ends_the_node(told: list[str], caplog: pytest.LogCaptureFixture) -> None:
-    threads.worker("sums", lambda: [][0]).join(5.0)
+    threads.worker("sums", lambda: [][0]).join(PATIENCE_S)
     assert told == ["thread 'sums' failed: list index out of range"]
 
 
@@ -56,7 +57,7 @@ def test_what_is_done_every_so_often_goes_on_while_ros_time_stands_and_ends_with
     monkeypatch.setattr(rospy.core, "is_shutdown_requested", lambda: len(steps) >= 3)
     monkeypatch.setattr(rospy.rostime, "_rostime_current", ros_time)
     rospy.rostime.set_rostime_initialized(True)
-    threads.every(0.001, "steps", lambda: steps.append(1)).join(5.0)
+    threads.every(0.001, "steps", lambda: steps.append(1)).join(PATIENCE_S)
     assert len(steps) == 3
     assert told == []
 

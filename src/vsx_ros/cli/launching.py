@@ -61,13 +61,15 @@ def parser(name: str) -> argparse.ArgumentParser:
     options = argparse.ArgumentParser(prog=f"{name}.py", description=_TEXTS[name])
     add: Callable[..., Any] = options.add_argument
     add("--config", type=Path, help="YAML with parameters, as 'vsx config' prints it")
+    if name != "bringup":
+        folder = "folder for the results (default: a new one in ~/.ros/runs; none: keep nothing)"
+        add("--run-dir", default=AUTO, help=folder)
     if name == "replay":
         add("--bag", type=Path, required=True, help="bag with raw images, camera_info and odometry")
         for name, default in launch.BagTopics()._asdict().items():
             add(f"--{name.replace('_', '-')}-topic", default=default, help=f"what the bag calls it ({default})")
         add("--rate", type=float, default=1.0, help="1 is real time")
         add("--without-odometry", action="store_true", help="the bag has none: the map has no scale")
-        add("--run-dir", default="", help="folder for the results of the SLAM")
         return options
     if name == "simulate":
         add("--base", choices=tuple(bases.BASES), default="kobuki", help="kind of base (kobuki)")
@@ -87,11 +89,6 @@ def parser(name: str) -> argparse.ArgumentParser:
     if name != "bringup":
         add("--planner", choices=PLANNERS, default="fov", metavar="NAME", help="fov (default), unconstrained, paper")
         add("--seed", type=int, default=0, help="seed of the random draws (0)")
-        add(
-            "--run-dir",
-            default=AUTO,
-            help="folder for the results (default: a new one in ~/.ros/runs; none: keep nothing)",
-        )
         add("--load-map", default="", help="SLAM map (.vsxmap) to go on in, the robot anywhere in it")
         add("--room", default="", help="explore only this room of the loaded map")
         add("--zones", default="", help="YAML with zones to begin with, in the coordinates of the map")

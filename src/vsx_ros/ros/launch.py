@@ -105,9 +105,10 @@ def view(host: str = "127.0.0.1", port: int = 8765) -> list[LaunchNode]:
 
 
 def replay(
-    bag: str, rate: float = 1.0, use_odometry: bool = True, run_dir: str = "", named: BagTopics | None = None
+    bag: str, rate: float = 1.0, use_odometry: bool = True, run_dir: str = AUTO, named: BagTopics | None = None
 ) -> list[LaunchNode]:
-    """A recording instead of the robot, played by rosbag's own player; only the SLAM listens. It ends with the bag."""
+    """A recording instead of the robot, played by rosbag's own player; only the SLAM listens. It ends with the bag.
+    run_dir: as of ``exploration``."""
     named = named or BagTopics()
     ours = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
     renamed = " ".join(f"{theirs}:={our}" for theirs, our in zip(named, ours))

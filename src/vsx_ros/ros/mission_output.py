@@ -46,7 +46,7 @@ class MissionTopics:
     def __init__(self, mission: Mission, stop_cost_m: float) -> None:
         self._mission, self._stop_cost_m = mission, stop_cost_m
         self._status, self._status_s = "", 0.0
-        self._begun_s, self._driven = time.monotonic(), DrivenDistance()
+        self._begun_s, self._begun_ns, self._driven = time.monotonic(), 0, DrivenDistance()
         hear_odometry(self._driven.add)
         self._grid: OccupancyGrid | None = None
         self._shown: object = None
@@ -83,6 +83,8 @@ class MissionTopics:
 
     def _status_text(self, decision: Decision, navigation: NavigationState, grid: OccupancyGrid | None) -> str:
         outcome, goal = self._mission.outcome, decision.goal
+        elapsed_s = time.monotonic() - self._begun_s
+        self._begun_ns = self._begun_ns or headers.now_ns() - round(1e9 * elapsed_s)
         status = {
             "state": decision.state,
             "reason": decision.reason,
@@ -93,7 +95,8 @@ class MissionTopics:
             "views": len(self._mission.view_selector.ranking.views),
             "known_area_m2": grid.known_area_m2 if grid is not None else None,
             "left_s": self._left_s(decision),
-            "elapsed_s": round(time.monotonic() - self._begun_s),
+            "begun_ns": self._begun_ns,
+            "elapsed_s": round(elapsed_s),
             "driven_m": round(self._driven.distance_m, 1),
         }
         return json.dumps(status)

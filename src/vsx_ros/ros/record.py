@@ -20,7 +20,7 @@ import cv2
 import rospy
 from rosbags.rosbag1 import Writer
 from rosbags.rosbag1.writer import WriterError
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import CompressedImage, Image
 
 from vsx_ros.errors import InputError
 from vsx_ros.ros import headers, images, operator_command, topics
@@ -192,12 +192,12 @@ def record(args: argparse.Namespace) -> int:
 def _await_camera(ended: SignalFlag, progress: Progress) -> None:
     """Wait for the first image, but not forever: a recording may be of something else."""
     came: list[object] = []
-    listener = rospy.Subscriber(topics.CAMERA_INFO, CameraInfo, came.append, queue_size=1)
+    listener = rospy.Subscriber(topics.IMAGE, rospy.AnyMsg, came.append, queue_size=1)
     deadline_s = time.monotonic() + _CAMERA_WAIT_S
     while not (came or ended.came or rospy.is_shutdown()) and time.monotonic() < deadline_s:
         time.sleep(_TICK_S)
         if progress.is_due:
-            progress.show(f"waiting for the camera on {rospy.resolve_name(topics.CAMERA_INFO)}; Ctrl-C ends it")
+            progress.show(f"waiting for the first image on {rospy.resolve_name(topics.IMAGE)}; Ctrl-C ends it")
     listener.unregister()
 
 

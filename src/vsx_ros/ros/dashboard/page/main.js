@@ -9,6 +9,7 @@ import {layers} from "./layers.js";
 import {chosen} from "./place.js";
 import {draft} from "./drawing.js";
 import {hand} from "./stick.js";
+import {collapsed} from "./events.js";
 import "./buttons.js";
 
 const WATCH_MS = 500,
@@ -41,6 +42,7 @@ Object.assign(globalThis, {
   layers,
   chosen,
   hand,
+  collapsed,
   fit,
   paint,
   toMap,

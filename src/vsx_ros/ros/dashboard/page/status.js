@@ -1,4 +1,4 @@
-// The state in words, figures, events and health.
+// The state in words, figures and health.
 import {$, element, fixed, lines, pill, sentence} from "./dom.js";
 import {hear, known, link} from "./robot.js";
 
@@ -49,6 +49,7 @@ hear("end", end => {
   $("why").textContent = "";
   pill("slam", "camera off", "");
 });
+hear("rooms", () => numbers());
 hear("stats", s => {
   $("found").textContent = s.attempted ? `${s.tracked} of ${s.attempted} points` : "";
   numbers();
@@ -65,21 +66,6 @@ hear("health", all => {
     return [dot, element("b", name), message];
   });
 });
-hear("events", list => {
-  const told = []; // repeats in a row become one line
-  for (const event of list) {
-    const last = told[told.length - 1],
-      kind = event.state + event.reason.replace(/[0-9.]+/g, "#");
-    if (last && last.kind === kind) last.times += 1;
-    else told.push({...event, kind, times: 1});
-  }
-  lines("events", told.reverse(), event => [
-    element("time", clock(event.stamp_ns)),
-    element("b", event.state),
-    event.reason.split(" [")[0] + (event.times > 1 ? ` (${event.times} times)` : ""),
-  ]);
-});
-
 const clock = stamp_ns => new Date(stamp_ns / 1e6).toLocaleTimeString();
 
 function state() {
@@ -93,7 +79,13 @@ function state() {
   if (known.end) return;
   const [words, figures] = (mission.reason || "").split(" [");
   $("why").textContent =
-    [known.hazards && "hazard: " + known.hazards, docking(), sentence(words), slam[1] && "camera: " + slam[1]]
+    [
+      known.hazards && "hazard: " + known.hazards,
+      docking(),
+      sentence(words),
+      left(mission.left_s),
+      slam[1] && "camera: " + slam[1],
+    ]
       .filter(Boolean)
       .join(" · ") || "waiting for the robot";
   $("figures").hidden = !figures;
@@ -104,6 +96,21 @@ function state() {
 function docking() {
   const dock = known.dock || {};
   return dock.reason && dock.state !== "undocked" && "dock: " + dock.reason;
+}
+
+// As vsx status says it; nothing while the estimate is not proven.
+function left(left_s) {
+  if (left_s == null) return "";
+  const minutes = Math.round(left_s / 60);
+  return left_s < 45 ? "less than a minute left" : `about ${minutes} minute${minutes > 1 ? "s" : ""} left`;
+}
+
+// Share of the ground within the rooms found so far.
+function roomsKnown() {
+  const {rooms} = known.rooms || {rooms: []},
+    sum = size => rooms.reduce((total, room) => total + size(room), 0),
+    all_m2 = sum(room => room.area_m2 / Math.max(room.known_ratio, 0.01));
+  return all_m2 ? ((100 * sum(room => room.area_m2)) / all_m2).toFixed(0) + " %" : "–";
 }
 
 function component(name) {
@@ -131,10 +138,11 @@ export function numbers() {
     ["elapsed", elapsed(mission.elapsed_s)],
     ["driven", unit(mission.driven_m, 1, "m")],
     ["known area", unit(mission.known_area_m2, 0, "m²")],
+    ["rooms known", roomsKnown()],
     ["keyframes", fixed(s.keyframes, 0)],
     ["map points", fixed(s.points, 0)],
     ["images / s", /^\d/.test(images) ? parseInt(images) : "–"],
-    ["skipped", input.dropped ?? "–"],
+    ["images skipped", input.dropped ?? "–"],
     ["battery", battery.fraction ? (100 * battery.fraction).toFixed(0) + " %" : "–"],
     ["battery lasts", dock.battery_left_s == null ? "–" : lasts(dock.battery_left_s)],
   ];
