@@ -16,27 +16,22 @@ from std_srvs.srv import Trigger
 PATIENCE_S = 30.0
 
 
-def asked(service: str) -> None:
-    """Call a service of the exploration, which must be there by now."""
-    rospy.wait_for_service(service, PATIENCE_S)
-    rospy.ServiceProxy(service, Trigger)()
-
-
 def main(x: float, y: float, heading: float) -> int:
     rospy.init_node("send_a_goal", anonymous=True, disable_signals=True)
     client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
     if not client.wait_for_server(rospy.Duration(PATIENCE_S)):
         sys.exit(f"no robot took part within {PATIENCE_S:g} s; start one with 'scripts/vsx explore --world lab'")
-    asked("explore/pause")
+    pause, go_on = (rospy.ServiceProxy(f"explore/{word}", Trigger) for word in ("pause", "resume"))
+    pause.wait_for_service(PATIENCE_S)
+    pause()
     goal = MoveBaseGoal()
-    goal.target_pose.header.frame_id = "map"
-    goal.target_pose.header.stamp = rospy.Time.now()
+    goal.target_pose.header.frame_id, goal.target_pose.header.stamp = "map", rospy.Time.now()
     goal.target_pose.pose.position.x, goal.target_pose.pose.position.y = x, y
     goal.target_pose.pose.orientation.z = math.sin(0.5 * heading)
     goal.target_pose.pose.orientation.w = math.cos(0.5 * heading)
     state = client.send_goal_and_wait(goal, rospy.Duration(60.0))
     print(f"{GoalStatus.to_string(state)}: {client.get_goal_status_text()}")
-    asked("explore/resume")
+    go_on()
     return 0 if state == GoalStatus.SUCCEEDED else 1
 
 

@@ -38,6 +38,7 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | 
     """The run folder, its configuration, and the emulated world or None. Missing options get the default, or the value
     of the run to resume. Checks everything before it writes. Raises InputError, ConfigError or MapFileError if the run,
     world or map does not exist, or an option contradicts it."""
+    check_files(args)
     if args.resume is not None:
         return _begin_again(args, RunFolder.open(args.resume))
     if args.moved:
@@ -45,7 +46,6 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | 
     fill(args, DEFAULTS)
     if args.fast:
         fill(args, {"world": "lab"})
-    check_files(args)
     if args.load_map is not None:
         load_slam_map(Path(args.load_map))
     if args.config is None and args.world is None:
@@ -67,9 +67,9 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | 
 
 def check_files(args: argparse.Namespace) -> None:
     """Make the paths of files absolute. Raises InputError, ConfigError or MapFileError for a run, map, room or zones
-    that cannot be used, as far as that is known without kernels."""
+    that cannot be used or contradict each other, as far as that is known without kernels."""
     if args.resume is not None:
-        RunFolder.open(args.resume).read_config()
+        _refuse_other_options(args, RunFolder.open(args.resume))
     if args.load_map is not None:
         args.load_map = str(Path(args.load_map).resolve())
         if not Path(args.load_map).is_file():
@@ -101,12 +101,17 @@ def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
             setattr(args, name, value)
 
 
-def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, EmulatedWorld | None]:
+def _refuse_other_options(args: argparse.Namespace, folder: RunFolder) -> None:
+    """Raises ConfigError for an option that was chosen when the run began, InputError if that cannot be read."""
+    folder.read_config()
     fixed = ("world", "seed", "base", "planner", "phi", "load_map", "room", "zones", "config", "set", "out", "models")
     contradicting = [name.replace("_", "-") for name in fixed if getattr(args, name) not in (None, [])]
     contradicting += ["with"] if args.hard else []
     if contradicting:
         raise ConfigError(f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0]}")
+
+
+def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, EmulatedWorld | None]:
     parameters, facts = folder.read_config()
     if "fast" not in facts:
         raise ConfigError(f"{folder.path} is no run of 'vsx explore'; a replay is begun again")

@@ -47,8 +47,7 @@ class FrontEnd:
         self._view = self._here = Map().view()
         self._reference = self._map_id = self._segment = self._since_keyframe = self._keyframe_ns = 0
         self._segments, self._corrected = count(1), False
-        self.record = TrackingRecord()
-        self.events: list[SlamEvent] = []
+        self.record, self.events = TrackingRecord(), list[SlamEvent]()
         self._bootstrap = Bootstrap(T_base_cam, config.initialization, lambda ns, why: self._event(ns, "refused", why))
         self._preprocessor = Preprocessor(camera, T_base_cam, config, self._gap)
 
