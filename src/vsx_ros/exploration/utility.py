@@ -12,7 +12,6 @@ from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
-from scipy.spatial import cKDTree
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.config import ExplorationConfig
@@ -124,10 +123,11 @@ def traversable_cells(grid: OccupancyGrid, radius_m: float) -> BoolArray:
 def near_poses(poses: FloatArray, others: FloatArray, radius_m: float, angle: float) -> BoolArray:
     """(N,) which of the poses (N, 3) lie within radius [m] and angle [rad] of any of the others (M, 3)."""
     near = np.zeros(len(poses), np.bool_)
-    if len(poses) and len(others):
-        pairs = cKDTree(poses[:, :2]).sparse_distance_matrix(cKDTree(others[:, :2]), radius_m, output_type="ndarray")
-        turn = (poses[pairs["i"], 2] - others[pairs["j"], 2] + np.pi) % (2 * np.pi) - np.pi
-        near[pairs["i"][(pairs["v"] < radius_m) & (np.abs(turn) < angle)]] = True
+    for x, y, theta in others.tolist():
+        rows = np.flatnonzero(np.abs(poses[:, 0] - x) < radius_m)
+        offset = poses[rows] - (x, y, theta)
+        turn = (offset[:, 2] + np.pi) % (2 * np.pi) - np.pi
+        near[rows[(np.hypot(offset[:, 0], offset[:, 1]) < radius_m) & (np.abs(turn) < angle)]] = True
     return near
 
 
