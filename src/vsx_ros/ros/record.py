@@ -192,7 +192,7 @@ def record(args: argparse.Namespace) -> int:
 def _await_camera(ended: SignalFlag, progress: Progress) -> None:
     """Wait for the first image, but not forever: a recording may be of something else."""
     came: list[object] = []
-    listener = rospy.Subscriber(topics.IMAGE, rospy.AnyMsg, came.append, queue_size=1)
+    listener = rospy.Subscriber(topics.IMAGE, rospy.AnyMsg, came.append, queue_size=1, buff_size=IMAGE_BUFFER_BYTES)
     deadline_s = time.monotonic() + _CAMERA_WAIT_S
     while not (came or ended.came or rospy.is_shutdown()) and time.monotonic() < deadline_s:
         time.sleep(_TICK_S)
