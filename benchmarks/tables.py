@@ -18,6 +18,7 @@ import table_exploration
 import table_faults
 import table_free_cells
 import table_paper
+import table_zones
 
 from vsx_ros.config import Config
 from vsx_ros.experiments.rows import Row, code_hash, config_hash, read_rows, tell
@@ -122,6 +123,7 @@ TABLES: dict[str, Table] = {
     "live": Table("docs/results.md", "exploration_live", table_exploration.runs, _LAB),
     "live totals": Table("docs/results.md", "exploration_live", table_exploration.totals, _LAB),
     "docking": Table("docs/results.md", "docking", table_docking.docking),
+    "zones": Table("docs/results.md", "zones", table_zones.zones),
     "resumed": Table("docs/results.md", "resume", table_exploration.resumed),
 }
 

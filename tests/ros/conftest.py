@@ -134,9 +134,13 @@ class Stack:
         self.kill("explore")
         run = RunFolder(Path(self.nodes["explore"].params["run_dir"]))
         (run.checkpoint.path / "mission.json").unlink(missing_ok=True)
+        self.start_explorer()
+
+    def start_explorer(self) -> None:
+        """Start it and wait until it decides: the wheels may still turn for a goal that it did not send."""
         starts = self._explorer_said().count("/explore: ready")
         self.start("explore")
-        self.wait(lambda: self._explorer_said().count("/explore: ready") > starts, "another mission")
+        self.wait(lambda: self._explorer_said().count("/explore: ready") > starts, "the explorer to be ready")
 
     def mission_is_over(self) -> bool:
         """Whether the explorer has said why it ended, and was not started since."""

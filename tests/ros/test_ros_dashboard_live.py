@@ -265,7 +265,7 @@ def test_without_the_node_behind_it_a_button_says_so(stack: Stack, port: int) ->
         assert not answer["ok"]
         assert "/explore/home" in answer["message"]
     finally:
-        stack.start("explore")
+        stack.start_explorer()
     stack.wait_until_driving()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.ros
 
 HELD_S = 12.0  # longer than any goal takes to fail
+TRIES = 3  # goals
 GOAL_AHEAD_M, ROOM_M, ASIDE_RAD = (0.6, 0.9), 0.35, 1.0  # goals, free ground about all of the way, bearings tried
 
 
@@ -81,6 +83,13 @@ def some_way_ahead(stack: Stack, mission: MissionListener) -> SE2:
     return found[0]
 
 
+def is_driven_to(stack: Stack, mission: MissionListener, send: Callable[[SE2], bool]) -> None:
+    """send: whether the robot came to a goal. One that is refused, since the ground there has become known better
+    meanwhile, is followed by another."""
+    assert any(send(some_way_ahead(stack, mission)) for _ in range(TRIES)), [e["reason"] for e in mission.events]
+    explores_on(stack, mission)
+
+
 def explores_on(stack: Stack, mission: MissionListener) -> None:
     stack.wait(lambda: mission.status["state"] == "mapping", "the exploration to go on")
     stack.wait_until_driving()
@@ -122,13 +131,16 @@ def test_teleop_holds_the_mission_and_it_goes_on_by_itself(stack: Stack, mission
 def test_a_goal_of_an_actionlib_client_is_driven_to_while_exploring(stack: Stack, mission: MissionListener) -> None:
     client = actionlib.SimpleActionClient(f"/{topics.MOVE_BASE_ACTION}", MoveBaseAction)
     assert client.wait_for_server(rospy.Duration(PATIENCE_S))
-    goal = some_way_ahead(stack, mission)
-    client.send_goal(MoveBaseGoal(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), goal)))
-    stack.wait(lambda: mission.status["state"] == "user goal", "the explorer to step back")
-    assert client.wait_for_result(rospy.Duration(PATIENCE_S))
-    assert client.get_state() == GoalStatus.SUCCEEDED, client.get_goal_status_text()
-    assert pose().distance_to(goal) < 0.25
-    explores_on(stack, mission)
+
+    def send(goal: SE2) -> bool:
+        client.send_goal(MoveBaseGoal(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), goal)))
+        stack.wait(lambda: mission.status["state"] == "user goal", "the explorer to step back")
+        assert client.wait_for_result(rospy.Duration(PATIENCE_S))
+        reached = bool(client.get_state() == GoalStatus.SUCCEEDED)
+        assert not reached or pose().distance_to(goal) < 0.25
+        return reached
+
+    is_driven_to(stack, mission, send)
     assert any("the goal of /observer is" in event["reason"] for event in mission.events)
     assert mission.blamed() == []
 
@@ -136,17 +148,27 @@ def test_a_goal_of_an_actionlib_client_is_driven_to_while_exploring(stack: Stack
 def test_an_arrow_of_rviz_is_driven_to_while_exploring(stack: Stack, mission: MissionListener) -> None:
     arrow = rospy.Publisher(f"/{topics.SIMPLE_GOAL}", PoseStamped, queue_size=1)
     stack.wait(arrow.get_num_connections, "move_base to listen")
-    goal = some_way_ahead(stack, mission)
-    arrow.publish(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), goal))
-    stack.wait(lambda: mission.status["state"] == "user goal", "the explorer to step back")
-    assert "/observer" in mission.status["reason"]
-    stack.wait(lambda: pose().distance_to(goal) < 0.25, "the robot to be there")
-    explores_on(stack, mission)
+
+    def send(goal: SE2) -> bool:
+        said = len(mission.events)
+        arrow.publish(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), goal))
+        stack.wait(lambda: mission.status["state"] == "user goal", "the explorer to step back")
+        assert "/observer" in mission.status["reason"]
+        ended = "the goal of /observer is "
+        stack.wait(lambda: any(ended in event["reason"] for event in mission.events[said:]), "the goal's end")
+        return any(f"{ended}reached" in event["reason"] for event in mission.events[said:])
+
+    is_driven_to(stack, mission, send)
 
 
 def test_vsx_go_waits_for_the_end(stack: Stack, mission: MissionListener) -> None:
-    goal = some_way_ahead(stack, mission)
-    words = [sys.executable, "-m", "vsx_ros.cli.main", "go", f"{goal.x:.2f},{goal.y:.2f},{goal.theta * 57.3:.0f}"]
-    done = subprocess.run(words, env=stack.environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
-    assert (done.returncode, done.stdout.startswith("reached")) == (0, True), done.stderr
-    explores_on(stack, mission)
+    def send(goal: SE2) -> bool:
+        place = f"{goal.x:.2f},{goal.y:.2f},{goal.theta * 57.3:.0f}"
+        words = [sys.executable, "-m", "vsx_ros.cli.main", "go", place]
+        done = subprocess.run(
+            words, env=stack.environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+        )
+        assert done.stdout.startswith("reached") == (done.returncode == 0), done.stderr
+        return done.returncode == 0
+
+    is_driven_to(stack, mission, send)

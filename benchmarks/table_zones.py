@@ -1,4 +1,4 @@
-"""Tables of single questions put to the whole system in lock-step."""
+"""The table of zones drawn before a driving robot."""
 
 from collections.abc import Sequence
 from statistics import median
@@ -34,36 +34,3 @@ def _kept_out(runs: Sequence[dict[str, Any]]) -> str:
     gap = f"{100 * min(least):.1f} cm" if least else "-"
     told, contacts = sum(run["said"] for run in runs), sum(run["collisions"] for run in runs)
     return f"{median(speeds):.2f}, {max(speeds):.2f} m/s | {inside} | {gap} | {told} | {contacts}"
-
-
-def charging(rows: Sequence[Row]) -> list[str]:
-    """One line for each run."""
-    lines = [
-        "| world | battery | minutes | way | charges | failed | least left | known, right | ATE | contacts | its end |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for row in rows:
-        of = row.result
-        lines.append(
-            f"| {row.asked['world']} {row.asked['seed']} | {row.asked['pace']:g} x | {of['minutes']:.0f} "
-            f"| {of['driven_m']:.0f} m | {of['charges']} | {of['failures']} | {100 * of['least_ratio']:.0f} % "
-            f"| {100 * of['coverage']:.0f} % | {100 * of['ate_m']:.1f} cm | {of['touches']} | {of['stop_reason']} |"
-        )
-    return lines
-
-
-def put_down(rows: Sequence[Row]) -> list[str]:
-    """One line for each room ahead at the start."""
-    lines = [
-        "| free ahead | starts | a map | until then: median, longest | half known | contacts | at more than 0.1 m/s |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for least_m, most_m in ((0.0, 0.3), (0.3, 0.7), (0.7, 9.0)):
-        of = [row.result for row in rows if least_m <= row.result["free_ahead_m"] < most_m]
-        if of:
-            begun = [run["started_s"] for run in of if run["started_s"] is not None]
-            seconds = f"{median(begun):.0f}, {max(begun):.0f} s" if begun else "-"
-            name = f"{least_m:g} to {most_m:g} m" if most_m < 9.0 else f"{least_m:g} m or more"
-            counts = " | ".join(str(sum(run[key] for run in of)) for key in ("reached", "contacts", "hard"))
-            lines.append(f"| {name} | {len(of)} | {len(begun)} | {seconds} | {counts} |")
-    return lines
