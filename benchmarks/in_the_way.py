@@ -107,7 +107,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("run",))
     parser.add_argument("--seeds", type=seed_range, default=range(20, 24), metavar="A-B")
-    parser.add_argument("--wait", type=float, default=3.0, help="seconds that the robot waits")
+    parser.add_argument("--wait", type=float, default=Config().follower.hidden_wait_s, help="seconds")
     parser.add_argument("--who", default="meets,crosses,nobody")
     parser.add_argument("--out", type=Path, default=RESULTS / "in_the_way.jsonl")
     args = parser.parse_args()
