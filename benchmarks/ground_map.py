@@ -24,7 +24,14 @@ from planes import Score, faces_of, judged
 
 from vsx_ros.config import Config, DenseConfig
 from vsx_ros.dense.densify import Densifier
-from vsx_ros.evaluation.map_quality import ObstacleQuality, map_quality, observable_cells, obstacle_quality, seen_faces
+from vsx_ros.evaluation.map_quality import (
+    ObstacleQuality,
+    map_quality,
+    observable_cells,
+    obstacle_quality,
+    seen_faces,
+    viewing_cells,
+)
 from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -89,7 +96,8 @@ def explored(name: str, world: World, seed: int, seconds: float, sparse: bool = 
         floor_m2.append(floor_phantom_m2(grid, truth, world, snapshot, poses, robot.camera_given))
     cpu = densifier.cpu_s or [0.0]
     planes = judged(densifier.update(snapshot).planes, snapshot, faces_of(world), robot.camera_given.fx)
-    observable = observable_cells(truth, world.start_pose, config.robot.radius_m, config.exploration.sensor_range_m)
+    viewers = viewing_cells(truth, world.start_pose, config.robot.radius_m)
+    observable = observable_cells(truth, viewers, config.exploration.sensor_range_m)
     covered = map_quality(grid, truth, observable, world.start_pose).coverage_correct or 0.0
     about = (
         f"{name} {seed}: {len(snapshot.keyframe_ids)} keyframes, {np.count_nonzero(faces)} cells of faces seen, "

@@ -13,11 +13,12 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
 MOVED_M = 0.01
-PATIENCE_S = 120.0
+PATIENCE_S = 60.0
 
 WATCH = f"""
 import math, sys, time, rosgraph, rospy
@@ -79,13 +80,15 @@ def once(folder: Path) -> dict[str, float]:
         subprocess.Popen([sys.executable, "-c", WATCH], env=shell, stdout=subprocess.PIPE, text=True) as watch,
     ):
         assert watch.stdout is not None
+        patience = threading.Timer(PATIENCE_S, watch.kill)
+        patience.start()
         for line in watch.stdout:
             word, at_s = line.split()
             found[word] = float(at_s) - began_s
             if word == "moving":
                 found["processor"] = processor_s(explorer.pid)
-            if word == "moving" or time.time() - began_s > PATIENCE_S:
                 break
+        patience.cancel()
         watch.kill()
         explorer.send_signal(signal.SIGINT)
         explorer.wait(60)

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from vsx_ros.errors import InputError
-from vsx_ros.evaluation.map_quality import map_quality, observable_cells
+from vsx_ros.evaluation.map_quality import map_quality, observable_cells, viewing_cells
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+
+
+def seen_from(truth, start):
+    return observable_cells(truth, viewing_cells(truth, start, 0.18), 4.0)
 
 
 @pytest.fixture
@@ -20,7 +24,7 @@ def truth():
 
 @pytest.fixture
 def observable(truth):
-    return observable_cells(truth, SE2(1.0, 1.0, 0.0), 0.18, 4.0)
+    return seen_from(truth, SE2(1.0, 1.0, 0.0))
 
 
 def edited(truth, rows, columns, value):
@@ -39,7 +43,7 @@ def test_what_is_in_sight(truth, observable):
 
 def test_a_room_behind_a_wall_is_not_observable(truth):
     divided = edited(truth, slice(None), slice(95, 97), OCCUPIED)
-    seen = observable_cells(divided, SE2(1.0, 1.0, 0.0), 0.18, 4.0)
+    seen = seen_from(divided, SE2(1.0, 1.0, 0.0))
     assert seen[50, 90]
     assert not seen[:, 100:].any()
 
@@ -47,7 +51,7 @@ def test_a_room_behind_a_wall_is_not_observable(truth):
 def test_a_start_in_a_wall_is_refused(truth):
     for x, y in ((3.5, 2.5), (-5.0, 0.0), (0.55, 0.55)):
         with pytest.raises(InputError, match="not free"):
-            observable_cells(truth, SE2(x, y, 0.0), 0.18, 4.0)
+            viewing_cells(truth, SE2(x, y, 0.0), 0.18)
 
 
 def test_the_truth_is_perfect(truth, observable):

@@ -10,7 +10,6 @@ import typing
 import numpy as np
 import pytest
 from numba.core import types as compiled
-from numba.core.dispatcher import Dispatcher
 from numba.np.numpy_support import as_dtype
 
 from vsx_ros import kernels
@@ -41,7 +40,9 @@ def fits(said, found, given):
 def mismatches():
     """How many kernels were called or compiled in this process, and where one differs from its signature."""
     names = [m.name for m in pkgutil.walk_packages(kernels.__path__, "vsx_ros.kernels.")]
-    members = {f for name in names for f in vars(importlib.import_module(name)).values() if isinstance(f, Dispatcher)}
+    members = {
+        f for name in names for f in vars(importlib.import_module(name)).values() if isinstance(f, kernels.Kernel)
+    }
     seen = [f for f in members if f.overloads]
     wrong = []
     for f in seen:

@@ -25,6 +25,7 @@ from vsx_ros.config import RobotConfig
 from vsx_ros.ros import launch
 from vsx_ros.ros.emulated_base import BodyPlant, BodyState
 from vsx_ros.ros.emulation import RenderSettings, pose_row
+from vsx_ros.ros.environment import THREADS
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.world import open_world
@@ -65,7 +66,7 @@ class Stack:
     def __init__(self, folder: Path) -> None:
         self.environment = {
             **os.environ,
-            **launch.ENVIRONMENT,
+            **THREADS,
             "ROS_MASTER_URI": os.environ["ROS_MASTER_URI"],
             "ROS_HOSTNAME": HOST,
             "ROS_HOME": str(folder),
@@ -99,10 +100,12 @@ class Stack:
             start_ns=self.start_ns,
             robot=RobotConfig(),
         )
-        child = [sys.executable, "-m", "vsx_ros.ros.emulation", msgspec.json.encode(settings).decode()]
+        child = [sys.executable, "-m", "vsx_ros.ros.emulation"]
         self._camera = subprocess.Popen(
             child, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env=self.environment, bufsize=0
         )
+        assert self._camera.stdin is not None
+        self._camera.stdin.write(msgspec.json.encode(settings) + b"\n")
         self._base.start(start_monotonic_ns)
         for name in self.nodes:
             self.start(name)

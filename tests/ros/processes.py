@@ -10,7 +10,7 @@ from pathlib import Path
 
 from waiting import PATIENCE_S, wait_for
 
-from vsx_ros.ros import launch
+from vsx_ros.ros.environment import THREADS
 
 
 class Processes:
@@ -20,7 +20,7 @@ class Processes:
         kept = {name: value for name, value in os.environ.items() if not name.startswith("ROS_")}
         paths = os.pathsep.join(path for path in sys.path if path)
         own = {"ROS_MASTER_URI": uri, "ROS_HOME": str(folder), "ROS_LOG_DIR": str(folder), "PYTHONPATH": paths}
-        self.environment = {**kept, **launch.ENVIRONMENT, **own, **environment}
+        self.environment = {**kept, **THREADS, **own, **environment}
         self._folder, self._prefix = folder, list(prefix)
         self._processes: list[subprocess.Popen[bytes]] = []
 

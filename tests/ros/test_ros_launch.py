@@ -14,7 +14,7 @@ import yaml
 
 from vsx_ros.config import Config, to_dict
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros import launch, topics
+from vsx_ros.ros import environment, launch, topics
 from vsx_ros.runs.parameters import update_robot_file
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -141,6 +141,6 @@ def test_markup_in_values_stays_text() -> None:
 
 
 def test_without_a_checkout_the_run_says_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(launch, "__file__", str(tmp_path / "a" / "b" / "c" / "launch.py"))
+    monkeypatch.setattr(environment, "__file__", str(tmp_path / "a" / "b" / "c" / "environment.py"))
     with pytest.raises(ConfigError, match="checkout"):
-        launch.package_environment()
+        environment.package_environment()

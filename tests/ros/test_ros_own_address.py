@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from vsx_ros.ros.host_address import export_ros_address, host_address
+from vsx_ros.ros.environment import export_ros_address, host_address
 
 
 @pytest.mark.parametrize(

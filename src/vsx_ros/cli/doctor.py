@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 from vsx_ros.cli.check_devices import check_devices
 from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding, check_machine, check_speed
-from vsx_ros.ros.host_address import DEFAULT_MASTER, MASTER_PORT
+from vsx_ros.ros.environment import DEFAULT_MASTER, MASTER_PORT
 from vsx_ros.runs.process import DONE, FAILED
 
 _COLOURS = {"ok": "32", "note": "36", "warn": "33", "fail": "31"}

@@ -13,7 +13,7 @@ from vsx_ros.cli.option_values import BASES, PLANNERS
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.ros import launch, logs
-from vsx_ros.ros.host_address import DEFAULT_MASTER
+from vsx_ros.ros.environment import DEFAULT_MASTER
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.node import AUTO
 from vsx_ros.runs.parameters import load, robot_file_here

@@ -21,8 +21,8 @@ from vsx_ros.runs import process
 from vsx_ros.runs.process import FAILED, HARDWARE, INTERNAL, STOPPED
 
 COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
-    "explore": (options_runs.explore, "mapping"),
-    "replay": (options_runs.replay, "mapping"),
+    "explore": (options_runs.explore, "explore"),
+    "replay": (options_runs.replay, "replay"),
     "record": (options_runs.record, "small_commands"),
     "plan": (options_study.plan, "plan"),
     "evaluate": (options_study.evaluate, "results"),

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from vsx_ros.cli.mapping import explore, finished_map
+from vsx_ros.cli.explore import explore
 from vsx_ros.cli.options_runs import MAP_FORMATS
+from vsx_ros.cli.replay import finished_map
 from vsx_ros.errors import ConfigError, InputError, explained
 from vsx_ros.evaluation.comparison import compare
 from vsx_ros.evaluation.summary import LIVE, checked_summary

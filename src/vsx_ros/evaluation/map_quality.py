@@ -54,9 +54,9 @@ class ObstacleQuality(NamedTuple):
     gaps_free: float | None
 
 
-def observable_cells(truth: OccupancyGrid, start: SE2, robot_radius_m: float, sensor_range_m: float) -> BoolArray:
-    """(H, W) mask of truth cells visible within range from any place that the robot can reach. start: the robot's start
-    in the truth's frame. Raises InputError when it is not in free space."""
+def viewing_cells(truth: OccupancyGrid, start: SE2, robot_radius_m: float) -> IntArray:
+    """(N, 2) row and column of truth cells from which the robot can look around. start: the robot's start in the
+    truth's frame. Raises InputError when it is not in free space."""
     clear = cv2.distanceTransform((truth.data == FREE).astype(np.uint8), cv2.DIST_L2, 5) * truth.resolution
     standable = (clear > robot_radius_m).astype(np.uint8)
     _, labels = cv2.connectedComponents(standable, connectivity=4)
@@ -65,7 +65,11 @@ def observable_cells(truth: OccupancyGrid, start: SE2, robot_radius_m: float, se
         raise InputError(f"start ({start.x:.2f}, {start.y:.2f}) is not free in the true map; give the true start pose")
     viewers = np.argwhere(labels == labels[row, column])
     spaced = np.all(viewers % _VIEWER_SPACING_CELLS == 0, axis=1)
-    viewers = np.vstack([viewers[spaced], [[row, column]]])
+    return np.vstack([viewers[spaced], [[row, column]]])
+
+
+def observable_cells(truth: OccupancyGrid, viewers: IntArray, sensor_range_m: float) -> BoolArray:
+    """(H, W) mask of truth cells visible within range from any of the ``viewing_cells``."""
     seen = seen_cells(truth.data == OCCUPIED, viewers, sensor_range_m / truth.resolution, _RAYS_AROUND)
     return np.asarray(seen & (truth.data != UNKNOWN))
 

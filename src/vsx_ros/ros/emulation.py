@@ -1,22 +1,22 @@
 """The emulated world behind the emulated devices. The body drives the board's wheels. The camera is a separate process,
 because rendering must not delay the wheels. No ROS in here.
 
-The child reads poses of the base and the movers from standard input (``pose_row``, one every 5 ms). It renders each
-frame when its exposure is over and sends it through the emulated Kinect at a socket. For each frame it writes one line
-of JSON to standard output: stamp, true camera pose, render time, frames skipped. It ends when its input ends."""
+The child reads its settings, a line of JSON, then poses of the base and the movers (``pose_row``, one every 5 ms). It
+renders each frame when its exposure is over and sends it through the emulated Kinect at a socket. For each frame it
+writes one line of JSON: stamp, true camera pose, render time, frames skipped. It ends when its input ends."""
 
 import contextlib
 import json
 import os
 import signal
 import struct
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TextIO
 
 import msgspec
 import numpy as np
@@ -61,40 +61,51 @@ class RenderSettings(msgspec.Struct, frozen=True):
 
 
 class RenderChild:
-    """The parent's side."""
+    """The parent's side. The child is a copy of this process from before it has threads; it waits for settings."""
 
-    def __init__(self, settings: RenderSettings) -> None:
+    def __init__(self) -> None:
         self._closing = False
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-        command = [sys.executable, "-m", "vsx_ros.ros.emulation", msgspec.json.encode(settings).decode()]
-        pipe = subprocess.PIPE
-        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment, bufsize=0)
+        poses, to_child = os.pipe()
+        from_child, frames = os.pipe()
+        self._poses, self._frames = os.fdopen(to_child, "wb", buffering=0), os.fdopen(from_child, "rb")
+
+        def child() -> None:
+            self._poses.close()
+            self._frames.close()
+            render_for(os.fdopen(poses, "rb"), os.fdopen(frames, "w", encoding="utf-8"))
+
+        self._process = get_context("fork").Process(target=child, daemon=True)
+        self._process.start()
+        os.close(poses)
+        os.close(frames)
+
+    def begin(self, settings: RenderSettings) -> None:
+        """Let the child load its world and make its socket."""
+        self._write(msgspec.json.encode(settings) + b"\n")
+
+    def _write(self, data: bytes) -> None:
+        with contextlib.suppress(OSError):
+            self._poses.write(data)
 
     def move(self, state: BodyState) -> None:
         """Send the pose of the base to the camera."""
-        assert self._process.stdin is not None
         pose = state.T_world_base
-        with contextlib.suppress(OSError):
-            base = pose.x, pose.y, pose.theta, state.path_length_m
-            self._process.stdin.write(pose_row(len(state.moved)).pack(state.time_ns, *base, *state.moved))
+        base = pose.x, pose.y, pose.theta, state.path_length_m
+        self._write(pose_row(len(state.moved)).pack(state.time_ns, *base, *state.moved))
 
     def listen(self, on_frame: Callable[[dict[str, Any]], None]) -> None:
         """Pass on a dictionary per frame until the end. Raises VsxError if the child ends before ``close``."""
-        assert self._process.stdout is not None
-        for line in iter(self._process.stdout.readline, b""):
+        for line in iter(self._frames.readline, b""):
             on_frame(json.loads(line))
         if not self._closing:
             raise VsxError("the rendering process has ended")
 
     def close(self) -> None:
         """End the child."""
-        assert self._process.stdin is not None
         self._closing = True
-        self._process.stdin.close()
-        try:
-            self._process.wait(timeout=2.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
+        self._poses.close()
+        self._process.join(2.0)
+        self._process.kill()
 
 
 class PoseHistory:
@@ -129,7 +140,9 @@ class PoseHistory:
         return np.column_stack([np.interp(stamps_ns, rows[:, 0], rows[:, k]) for k in range(1, rows.shape[1])])
 
 
-def render(settings: RenderSettings, world: EmulatedWorld, movers: Sequence[Mover], history: PoseHistory) -> None:
+def render(
+    settings: RenderSettings, world: EmulatedWorld, movers: Sequence[Mover], history: PoseHistory, frames: TextIO
+) -> None:
     """Render frames every 1 / rate_hz until the history ends; frames that are too late are skipped and counted."""
     rng = np.random.default_rng([settings.seed, 2])  # as in the lock-step robot
     optics = msgspec.structs.replace(SimulationConfig().camera, samples=1)  # for time
@@ -154,20 +167,22 @@ def render(settings: RenderSettings, world: EmulatedWorld, movers: Sequence[Move
             if kinect.send_frame(image, settings.start_ns + stamp_ns):
                 R, t = camera.poses_cam(history.poses_at(np.array([stamp_ns])))
                 line = {"stamp_ns": settings.start_ns + stamp_ns, "T_world_cam": flat(SE3(R[0], t[0]))}
-                sys.stdout.write(json.dumps({**line, "render_ms": render_ms, "skipped": skipped}) + "\n")
-                sys.stdout.flush()
+                frames.write(json.dumps({**line, "render_ms": render_ms, "skipped": skipped}) + "\n")
+                frames.flush()
 
 
-def main() -> None:
-    """The only argument holds the settings as JSON."""
+def render_for(poses: BinaryIO, frames: TextIO) -> None:
+    """The child: settings and poses come, lines about frames go."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    settings = msgspec.json.decode(sys.argv[1], type=RenderSettings)
+    if not (line := poses.readline()):
+        return
+    settings = msgspec.json.decode(line, type=RenderSettings)
     world = open_world(settings.world, settings.seed, hard=[settings.hard])
     movers = movers_of(world, settings.seed)
     history = PoseHistory(sum(len(mover.state) for mover in movers))
-    threading.Thread(target=history.fill, args=(sys.stdin.buffer,), daemon=True).start()
-    render(settings, world, movers, history)
+    threading.Thread(target=history.fill, args=(poses,), daemon=True).start()
+    render(settings, world, movers, history, frames)
 
 
 if __name__ == "__main__":
-    main()
+    render_for(sys.stdin.buffer, sys.stdout)

@@ -2,28 +2,28 @@
 
 launch/*.launch hold the same for users of roslaunch; a test compares the two."""
 
-import os
+import contextlib
 import shlex
 import shutil
-from pathlib import Path
 from typing import Any, NamedTuple
 from xml.sax.saxutils import escape, quoteattr
 
 import roslaunch.core
 import roslaunch.parent
 import roslaunch.rlutil
+import rospkg
 import yaml
+from roslaunch.nodeprocess import LocalProcess, create_node_process
+from roslaunch.pmon import Process
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import topics
-from vsx_ros.ros.host_address import export_ros_address
+from vsx_ros.ros.environment import THREADS, package_environment
+from vsx_ros.ros.fork_server import Copy, ForkServer, Request
 from vsx_ros.ros.node import AUTO
 
 # Time to the next stronger signal; roslaunch: 15 and 2 s. On a busy machine vslam needs seconds to write results.
 SIGINT_TIMEOUT_S, SIGTERM_TIMEOUT_S = 6.0, 1.0
-
-# We run processes in parallel; threads inside libraries would only compete for the same cores.
-ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 
 
 class LaunchNode(NamedTuple):
@@ -120,7 +120,7 @@ def replay(
 def xml(nodes: list[LaunchNode], config: dict[str, Any], params: dict[str, Any] | None = None) -> str:
     """The launch file of these nodes. config: tree of 'vsx config', for all nodes; params: of the namespace."""
     lines = ["<launch>"]
-    lines += [f'  <env name="{name}" value="{value}"/>' for name, value in ENVIRONMENT.items()]
+    lines += [f'  <env name="{name}" value="{value}"/>' for name, value in THREADS.items()]
     if config:
         text = escape(yaml.safe_dump(config, default_flow_style=True, width=10**6))
         lines.append(f'  <rosparam param="config">{text}</rosparam>')
@@ -142,25 +142,56 @@ def _param(name: str, value: Any, indent: str) -> str:
     return f'{indent}<param name="{name}" type="{kinds[type(value)]}" value={quoteattr(text)}/>'
 
 
-def package_environment() -> None:
-    """Let rospack and roslaunch find ``vsx_ros``. Raises ConfigError when the package manifest is missing."""
-    export_ros_address()
-    checkout = Path(__file__).resolve().parents[3]
-    if not (checkout / "package.xml").exists():
-        raise ConfigError(f"no package.xml in {checkout}: the live run needs a checkout; use --fast without one")
-    others = os.environ.get("ROS_PACKAGE_PATH", "/usr/share")
-    if str(checkout) not in others.split(":"):
-        os.environ["ROS_PACKAGE_PATH"] = f"{checkout}:{others}"
+class _NodeCopy(LocalProcess):  # type: ignore[misc]  # roslaunch is untyped
+    """A node that the fork server starts, also again; when it cannot, roslaunch does."""
+
+    server: ForkServer
+
+    def start(self) -> bool:
+        """Start the process; a stream that is not logged is ours."""
+        with self.lock, contextlib.ExitStack() as files:
+            logs = [files.enter_context(file) if file else None for file in self._configure_logging()]
+            streams = [log.fileno() if log else number for log, number in zip(logs, (1, 2))]
+            self.popen: Copy | None = self.server.start(Request(self.args, self.env, rospkg.get_ros_home()), streams)
+        if self.popen is None:
+            return bool(super().start())
+        Process.start(self)
+        self.started, self.stopped, self.pid = True, False, self.popen.pid
+        return True
 
 
-def start(text: str, *, quiet: bool = False, sigint_s: float = SIGINT_TIMEOUT_S) -> roslaunch.parent.ROSLaunchParent:
-    """Start the nodes of a launch text, and a master if none runs. Call it on the main thread. Raises ConfigError if
-    roslaunch rejects the text."""
+class _Parent(roslaunch.parent.ROSLaunchParent):  # type: ignore[misc]  # roslaunch is untyped
+    """roslaunch, with nodes of this package from a fork server."""
+
+    forks: ForkServer | None = None
+
+    def _init_runner(self) -> None:
+        super()._init_runner()
+        if self.forks is not None:
+            self.runner.launch_node = self._launched
+
+    def _launched(self, node: roslaunch.core.Node, core: bool = False) -> tuple[object, bool]:
+        if core or node.package != "vsx_ros":
+            launched: tuple[object, bool] = type(self.runner).launch_node(self.runner, node, core)
+            return launched
+        uri, patience_s = self.config.master.uri, (self.sigint_timeout, self.sigterm_timeout)
+        process = create_node_process(self.run_id, node, uri, *patience_s)
+        process.__class__, process.server = _NodeCopy, self.forks
+        self.pm.register(process)
+        node.process_name = process.name
+        return process, process.start()
+
+
+def start(
+    text: str, server: ForkServer | None = None, *, quiet: bool = False, sigint_s: float = SIGINT_TIMEOUT_S
+) -> roslaunch.parent.ROSLaunchParent:
+    """Start the nodes of a launch text, by the server if there is one, and a master if none runs. Call it on the main
+    thread. Raises ConfigError if roslaunch rejects the text."""
     package_environment()
     if shutil.which("rosmaster") is None:
         raise ConfigError("there is no rosmaster: install ROS with 'scripts/demo' or the packages of apt.txt")
     try:
-        parent = roslaunch.parent.ROSLaunchParent(
+        parent = _Parent(
             roslaunch.rlutil.get_or_generate_uuid(None, False),  # a running master already has one and accepts no other
             [],
             roslaunch_strs=[text],
@@ -170,6 +201,7 @@ def start(text: str, *, quiet: bool = False, sigint_s: float = SIGINT_TIMEOUT_S)
             sigint_timeout=sigint_s,
             sigterm_timeout=SIGTERM_TIMEOUT_S,
         )
+        parent.forks = server
         parent.start(auto_terminate=False)
     except roslaunch.core.RLException as error:
         raise ConfigError(f"roslaunch: {error}") from error

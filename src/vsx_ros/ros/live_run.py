@@ -21,7 +21,8 @@ from vsx_ros.config import Config, to_dict
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import calls, launch, logs, node, topics
 from vsx_ros.ros.calls import answers_at
-from vsx_ros.ros.host_address import DEFAULT_MASTER
+from vsx_ros.ros.environment import DEFAULT_MASTER, package_environment
+from vsx_ros.ros.fork_server import ForkServer
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.master_guard import MasterGuard
 from vsx_ros.ros.master_watch import master_watch
@@ -43,11 +44,19 @@ class LiveRun:
     """A context manager: whatever happens inside, it stops the robot and ends every process."""
 
     def __init__(
-        self, nodes: list[LaunchNode], config: Config, vital: tuple[str, ...], log: Path, *, view: bool, replayed: bool
+        self,
+        nodes: list[LaunchNode],
+        config: Config,
+        vital: tuple[str, ...],
+        log: Path,
+        *,
+        view: bool,
+        replayed: bool,
+        server: ForkServer | None = None,
     ) -> None:
         """vital: names of nodes without which the run cannot continue. log: folder for their output. view: with the
-        live view at ``url``. replayed: a recording gives the time, and there is no robot to stop. Raises ConfigError
-        when the view cannot be shown."""
+        live view at ``url``. replayed: a recording gives the time, and there is no robot to stop. server: starts the
+        nodes. Raises ConfigError when the view cannot be shown."""
         os.environ["ROS_LOG_DIR"] = str(log.resolve())
         log.mkdir(exist_ok=True)
         self.url, self.port = "", 0
@@ -58,6 +67,7 @@ class LiveRun:
         self._text = launch.xml(nodes, to_dict(config), {"/use_sim_time": True} if replayed else None)
         self._vital, self._replayed = vital, replayed
         self._parent: Any = None
+        self._server = server
         self._guard: MasterGuard | None = None
         self._zero_pub: Any = None
         self._dead: list[str] = []
@@ -80,7 +90,7 @@ class LiveRun:
     def __enter__(self) -> LiveRun:
         """Start everything. Raises ConfigError if there is no master, a robot already runs, or roslaunch fails."""
         os.environ[node.DIE_WITH_PARENT] = "1"
-        launch.package_environment()
+        package_environment()
         choose_master()
         refuse_second_robot(self._names)
         self._silence()
@@ -108,7 +118,7 @@ class LiveRun:
     def _start(self) -> None:
         self._heard = SignalFlag(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         try:
-            self._parent = launch.start(self._text, quiet=True)
+            self._parent = launch.start(self._text, self._server, quiet=True)
         except Exception:
             if self.interrupted:  # roslaunch complains about processes that the signal ended
                 raise KeyboardInterrupt from None

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool, Trigger
 from vsx_hw.errors import DeviceError, DeviceTimeout
 from vsx_ros.errors import ConfigError, MapFileError
 from vsx_ros.ros import calls, logs, topics
-from vsx_ros.ros.host_address import DEFAULT_MASTER, export_ros_address
+from vsx_ros.ros.environment import DEFAULT_MASTER, export_ros_address
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs.process import DONE
 

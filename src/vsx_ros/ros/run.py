@@ -13,6 +13,7 @@ from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.ros import headers, launch, logs
 from vsx_ros.ros.dashboard.ending import Ended, show_end
+from vsx_ros.ros.fork_server import ForkServer
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import MASTER, READY_WAIT_S, LiveRun, refuse_second_robot
 from vsx_ros.ros.monitor import Monitor, MonitorJournal
@@ -63,12 +64,13 @@ class Coverage:
         return self._share
 
 
-def explore(args: argparse.Namespace) -> int:
+def explore(args: argparse.Namespace, server: ForkServer) -> int:
     """One live run, or the rest of an interrupted one; returns the exit code. If a viewer wants more of it, this
     process becomes the next session: rospy cannot begin again where it has ended. args: the options of ``vsx explore``.
+    server: starts the nodes.
     """
     logs.quiet_failures()
-    folder, code, go_on = _explore(args)
+    folder, code, go_on = _explore(args, server)
     if go_on:
         sys.stdout.flush()
         sys.stderr.flush()
@@ -88,7 +90,7 @@ def go_on_words(folder: RunFolder) -> list[str]:
     return ["explore", "--resume", str(folder.path.resolve()), "--view", "--headless", *limit, *until]
 
 
-def _explore(args: argparse.Namespace) -> tuple[RunFolder, int, bool]:
+def _explore(args: argparse.Namespace, server: ForkServer) -> tuple[RunFolder, int, bool]:
     """The folder of one run, its exit code, and whether it is to go on."""
     refuse_second_robot([node.name for node in (*launch.bringup(), *launch.exploration())])
     folder, config, world = begin(args)
@@ -99,7 +101,8 @@ def _explore(args: argparse.Namespace) -> tuple[RunFolder, int, bool]:
         raise ConfigError(f"{folder.path} has lasted {journal.clock.elapsed_s:.0f} s; to go on give more with --time")
     with tempfile.TemporaryDirectory(prefix="vsx-", ignore_cleanup_errors=True) as devices:
         nodes = _nodes(args, folder, world, Path(devices), journal.T_world_base)
-        with LiveRun(nodes, config, _VITAL, folder.path / "log", view=args.view, replayed=False) as live:
+        log = folder.path / "log"
+        with LiveRun(nodes, config, _VITAL, log, view=args.view, replayed=False, server=server) as live:
             if live.url and not args.headless:
                 open_browser(live.url)
             monitor = Monitor(emulated=world is not None)

@@ -1,10 +1,19 @@
 """The map of a run against the emulated world, which the stack never sees."""
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
+from vsx_ros.arrays import BoolArray
 from vsx_ros.config import Config
-from vsx_ros.evaluation.map_quality import MapQuality, map_on_truth_picture, map_quality, observable_cells
+from vsx_ros.evaluation.map_quality import (
+    MapQuality,
+    map_on_truth_picture,
+    map_quality,
+    observable_cells,
+    viewing_cells,
+)
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.sim.emulated_world import EmulatedWorld
@@ -19,8 +28,13 @@ class MapJudge:
         self._start = world.start_pose
         band = ground.obstacle_min_height_m, ground.obstacle_max_height_m
         self._truth = ground_truth_grid(world, ground.resolution_m, *band)
-        reach = config.robot.radius_m, config.exploration.sensor_range_m
-        self._observable = observable_cells(self._truth, self._start, *reach)
+        self._viewers = viewing_cells(self._truth, self._start, config.robot.radius_m)
+        self._range_m = config.exploration.sensor_range_m
+
+    @cached_property
+    def _observable(self) -> BoolArray:
+        """Not needed, and its kernel not loaded, before there is a map."""
+        return observable_cells(self._truth, self._viewers, self._range_m)
 
     def quality(self, grid: OccupancyGrid) -> MapQuality:
         """Coverage, precision and recall, free cells inside obstacles."""

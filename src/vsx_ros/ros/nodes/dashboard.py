@@ -25,7 +25,7 @@ from vsx_ros.ros.dashboard.commands import commands
 from vsx_ros.ros.dashboard.drives import Drives
 from vsx_ros.ros.dashboard.feed import Board, Feed, text
 from vsx_ros.ros.dashboard.server import DEFAULT_PORT, LOOPBACK, ViewServer, address, choose_port
-from vsx_ros.ros.host_address import DEFAULT_MASTER, export_ros_address
+from vsx_ros.ros.environment import DEFAULT_MASTER, export_ros_address
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs.process import DONE
 

@@ -34,9 +34,9 @@ _TRUTH_PERIOD_S = 1.0 / 30.0  # as often as images
 
 
 class EmulatorNode:
-    """Starts the child before the emulated base: the child takes seconds to compile its world and first picture."""
+    """Begins with the child, which takes seconds for its world and first picture, then the emulated base."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, child: RenderChild) -> None:
         world_name, seed = str(rospy.get_param("~world", "lab")), int(rospy.get_param("~seed", 0))
         robot_type = str(rospy.get_param("~robot_type", "kobuki"))
         rate_hz = float(rospy.get_param("~rate_hz", 15.0))
@@ -57,7 +57,8 @@ class EmulatorNode:
             world=world_name, seed=seed, hard=hard, socket=socket, rate_hz=rate_hz, start_ns=start_ns,
             robot=config.robot,
         )  # fmt: skip
-        self._child = RenderChild(settings)
+        self._child = child
+        child.begin(settings)
         threads.worker("frames", lambda: self._child.listen(self._on_frame))
         wheel_base_m, dock = wired(robot_type).wheel_base_m, dock_pose(str(rospy.get_param("~dock", "")))
         self._plant = BodyPlant(world, seed, config.robot, self._child.move, wheel_base_m, dock)
@@ -90,4 +91,5 @@ class EmulatorNode:
 
 def main() -> None:
     """Entry point of scripts/emulator."""
-    node.run("emulator", EmulatorNode)
+    child = RenderChild()  # before there are threads
+    node.run("emulator", lambda config: EmulatorNode(config, child))

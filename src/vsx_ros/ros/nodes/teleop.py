@@ -20,7 +20,7 @@ from vsx_ros.control.keyboard import KEYS, KeyboardDrive, keys
 from vsx_ros.errors import ConfigError
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import convert, node, threads, topics
-from vsx_ros.ros.host_address import export_ros_address
+from vsx_ros.ros.environment import export_ros_address
 from vsx_ros.runs.process import DONE
 
 _PERIOD_S = 0.05  # a command is valid for 0.5 s

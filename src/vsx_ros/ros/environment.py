@@ -1,11 +1,17 @@
-"""The name under which other machines find the nodes of this machine."""
+"""The environment that ROS reads: where this package is, and under which name other machines find this one."""
 
 import os
 import socket
+from pathlib import Path
 from urllib.parse import urlparse
+
+from vsx_ros.errors import ConfigError
 
 MASTER_PORT = 11311  # roscore's default
 DEFAULT_MASTER = f"http://localhost:{MASTER_PORT}"
+
+# We run processes in parallel; threads inside libraries would only compete for the same cores.
+THREADS = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 
 
 def host_address(master_uri: str) -> str:
@@ -27,3 +33,14 @@ def export_ros_address() -> None:
         return
     address = host_address(os.environ.get("ROS_MASTER_URI", DEFAULT_MASTER))
     os.environ["ROS_HOSTNAME" if address == "localhost" else "ROS_IP"] = address
+
+
+def package_environment() -> None:
+    """Let rospack and roslaunch find ``vsx_ros``. Raises ConfigError when the package manifest is missing."""
+    export_ros_address()
+    checkout = Path(__file__).resolve().parents[3]
+    if not (checkout / "package.xml").exists():
+        raise ConfigError(f"no package.xml in {checkout}: the live run needs a checkout; use --fast without one")
+    others = os.environ.get("ROS_PACKAGE_PATH", "/usr/share")
+    if str(checkout) not in others.split(":"):
+        os.environ["ROS_PACKAGE_PATH"] = f"{checkout}:{others}"

@@ -1,4 +1,4 @@
-"""``vsx explore`` and ``vsx replay``: maps from a robot and from recordings."""
+"""``vsx replay``: maps from recordings."""
 
 import argparse
 import sys
@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from vsx_ros.cli.compiled import DRIVE, SLAM, compile_kernels
+from vsx_ros.cli.compiled import SLAM, compile_kernels
 from vsx_ros.config import Config
 from vsx_ros.dense.finished_map import FinishedMap
 from vsx_ros.errors import ConfigError, MapFileError
@@ -23,60 +23,13 @@ from vsx_ros.runs.record import RunRecord
 from vsx_ros.runs.report import tell_the_end, write_report
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import RunWriter
-from vsx_ros.runs.start import check_files, opened_recording, replay_code, replay_folder
-from vsx_ros.runs.world import check_world
+from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
 from vsx_ros.session import SlamSession
-from vsx_ros.sim.hard_things import named_things
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.snapshot import SlamMap, snapshot
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 _MAX_RATE = 100.0  # images a second, more than these cameras give
-
-
-def explore(args: argparse.Namespace) -> int:
-    """Explore in lock-step or live."""
-    if args.fast and args.view:
-        raise ConfigError("--view shows the live nodes, and --fast runs none; leave out one of the two")
-    if args.until is not None and ((args.world is None and args.resume is None and not args.fast) or args.load_map):
-        known = "how much is right is known of an emulated world and a new map alone"
-        raise ConfigError(f"--until {args.until:g}: {known}")
-    _refuse_wires(args)
-    load(args.config, args.set)  # all that may be misspelt, before minutes of compiling
-    if args.world is not None:
-        check_world(args.world)
-    named_things(args.hard, "--with")
-    check_files(args)
-    if args.fast:
-        from vsx_ros.runs.lockstep import explore_fast
-
-        compile_kernels()
-        return explore_fast(args)
-    from vsx_ros.ros.launch import package_environment
-
-    package_environment()
-    compile_kernels(*DRIVE, *(["emulation"] if args.world or args.resume else []))
-    from vsx_ros.ros.run import explore
-
-    return explore(args)
-
-
-def _refuse_wires(args: argparse.Namespace) -> None:
-    """Raises ConfigError for options that only a real robot has, or only one with emulated devices."""
-    if args.rate is not None and args.world is None and args.resume is None and not args.fast:
-        raise ConfigError(f"--rate {args.rate:g} is for an emulated camera; give --world, or leave it out")
-    for name in ("dock", "battery_pace"):
-        if getattr(args, name) is not None and args.world is None and args.resume is None and not args.fast:
-            option = f"--{name.replace('_', '-')} {getattr(args, name)}"
-            raise ConfigError(f"{option} is for an emulated world; give --world, or leave it out")
-    if args.hard and args.world is None and not args.fast:
-        raise ConfigError(f"--with {args.hard[0]} is for an emulated world; give --world, or leave it out")
-    wires = "base", "port", "camera", "rate", "dock", "battery_pace"
-    emulated, without = ("--fast", wires) if args.fast else ("--world", ("port", "camera"))
-    for name in without if args.fast or args.world is not None else ():
-        if getattr(args, name) is not None:
-            no_meaning = f"has no meaning for the robot that {emulated} emulates; leave out one of the two"
-            raise ConfigError(f"--{name.replace('_', '-')} {getattr(args, name)} {no_meaning}")
 
 
 def replay(args: argparse.Namespace) -> int:
