@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from vsx_ros.cli import compiled, mapping
+from vsx_ros.cli import compiled
 from vsx_ros.cli.compiled import ALL, DRIVE, SLAM, compile_kernels, is_compiled
 from vsx_ros.cli.main import execute
 from vsx_ros.kernels.warmup import GROUPS
@@ -110,7 +110,7 @@ def test_a_command_waits_for_what_it_needs(line, groups, monkeypatch):
         asked.append(names)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(mapping, "compile_kernels", compile_kernels)
+    monkeypatch.setattr(f"vsx_ros.cli.{line[0]}.compile_kernels", compile_kernels)
     assert execute([word.format(hallway=HALLWAY) for word in line]) == STOPPED
     assert asked == [groups]
 

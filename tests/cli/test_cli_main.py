@@ -138,7 +138,7 @@ def test_a_reader_that_leaves_is_no_error():
     ],
 )
 def test_what_is_misspelt_is_told_before_anything_is_compiled(line, said, monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("vsx_ros.cli.mapping.compile_kernels", lambda *_: pytest.fail("compiles"))
+    monkeypatch.setattr("vsx_ros.cli.explore.compile_kernels", lambda *_: pytest.fail("compiles"))
     (tmp_path / "robot.yaml").write_text("limits: {v_ms: 0.2}\n")
     assert main.execute([word.format(config=tmp_path / "robot.yaml") for word in line]) == FAILED
     error = capsys.readouterr().err

@@ -1,5 +1,6 @@
 """The environment that ROS reads: where this package is, and under which name other machines find this one."""
 
+import importlib.util
 import os
 import socket
 from pathlib import Path
@@ -36,7 +37,10 @@ def export_ros_address() -> None:
 
 
 def package_environment() -> None:
-    """Let rospack and roslaunch find ``vsx_ros``. Raises ConfigError when the package manifest is missing."""
+    """Let rospack and roslaunch find ``vsx_ros``. Raises ConfigError when the package manifest is missing, and
+    ModuleNotFoundError without ROS."""
+    if importlib.util.find_spec("rospy") is None:
+        raise ModuleNotFoundError("No module named 'rospy'", name="rospy")
     export_ros_address()
     checkout = Path(__file__).resolve().parents[3]
     if not (checkout / "package.xml").exists():
