@@ -5,9 +5,9 @@ python benchmarks/soak_stack.py [--minutes 60] [--kinds camera base node master 
 Every 20 s there is one fault: the camera is unplugged, silent or loses images; the base is unplugged, silent or
 loses bytes; a node is killed and started again; the master is killed and started again; the disk of the run folder is
 full (a tmpfs, root only). At the end it writes a row: memory growth of each process from two minutes after its start,
-how much of it the map takes there, and the new keyframes since; the errors of the SLAM's pose and of the odometry against the emulated truth; tracebacks
-in the nodes' output; nodes that ended by themselves, with their last words; they are started again. The table is made
-by benchmarks/tables.py.
+how much of it the map takes there, and the new keyframes since; the errors of the SLAM's pose and of the odometry
+against the emulated truth; tracebacks in the nodes' output; nodes that ended by themselves, with their last words; they
+are started again. The table is made by benchmarks/tables.py.
 """
 
 import argparse

@@ -3,6 +3,7 @@
 import math
 import re
 import statistics
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -107,15 +108,18 @@ def operators(rows: Sequence[Row]) -> list[str]:
 
 
 def disks(rows: Sequence[Row]) -> list[str]:
-    """Results of the runs whose disk failed."""
+    """Results of the runs whose disk failed, by the way they ended."""
     lines = [
-        "| run | fault of the disk | good | ended after its end: median, most | kept its summary |",
-        "|---|---|---|---|---|",
+        "| run | fault of the disk | good | ended by | ended after its end: median, most | kept its summary |",
+        "|---|---|---|---|---|---|",
     ]
     for (how, fault), results in _parts(rows, "how", "fault"):
+        of = [row for row in rows if (row.asked["how"], row.asked["fault"]) == (how, fault)]
+        ends = Counter({**row.asked, **row.result}["ended_by"] for row in of)  # older rows tell it in their result
         good, kept = (sum(bool(result[key]) for result in results) for key in ("good", "summary"))
+        ended_by = ", ".join(f"{n} {end}" for end, n in ends.items())
         took = _spread([result["ended_s"] for result in results])
-        lines.append(f"| {how} | {fault} | {good} of {len(results)} | {took} | {kept} |")
+        lines.append(f"| {how} | {fault} | {good} of {len(results)} | {ended_by} | {took} | {kept} |")
     return lines
 
 

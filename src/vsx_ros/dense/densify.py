@@ -93,7 +93,8 @@ class Densifier:
         newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
         nbytes = self._images.nbytes + sum(surface.nbytes for surface in self._surfaces.values())
         return DenseMap(
-            version=snapshot.version, newest_keyframe=newest, planes=planes, cells=cells, complete=complete, nbytes=nbytes
+            version=snapshot.version, newest_keyframe=newest, planes=planes, cells=cells, complete=complete,
+            nbytes=nbytes,
         )  # fmt: skip
 
     def _believed(self, planes: tuple[Plane, ...], snapshot: MapSnapshot) -> tuple[Plane, ...]:
