@@ -26,6 +26,7 @@ _MIN_FREE_VOTES = 1  # keyframes; rims and gaps need more
 _MIN_POINTS, _POINT_HITS = 2, 3
 """An obstacle needs two points with three observations each: edges in front of the far floor are matched wrongly."""
 _COARSE_LEVEL = 3
+_MOST_CELLS = 2**27  # 580 m x 580 m; more would take gigabytes
 """From this pyramid level on, a corner may lie on the floor beside the edge that produces it, as far off as an obstacle
 may be: half of eight pixels of the level are 6 cm at 1 m."""
 _SURE_POINTS = 3  # with fewer, few_overruled_ratio applies
@@ -81,6 +82,11 @@ class GroundMap:
         reached = ground_cells.scan_corners(scans, points, point) if len(T_world_cams) else np.zeros((0, 2))
         extent = np.vstack([reached, outline, self._passed(trail, start), arcs])
         lattice = Lattice.around(extent, self._config.resolution_m)
+        if lattice.rows * lattice.columns > _MOST_CELLS:
+            raise InputError(
+                f"the ground map would have {lattice.rows} x {lattice.columns} cells, at most {_MOST_CELLS}; "
+                "a place in it is wrong, start a new one"
+            )
         free_votes = ground_cells.count_free(scans, lattice)
         hits, over = self._hits(scans, points, point, lattice)
         solid = ground_cells.count_hits(spots.points, np.arange(len(touched)), touched.astype(np.float32), 1, lattice)
