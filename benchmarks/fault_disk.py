@@ -1,13 +1,14 @@
 """How runs end when the disk is full or read-only, accepts no new file, or loses the run folder.
 
-python benchmarks/fault_disk.py [--how live lockstep] [--repetitions 4] [--minutes M]
+python benchmarks/fault_disk.py [--how live lockstep] [--repetitions 2] [--minutes M]
 
 Each run has its own disk (a tmpfs, or an ext4 on a loop device; both need root) for its folder, its logs and
 ROS_HOME. Live is ``vsx explore`` with all nodes in an emulated lab, lock-step is ``vsx explore --fast``. The disk fails
-at a random moment. Then the run reaches its time limit or is interrupted (SIGINT), in turn. A run is good under these
-conditions: at the end the emulator reports that the wheels stand; the program ends within 10 s, with an exit code and
-without a traceback; none of its processes is left; every file in the run folder can be read. Existing rows of the
-present code are not measured again; benchmarks/tables.py makes the table from the rows.
+at a random moment. Then the run ends in one of three ways: it reaches its time limit, is interrupted (SIGINT) or is
+terminated (SIGTERM); each is repeated for each fault. A run is good under these conditions: at the end the emulator
+reports that the wheels stand; the program ends within 10 s, with an exit code and without a traceback; none of its
+processes is left; every file in the run folder can be read. Existing rows of the present code are not measured again;
+benchmarks/tables.py makes the table from the rows.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
+from itertools import product
 from pathlib import Path
 
 import cv2
@@ -41,6 +43,7 @@ from vsx_ros.runs.journal import read_journal
 
 FAULTS = ("full", "full for 3 s", "no inode left", "read-only", "run folder deleted")
 HOW = ("live", "lockstep")
+ENDED_BY = {"its time": None, "SIGINT": signal.SIGINT, "SIGTERM": signal.SIGTERM}
 LASTS_S = {"live": 20.0, "lockstep": 10.0}
 DISK_MB, END_S, PATIENCE_S = 64, 10.0, 180.0
 WATCH = """
@@ -225,45 +228,42 @@ class Run:
         }  # fmt: skip
 
 
-def trial(how: str, fault: str, number: int) -> dict[str, object]:
-    rng = np.random.default_rng([HOW.index(how), FAULTS.index(fault), number])
-    interrupted = number % 2 == 1
-    with disk(fault) as mounted, Run(how, mounted, 100 + number, 600.0 if interrupted else LASTS_S[how]) as run:
+def trial(how: str, fault: str, ended_by: str, number: int) -> dict[str, object]:
+    way, sent = list(ENDED_BY).index(ended_by), ENDED_BY[ended_by]
+    rng, seed = np.random.default_rng([HOW.index(how), FAULTS.index(fault), way, number]), 100 + 3 * number + way
+    with disk(fault) as mounted, Run(how, mounted, seed, LASTS_S[how] if sent is None else 600.0) as run:
         run.wait_for(run.has_frames)
         moment_s = float(rng.uniform(0.0, 0.9)) * (LASTS_S[how] if how == "live" else 4.0)
         time.sleep(moment_s)
         during = run.child.poll() is None
         strike(fault, mounted, run.folder)
-        if interrupted:
+        if sent is not None:
             time.sleep(float(rng.uniform(0.5, 5.0)))
             end_s = time.monotonic()
-            run.child.send_signal(signal.SIGINT)
+            run.child.send_signal(sent)
         else:
             end_s = run.wait_for(lambda: run.said("stopping: " if how == "live" else "time limit of"))
         came_out = run.ended(end_s)
-    ended_by = "SIGINT" if interrupted else "its time"
-    return {"ended_by": ended_by, "moment_s": round(moment_s, 1), "while_running": during, **came_out}
+    return {"moment_s": round(moment_s, 1), "while_running": during, **came_out}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--how", nargs="+", default=list(HOW), choices=HOW)
     parser.add_argument("--faults", nargs="+", default=list(FAULTS), choices=FAULTS)
-    parser.add_argument("--repetitions", type=int, default=4)
+    parser.add_argument("--ended-by", nargs="+", default=list(ENDED_BY), choices=ENDED_BY)
+    parser.add_argument("--repetitions", type=int, default=2, help="of each fault with each end")
     parser.add_argument("--minutes", type=float, default=240.0, help="begin no further run after this time")
     args = parser.parse_args()
     store = Store(RESULTS / "fault_disk.jsonl", rooms=rooms_of("fault_disk"))
     for number in (signal.SIGINT, signal.SIGTERM):  # a shell's background job ignores SIGINT, and so do its children
         signal.signal(number, signal.default_int_handler)
     end_s = time.monotonic() + 60.0 * args.minutes
-    for how in args.how:
-        for number in range(args.repetitions):
-            for fault in args.faults:
-                asked = {"how": how, "fault": fault, "repetition": number}
-                if asked in store or time.monotonic() > end_s:
-                    continue
-                store.add(asked, trial(how, fault, number))
-                print(asked, store[asked], flush=True)
+    for how, number, fault, ended_by in product(args.how, range(args.repetitions), args.faults, args.ended_by):
+        asked = {"how": how, "fault": fault, "ended_by": ended_by, "repetition": number}
+        if asked not in store and time.monotonic() < end_s:
+            store.add(asked, trial(how, fault, ended_by, number))
+            print(asked, store[asked], flush=True)
 
 
 if __name__ == "__main__":

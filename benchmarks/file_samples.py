@@ -1,6 +1,7 @@
 """Small valid files of every kind that this stack reads, to be damaged."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,10 +13,11 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from vsx_ros.config import Config
+from vsx_ros.config import Config, to_dict
+from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.experiments.rows import Store
 from vsx_ros.exploration.decision import SavedMission
-from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
+from vsx_ros.geometry.camera import PinholeCamera, Shutter, kernel_camera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration
@@ -33,10 +35,14 @@ from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import FrameRecord, RunFolder
 from vsx_ros.runs.journal import ClockLine, FrameLine, Journal, PictureLine, RunEvent, TruthLine, flat
 from vsx_ros.runs.moments import map_line, preview
+from vsx_ros.runs.parameters import update_robot_file
+from vsx_ros.runs.self_calibration import FILE
 from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingResult, TrackingState
+from vsx_ros.slam.track import nothing_tracked
+from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.vision.corners import CornerDetector
 from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import build_pyramid, small_image
@@ -95,6 +101,40 @@ def run_folder(path: Path) -> RunFolder:
     maps = [map_line(k * 10**9, grid(), map_png(grid())) for k in range(2)]
     Journal(folder.moments, [*(PictureLine(k * 10**9, preview(picture)) for k in range(2)), *maps])
     return folder
+
+
+def live_session(path: Path) -> None:
+    """A run whose checkpoint holds what the node vslam goes on with: tracking counts, ground, bumps, dock and zones."""
+    world, ground = slam_map(), MappedGround(Config())
+    for k in range(4):
+        ground.moved(SE2(0.2 * k, 0.0, 0.1 * k), k * 10**8)
+    ground.bumped(SE2(0.8, 0.0, 0.3))
+    ground.docked(SE2(0.1, 0.0, 0.0))
+    ground.zones.add(Zone("stairs", ZoneKind.NO_GO, ((1.0, 2.0), (3.0, 2.0), (3.0, 4.5))))
+    record = TrackingRecord()
+    record.initialised(10**8, np.zeros(3))
+    rows = np.arange(40)
+    track = nothing_tracked("")._replace(state=TrackingState.GOOD, rows=rows, searched_rows=rows)
+    record.tracked(2 * 10**8, track, len(world.view.points), True)
+    state = {**record.state(), **ground.state()}
+    run_folder(path).checkpoint.write(CheckpointData(world, 10**9, state, {}))
+
+
+def found_odometry(path: Path) -> None:
+    """A folder with what a run found of its wheels."""
+    path.mkdir()
+    values = {"linear_scale": 1.01234, "angular_scale": 0.98765}
+    update_robot_file(path / FILE, "odometry", values, "found while driving: way x 1.0123 +- 0.20 %")
+
+
+def renewed_camera_yaml(path: Path) -> None:
+    """As 'vsx calibrate camera' writes it, with a shutter."""
+    lens = PinholeCamera(160, 120, 90.1, 91.7, 80.3, 59.9, (0.01, -0.02, 0.001, -0.002), model="equidistant")
+    write_calibration(path, replace(lens, shutter=Shutter(0.02, 0.005)), "kinect", "24 views\nrms 0.21 px")
+
+
+def every_parameter(path: Path) -> None:
+    path.write_text(yaml.safe_dump(to_dict(Config()), sort_keys=False))
 
 
 def journal(path: Path, poses: list[StampedPose]) -> None:

@@ -5,17 +5,19 @@ python benchmarks/soak_stack.py [--minutes 60] [--kinds camera base node master 
 Every 20 s there is one fault: the camera is unplugged, silent or loses images; the base is unplugged, silent or
 loses bytes; a node is killed and started again; the master is killed and started again; the disk of the run folder is
 full (a tmpfs, root only). At the end it writes a row: memory growth of each process from two minutes after its start,
-and the new keyframes since; the errors of the SLAM's pose and of the odometry against the emulated truth; tracebacks
-in the nodes' output; nodes that ended by themselves, with their last words; they are started again. The table is made
-by benchmarks/tables.py.
+how much of it the map takes there, and the new keyframes since; the errors of the SLAM's pose and of the odometry
+against the emulated truth; tracebacks in the nodes' output; nodes that ended by themselves, with their last words; they
+are started again. The table is made by benchmarks/tables.py.
 """
 
 import argparse
+import contextlib
 import math
 import random
 import subprocess
 import time
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,18 +40,33 @@ KINDS = {
 
 
 def memory_mb(pid: int) -> float:
-    """Memory of the process itself, without file pages, whose number depends on the machine's load."""
-    lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
+    """Memory of the process itself, without file pages, whose number depends on the machine's load; 0 if it ended."""
+    lines: list[str] = []
+    with contextlib.suppress(OSError):
+        lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
     return sum(int(line.split()[1]) for line in lines if line.startswith(("RssAnon:", "VmSwap:"))) / 1024
 
 
+def processes(stack: object) -> Iterator[tuple[str, int]]:
+    """(name, process id) of master, nodes, and the child of vslam for the dense map, which run now."""
+    for name, process in list(stack._processes.items()):
+        if process.poll() is None:
+            yield name, process.pid
+        if name == "vslam":
+            with contextlib.suppress(OSError):
+                for task in Path(f"/proc/{process.pid}/task").glob("*/children"):
+                    yield from (("dense", int(child)) for child in task.read_text(encoding="ascii").split())
+
+
 class Life(NamedTuple):
-    """A process after its warm-up. keyframes: number of new ones since then."""
+    """A process after its warm-up. map_mb: of its growth, what the map takes there. keyframes: number of new ones since
+    then."""
 
     name: str
     minutes: float
     warm_mb: float
     grown_mb: float
+    map_mb: float
     keyframes: int
 
 
@@ -58,22 +75,59 @@ class Memory:
 
     def __init__(self, stack: object) -> None:
         self._stack = stack
-        self._since: dict[object, float] = {}
-        self._warm: dict[object, tuple[float, int]] = {}
-        self._lives: dict[object, Life] = {}
+        self._since: dict[tuple[str, int], float] = {}
+        self._warm: dict[tuple[str, int], tuple[float, float, int]] = {}
+        self._lives: dict[tuple[str, int], Life] = {}
 
     @property
     def lives(self) -> list[Life]:
         return list(self._lives.values())
 
-    def look(self, keyframes: int) -> None:
-        for name, process in list(self._stack._processes.items()):
+    def look(self, maps: "MapSize") -> None:
+        for process in processes(self._stack):
+            name, pid = process
             warm_s = time.monotonic() - self._since.setdefault(process, time.monotonic()) - WARM_S
-            if process.poll() is None and warm_s > 0.0:
-                now_mb = memory_mb(process.pid)
-                warm_mb, before = self._warm.setdefault(process, (now_mb, keyframes))
-                minutes, grown_mb = round(warm_s / 60.0, 1), round(now_mb - warm_mb, 1)
-                self._lives[process] = Life(name, minutes, round(warm_mb, 1), grown_mb, keyframes - before)
+            now = memory_mb(pid), maps.held_mb(name), maps.keyframes
+            if warm_s > 0.0 and now[0]:
+                warm_mb, *_ = first = self._warm.setdefault(process, now)
+                grown_mb, map_mb, keyframes = (round(b - a, 1) for a, b in zip(first, now))
+                self._lives[process] = Life(
+                    name, round(warm_s / 60.0, 1), round(warm_mb, 1), grown_mb, map_mb, keyframes
+                )
+
+
+class MapSize:
+    """The size of the map as the stack tells it: by the SLAM in its own process and in that of the dense map; of the
+    messages with ground map and points, which planner and explorer hold."""
+
+    def __init__(self) -> None:
+        import rospy
+        from geometry_msgs.msg import PoseArray
+        from nav_msgs.msg import MapMetaData
+        from sensor_msgs.msg import PointCloud2
+        from std_msgs.msg import Float32
+
+        from vsx_ros.ros import topics
+
+        self.keyframes, self._mb = 0, Counter[str]()
+        stats = {"vslam": "map_mib", "dense": "dense_mib"}
+        for name, stat in stats.items():
+            rospy.Subscriber(f"/{topics.STATS}/{stat}", Float32, lambda msg, name=name: self._note(name, msg.data))
+        rospy.Subscriber(f"/{topics.KEYFRAMES}", PoseArray, self._count)
+        rospy.Subscriber(f"/{topics.MAP_METADATA}", MapMetaData, lambda msg: self._note("grid", msg.width * msg.height))
+        rospy.Subscriber(f"/{topics.MAP_POINTS}", PointCloud2, lambda msg: self._note("points", len(msg.data)))
+
+    def held_mb(self, process: str) -> float:
+        """What this process holds of the map; 0 for those that hold nothing of it."""
+        if process in ("move_base", "explore"):
+            return (self._mb["grid"] + self._mb["points"]) / 2**20
+        return self._mb[process]
+
+    def _note(self, name: str, size: float) -> None:
+        self._mb[name] = size
+
+    def _count(self, msg: object) -> None:
+        self.keyframes = len(msg.poses)
 
 
 class Truth:
@@ -81,7 +135,7 @@ class Truth:
 
     def __init__(self, stack: object) -> None:
         import rospy
-        from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
+        from geometry_msgs.msg import PoseWithCovarianceStamped
         from nav_msgs.msg import Odometry
 
         from vsx_ros.ros import convert, operator_command, topics
@@ -89,21 +143,16 @@ class Truth:
         self._start = stack.plant.state.T_world_base
         self._rows: list[tuple[int, float, float, float]] = []
         self.errors: dict[str, list[float]] = {"slam": [], "odometry": []}
-        self.keyframes = 0
         self._convert = convert
         stack.watch_steps(self._on_step)
         operator_command.join("soak")  # its subscriptions survive a restart of the master
         rospy.Subscriber(f"/{topics.POSE}", PoseWithCovarianceStamped, self._judge, "slam")
         rospy.Subscriber(f"/{topics.ODOM}", Odometry, self._judge, "odometry")
-        rospy.Subscriber(f"/{topics.KEYFRAMES}", PoseArray, self._count)
 
     def _on_step(self, state: object) -> None:
         pose = self._start.inverse() @ state.T_world_base
         self._rows.append((time.time_ns(), pose.x, pose.y, state.path_length_m))
         del self._rows[:-2000]
-
-    def _count(self, msg: object) -> None:
-        self.keyframes = len(msg.poses)
 
     def _judge(self, msg: object, name: str) -> None:
         rows = np.array(self._rows[-2000:])
@@ -174,7 +223,7 @@ def tracebacks(stack: object) -> list[str]:
 
 
 def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dict[str, object]:
-    truth, memory = Truth(stack), Memory(stack)
+    truth, maps, memory = Truth(stack), MapSize(), Memory(stack)
     wait_for_motion(stack, 90.0)
     end_s = time.monotonic() + 60.0 * minutes
     happened: Counter[str] = Counter()
@@ -182,7 +231,7 @@ def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dic
     while time.monotonic() < end_s:
         due_s = time.monotonic() + PERIOD_S
         while time.monotonic() < due_s:
-            memory.look(truth.keyframes)
+            memory.look(maps)
             time.sleep(1.0)
         for name in sorted(set(stack.dead()) & set(stack.nodes)):
             died.append(f"{name}: {stack.last_words(name)}")
@@ -193,14 +242,14 @@ def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dic
             happened[faults.one_of(kinds)] += 1
             print(f"{(end_s - time.monotonic()) / 60:.0f} minutes left, {dict(happened)}", *memory.lives, flush=True)
             print(*died, sep="\n", flush=True)
-    memory.look(truth.keyframes)
+    memory.look(maps)
     return {
         "faults": dict(happened),
         "tracebacks": tracebacks(stack),
         "died_by_themselves": [*died, *(f"{name}: {stack.last_words(name)}" for name in stack.dead())],
         "collisions": stack.plant.body.collisions,
         "path_m": round(stack.plant.state.path_length_m, 1),
-        "keyframes": truth.keyframes,
+        "keyframes": maps.keyframes,
         "lives": [life._asdict() for life in memory.lives],
         "error_rms_m": {k: round(float(np.sqrt(np.mean(np.square(e)))), 3) for k, e in truth.errors.items() if e},
     }

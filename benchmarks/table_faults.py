@@ -3,6 +3,7 @@
 import math
 import re
 import statistics
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -107,15 +108,18 @@ def operators(rows: Sequence[Row]) -> list[str]:
 
 
 def disks(rows: Sequence[Row]) -> list[str]:
-    """Results of the runs whose disk failed."""
+    """Results of the runs whose disk failed, by the way they ended."""
     lines = [
-        "| run | fault of the disk | good | ended after its end: median, most | kept its summary |",
-        "|---|---|---|---|---|",
+        "| run | fault of the disk | good | ended by | ended after its end: median, most | kept its summary |",
+        "|---|---|---|---|---|---|",
     ]
     for (how, fault), results in _parts(rows, "how", "fault"):
+        of = [row for row in rows if (row.asked["how"], row.asked["fault"]) == (how, fault)]
+        ends = Counter({**row.asked, **row.result}["ended_by"] for row in of)  # older rows tell it in their result
         good, kept = (sum(bool(result[key]) for result in results) for key in ("good", "summary"))
+        ended_by = ", ".join(f"{n} {end}" for end, n in ends.items())
         took = _spread([result["ended_s"] for result in results])
-        lines.append(f"| {how} | {fault} | {good} of {len(results)} | {took} | {kept} |")
+        lines.append(f"| {how} | {fault} | {good} of {len(results)} | {ended_by} | {took} | {kept} |")
     return lines
 
 
@@ -183,12 +187,13 @@ def soaks(rows: Sequence[Row]) -> list[str]:
         )
     lives = [life for row in rows for life in row.result["lives"]]
     if lives:
-        head = "| process | lives | the longest, since it was warm | its memory then | grew by | keyframes that came |"
-        lines += ["", head, "|---|---|---|---|---|---|"]
+        head = "| process | lives | the longest, since it was warm | its memory then | grew by | of that the map"
+        lines += ["", f"{head} | keyframes that came |", "|---|---|---|---|---|---|---|"]
     for name in dict.fromkeys(life["name"] for life in lives):
         of_name = [life for life in lives if life["name"] == name]
         longest = max(of_name, key=lambda life: life["minutes"])
-        grown = f"{longest['warm_mb']:.0f} MB | {longest['grown_mb']:.1f} MB | {longest['keyframes']}"
+        of_map = f"{longest['map_mb']:.1f} MB" if "map_mb" in longest else "not measured"
+        grown = f"{longest['warm_mb']:.0f} MB | {longest['grown_mb']:.1f} MB | {of_map} | {longest['keyframes']}"
         lines.append(f"| {name} | {len(of_name)} | {longest['minutes']:.0f} minutes | {grown} |")
     return lines
 

@@ -63,6 +63,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
         "src/vsx_ros/runs",
         "src/vsx_ros/sim",
         "benchmarks/file_mutations",
+        "benchmarks/file_readers",
         "benchmarks/file_samples",
         "benchmarks/fuzz_files",
     ),

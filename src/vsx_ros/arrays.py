@@ -1,5 +1,6 @@
 """Names for the array shapes that packages exchange. Plain ndarrays; the name tells shape, dtype and unit."""
 
+from collections.abc import Iterable
 from typing import TypeAlias
 
 import numpy as np
@@ -26,3 +27,11 @@ Points2: TypeAlias = NDArray[np.float64]  # (N, 2) metres
 Points3: TypeAlias = NDArray[np.float64]  # (N, 3) metres, in the frame its name ends with (points_world, points_cam)
 
 Pixels: TypeAlias = NDArray[np.float64]  # (N, 2) pixels (u right, v down); integer coordinates are pixel centres
+
+
+def array_bytes(parts: Iterable[object]) -> int:
+    """Size of the arrays among the parts, and in tuples among them [bytes]."""
+    return sum(
+        part.nbytes if isinstance(part, np.ndarray) else array_bytes(part) if isinstance(part, tuple) else 0
+        for part in parts
+    )

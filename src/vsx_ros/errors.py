@@ -17,6 +17,7 @@ _DISK_REMEDIES = {
     errno.EIO: "the disk fails: save what is on it, and choose another",
     errno.EDQUOT: "free some of your quota, or choose another disk",
     errno.EROFS: "choose a folder on a disk that may be written",
+    errno.ENAMETOOLONG: "give a shorter one",
     errno.EACCES: "choose a folder of your own, or have its owner admit you",
     errno.EPERM: "choose a folder of your own, or have its owner admit you",
 }
@@ -27,8 +28,7 @@ class VsxError(Exception):
 
     def __init__(self, message: str = "") -> None:
         """A very long message, which quotes a file, is cut in its middle."""
-        half = _LONGEST_MESSAGE // 2
-        super().__init__(message if len(message) <= 2 * half else f"{message[:half]} ... {message[-half:]}")
+        super().__init__(_cut(message))
 
 
 class ConfigError(VsxError, ValueError):
@@ -80,7 +80,12 @@ def explained(kind: type[VsxError], what: str, remedy: str, causes: _Causes = (O
 
 
 def disk_trouble(error: OSError) -> str:
-    """The sentence for a full disk or a forbidden file, wherever the error occurred; empty for a mistake of this
-    program."""
+    """The sentence for a full disk, a forbidden file or too long a name, wherever the error occurred; empty for a
+    mistake of this program."""
     remedy = _DISK_REMEDIES.get(error.errno or 0, "")
-    return f"{error.filename or 'a file'} cannot be used ({error.strerror}); {remedy}" if remedy else ""
+    return _cut(f"{error.filename or 'a file'} cannot be used ({error.strerror}); {remedy}") if remedy else ""
+
+
+def _cut(message: str) -> str:
+    half = _LONGEST_MESSAGE // 2
+    return message if len(message) <= 2 * half else f"{message[:half]} ... {message[-half:]}"

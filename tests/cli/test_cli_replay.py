@@ -78,18 +78,19 @@ def test_a_drive_is_tracked_at_metric_scale(replayed):
     assert summary["coverage"] is None
 
 
-def test_ctrl_c_ends_a_replay_with_what_there_is(drive, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_a_replay_with_what_there_is(number, drive, tmp_path, monkeypatch, capsys):
     add_frame = RunRecord.add_frame
 
     def press_at_frame_40(record, *frame):
         add_frame(record, *frame)
         if len(record.results) == 40:
-            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), number)
 
     monkeypatch.setattr(RunRecord, "add_frame", press_at_frame_40)
-    before, saved = signal.getsignal(signal.SIGINT), tmp_path / "a.vsxmap"
+    before, saved = signal.getsignal(number), tmp_path / "a.vsxmap"
     assert execute(["replay", str(drive), "--map", "--save-map", str(saved), "--out", str(tmp_path / "run")]) == 4
-    assert signal.getsignal(signal.SIGINT) is before
+    assert signal.getsignal(number) is before
     assert "stopped by the operator after 40 of 60 frames" in capsys.readouterr().out
     folder = RunFolder.open(tmp_path / "run")
     assert folder.read_summary()["frames"] == 40

@@ -28,7 +28,7 @@ def dense(covariance: np.ndarray) -> DenseMap:
     centre = plane.points_at((cell + 0.5) * CELL_M)
     one = np.zeros(2, np.int64)
     cells = Cells(one + 4, cell, centre, one, np.ones(2), np.array([0, 2]))
-    return DenseMap(SNAPSHOT.version, 2, (plane,), cells, True)
+    return DenseMap(SNAPSHOT.version, 2, (plane,), cells, True, 0)
 
 
 def test_an_update_is_due_with_a_new_keyframe_or_while_work_is_left() -> None:

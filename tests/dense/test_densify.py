@@ -1,4 +1,5 @@
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -164,3 +165,9 @@ def test_without_a_floor_nothing_stands_on_it_but_textured_planes_are_found(text
     dense = Densifier(scene.CAMERA, None, CONFIG).update(textured)
     assert np.count_nonzero(dense.cells.kind == CellKind.PHOTO) > 30
     assert not (dense.cells.kind == CellKind.CONTACT).any()
+
+
+def test_the_size_told_is_that_of_images_and_evidence(textured: MapSnapshot) -> None:
+    here = densifier()
+    nbytes = here.update(textured).nbytes
+    assert nbytes < len(pickle.dumps(here)) < 1.4 * nbytes  # the lens's tables are of one size for any map

@@ -24,6 +24,8 @@ SAVED = SavedMission(
     going_home=True,
     home=SE2(0.1, 0.0, 0.0),
     paused=True,
+    elapsed_s=61.5,
+    driven_m=4.25,
 )
 
 
@@ -39,10 +41,11 @@ def test_a_memory_is_read_back_from_a_file() -> None:
 
 def test_a_memory_of_an_older_version_is_read() -> None:
     tree = SAVED.tree()
-    del tree["paused"]
+    for name in ("paused", "elapsed_s", "driven_m"):
+        del tree[name]
     tree["given_up"] = [row[:4] for row in tree.pop("blacklist")]
     once = [(pose, seconds, 1) for pose, seconds, _ in SAVED.blacklist]
-    assert SavedMission.of(tree, PATH) == SAVED._replace(blacklist=once, paused=False)
+    assert SavedMission.of(tree, PATH) == SAVED._replace(blacklist=once, paused=False, elapsed_s=0.0, driven_m=0.0)
 
 
 @pytest.mark.parametrize(
@@ -51,6 +54,13 @@ def test_a_memory_of_an_older_version_is_read() -> None:
 def test_a_damaged_memory_is_told(blacklist: list[object]) -> None:
     with pytest.raises(InputError, match="runs/lab/resume holds no memory of a mission .*; start a new run"):
         SavedMission.of({**SAVED.tree(), "blacklist": blacklist}, PATH)
+
+
+@pytest.mark.parametrize("name", ["elapsed_s", "driven_m"])
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), 1e12, "long", None, [1.0]])
+def test_a_time_or_way_of_no_run_is_told(name: str, value: object) -> None:
+    with pytest.raises(InputError, match="runs/lab/resume holds no memory of a mission .*; start a new run"):
+        SavedMission.of({**SAVED.tree(), name: value}, PATH)
 
 
 def test_a_goal_that_failed_before_the_interruption_fails_once_more_and_not_for_the_first_time() -> None:

@@ -18,7 +18,7 @@ def test_damaged_files_are_read_or_refused(reader):
     [
         ("map", 1505), ("map", 1738), ("map", 2556), ("world", 2013), ("world", 4087), ("run folder", 3208),
         ("run folder", 5062), ("run folder", 5093), ("checkpoint", 6776), ("slam map", 4914), ("ros2 sqlite3", 2789),
-        ("ros2 sqlite3 message.zstd", 2430), ("calibration", 2036),
+        ("ros2 sqlite3 message.zstd", 2430), ("calibration", 2036), ("live session", 1231),
     ],
 )  # fmt: skip
 def test_what_once_was_an_internal_error_is_one_sentence(tmp_path: Path, reader: str, number: int) -> None:

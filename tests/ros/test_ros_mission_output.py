@@ -1,5 +1,12 @@
 """What has become of a goal, told by actionlib's own bookkeeping, without a master."""
 
+import json
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import file_samples
 import pytest
 
 pytest.importorskip("rospy")
@@ -8,10 +15,13 @@ from actionlib.action_client import ClientGoalHandle, CommStateMachine
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult
 
-from vsx_ros.exploration.decision import Action, Decision, NavigationState
+from vsx_ros.exploration.decision import Action, Decision, NavigationState, SavedMission
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import Odometry
 from vsx_ros.ros import mission_output
-from vsx_ros.ros.mission_output import TAKEN_WITHIN_S, GoalSender
+from vsx_ros.ros.mission_output import TAKEN_WITHIN_S, GoalSender, MissionTopics, MissionWriter
+from vsx_ros.runs.checkpoint import CheckpointData
+from vsx_ros.runs.folder import RunFolder
 
 
 class Sent:
@@ -70,3 +80,48 @@ def test_a_goal_that_a_new_move_base_does_not_know_has_ended(sent: Sent) -> None
     sent.tell(GoalStatus.ACTIVE)
     sent._machine.update_status(GoalStatusArray())
     assert sent.goal.state()[0] is NavigationState.ABORTED
+
+
+class Session:
+    """A mission's output in a run folder; the clock and the wheels are the test's."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+        self.now_s, self.told = 1000.0, list[Any]()
+        stamps = SimpleNamespace(now_ns=lambda: round(self.now_s * 1e9))
+        monkeypatch.setattr(mission_output.time, "monotonic", lambda: self.now_s)
+        monkeypatch.setattr(mission_output, "headers", stamps)
+        monkeypatch.setattr(
+            mission_output.rospy, "Publisher", lambda *_, **__: SimpleNamespace(publish=self.told.append)
+        )
+        monkeypatch.setattr(mission_output, "hear_odometry", lambda add: setattr(self, "wheels", add))
+        monkeypatch.setattr(mission_output.node, "run_dir", lambda: str(folder))
+        monkeypatch.setattr(mission_output.threads, "every", lambda *_: None)
+        ranking = SimpleNamespace(views=[])
+        selector = SimpleNamespace(ranking=ranking, time_left=SimpleNamespace(at=lambda _: None))
+        saved = SavedMission([], [], [], going_home=False, home=None)
+        mission: Any = SimpleNamespace(
+            outcome=None, view_selector=selector, to_save=lambda *_: saved, restore=lambda *_: None
+        )
+        where: Any = SimpleNamespace(at=lambda _: SimpleNamespace(T_odom_base=SE2()))
+        self.topics = MissionTopics(mission, 0.5)
+        self.writer = MissionWriter(mission, threading.Lock(), where, self.topics)
+        self.writer.restore(0, SE2())
+
+    def drive(self, seconds: int, metres: float) -> None:
+        for k in range(11):
+            self.wheels(Odometry(round(k * 1e8), SE2(0.1 * k * metres, 0.0, 0.0)))
+        self.now_s += seconds
+
+    def status(self) -> tuple[int, int, float]:
+        self.topics.report(Decision(Action.WAIT, None, "map", "", ""), NavigationState.IDLE, None)
+        status = json.loads(self.told[-1])
+        return status["begun_ns"], status["elapsed_s"], status["driven_m"]
+
+
+def test_time_and_way_of_a_resumed_run_go_on(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    RunFolder.create(tmp_path / "run").checkpoint.write(CheckpointData(file_samples.slam_map(), 1, {}, {}))
+    for before_s, before_m in ((0, 0.0), (60, 3.0), (120, 6.0)):
+        session = Session(monkeypatch, tmp_path / "run")
+        session.drive(60, 3.0)
+        assert session.status() == ((1000 - before_s) * 10**9, before_s + 60, pytest.approx(before_m + 3.0, abs=0.06))
+        session.writer.write()

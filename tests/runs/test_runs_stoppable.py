@@ -1,7 +1,11 @@
+import signal
 import subprocess
 import sys
 
+import pytest
 from waiting import PATIENCE_S
+
+from vsx_ros.runs.process import interruptible
 
 INTERRUPTED_AT_EVERY_LINE = """
 import signal
@@ -24,3 +28,24 @@ def test_a_signal_in_the_midst_of_the_answer_to_a_signal_does_not_hang():
     command = [sys.executable, "-c", f"import sys; sys.path[:0] = {sys.path!r}" + INTERRUPTED_AT_EVERY_LINE]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=True)
     assert done.stdout == "came\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_the_first_signal_is_noted_and_the_second_ends_the_work(number):
+    before = signal.getsignal(number)
+    with interruptible() as stopped:
+        signal.raise_signal(number)
+        assert stopped()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+    assert signal.getsignal(number) is before
+
+
+def test_a_run_under_nohup_outlives_its_terminal():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with interruptible() as stopped:
+            signal.raise_signal(signal.SIGHUP)
+            assert not stopped()
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -33,13 +33,15 @@ def update_every_s(keyframes: int) -> float:
 
 class DenseMap(NamedTuple):
     """The surface cells. version, newest_keyframe (id) and keyframe indices refer to the snapshot it was made of.
-    complete: True if every cell has been judged with all keyframes, False if some wait for the next update."""
+    complete: True if every cell has been judged with all keyframes, False if some wait for the next update.
+    nbytes: size of what the next update continues from, images and evidence about cells."""
 
     version: int
     newest_keyframe: int
     planes: tuple[Plane, ...]
     cells: Cells
     complete: bool
+    nbytes: int
 
     def is_due(self, snapshot: MapSnapshot) -> bool:
         """Whether an update is useful: the snapshot has a new keyframe, or cells still wait."""
@@ -89,7 +91,11 @@ class Densifier:
         cells = Cells.concatenated([on.cells(plane, points[rows], seen_by[rows], living) for on, plane, rows in seen])
         complete = not any(surface.due.any() for surface in self._surfaces.values())
         newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
-        return DenseMap(version=snapshot.version, newest_keyframe=newest, planes=planes, cells=cells, complete=complete)
+        nbytes = self._images.nbytes + sum(surface.nbytes for surface in self._surfaces.values())
+        return DenseMap(
+            version=snapshot.version, newest_keyframe=newest, planes=planes, cells=cells, complete=complete,
+            nbytes=nbytes,
+        )  # fmt: skip
 
     def _believed(self, planes: tuple[Plane, ...], snapshot: MapSnapshot) -> tuple[Plane, ...]:
         """The planes that the images support. Planes that are neither level nor vertical need more evidence."""

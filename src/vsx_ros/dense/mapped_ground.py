@@ -27,7 +27,7 @@ from vsx_ros.occupancy.anchored_poses import (
     AnchoredPoses,
     SuspectedObstacles,
 )
-from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.grid import MAX_EXTENT_M, OccupancyGrid
 from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
 from vsx_ros.occupancy.zoned_grid import with_zones
 from vsx_ros.occupancy.zones import AnchoredZones, Zone
@@ -141,11 +141,15 @@ class MappedGround:
         """Continue from a ``state``. Raises InputError for anything else."""
         try:
             self.start = SE2(*(float(x) for x in state["start"]))
+            if not (np.abs(self.start.as_array()) <= MAX_EXTENT_M).all():
+                raise ValueError(f"it starts at {self.start}")
             self._trail.restore(state["trail"])
             self._bumps.restore(state["bumps"])
             self._docked.restore(state.get("dock", np.zeros((0, 7))))  # sessions of older versions had none
             self.zones.restore(state)
-        except (KeyError, TypeError) as error:
+        except InputError:
+            raise
+        except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"the ground map to go on with is damaged ({error}); start a new run") from error
 
     @property

@@ -71,6 +71,11 @@ class KeyframeImages:
         """Keyframes whose images are stored."""
         return self._slot.keys()
 
+    @property
+    def nbytes(self) -> int:
+        """Size of the store [bytes]."""
+        return self._store.nbytes
+
     def views(self, snapshot: MapSnapshot, count: int) -> Views:
         """The first ``count`` keyframes of a snapshot. Images of removed keyframes are dropped."""
         ids = snapshot.keyframe_ids[:count]

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3, array_bytes
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.photoconsistency import Judgement, judge
 from vsx_ros.dense.planes import Plane, PlaneKind
@@ -76,6 +76,11 @@ class Surface:
         self.due, self._passing = np.ones(shape, np.bool_), np.zeros(shape, np.int64)
         self._said = Judgement._make(np.full(shape, blank) for blank in _UNJUDGED)
         self._contact = Contact(*(np.full(shape[0], blank) for blank in _NO_CONTACT))
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the evidence [bytes]."""
+        return array_bytes((self.due, self._passing, self._said, self._contact))
 
     def _bounds(self, plane: Plane) -> tuple[NDArray[np.int64], tuple[int, int]]:
         margin = _MARGIN_M * self._unit

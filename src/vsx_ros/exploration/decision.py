@@ -159,11 +159,15 @@ class MissionLog:
         return events
 
 
+_MOST = 1e9  # seconds or metres of a run
+
+
 class SavedMission(NamedTuple):
     """looked_from: poses in the map from which the camera has looked. blacklist: failed goals in the map, the remaining
     time in which they are not tried [s], and how often they failed. trail: the driven path, relative to the last pose
     of the base, oldest first. going_home: whether it was sent home. home: where the exploration began, in the map; None
-    if not yet known. paused: whether the operator had paused it."""
+    if not yet known. paused: whether the operator had paused it. elapsed_s, driven_m: of all sessions of a live run; 0
+    in lock-step, whose journal tells them."""
 
     looked_from: list[SE2]
     blacklist: list[tuple[SE2, float, int]]
@@ -171,6 +175,8 @@ class SavedMission(NamedTuple):
     going_home: bool
     home: SE2 | None
     paused: bool = False
+    elapsed_s: float = 0.0
+    driven_m: float = 0.0
 
     def carried(self, since: Sequence[SE2]) -> SavedMission:
         """With a longer trail: the base has since been at these poses (at least one), relative to its last pose."""
@@ -190,6 +196,8 @@ class SavedMission(NamedTuple):
             "going_home": self.going_home,
             "home": None if self.home is None else self.home.as_array().tolist(),
             "paused": self.paused,
+            "elapsed_s": self.elapsed_s,
+            "driven_m": self.driven_m,
         }
 
     @staticmethod
@@ -200,7 +208,11 @@ class SavedMission(NamedTuple):
             looked_from, trail = ([_pose(row) for row in tree[name]] for name in ("looked_from", "trail"))
             home = None if tree.get("home") is None else _pose(tree["home"])
             going_home, paused = bool(tree["going_home"]), bool(tree.get("paused"))
-            return SavedMission(looked_from, blacklist, trail, going_home=going_home, home=home, paused=paused)
+            elapsed_s, driven_m = (_amount(tree.get(name, 0.0)) for name in ("elapsed_s", "driven_m"))
+            return SavedMission(
+                looked_from, blacklist, trail, going_home=going_home, home=home, paused=paused, elapsed_s=elapsed_s,
+                driven_m=driven_m,
+            )  # fmt: skip
         except (KeyError, OverflowError, TypeError, ValueError, IndexError) as error:
             raise InputError(f"{path} holds no memory of a mission ({error}); start a new run") from error
 
@@ -208,6 +220,12 @@ class SavedMission(NamedTuple):
 def _failure(row: Any) -> tuple[SE2, float, int]:
     *pose, seconds, times = row if len(row) == 5 else [*row, 1]  # older versions kept four, without the count
     return _pose(pose), float(seconds), int(times)
+
+
+def _amount(value: Any) -> float:
+    if not 0.0 <= float(value) <= _MOST:
+        raise ValueError(f"{value} is neither a time nor a way of a run")
+    return float(value)
 
 
 def _pose(row: Any) -> SE2:

@@ -4,6 +4,9 @@ import errno
 import os
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+_TRIAL_BYTES = 1 << 15  # as a run begins: parameters and world
 
 
 def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
@@ -40,3 +43,11 @@ def sync(path: Path) -> None:
             raise
     finally:
         os.close(descriptor)
+
+
+def try_to_make(folder: Path) -> None:
+    """Write a file into a folder that exists or is to be made, and remove it again. Raises OSError."""
+    wanted = folder.absolute()
+    there = next(path for path in (wanted, *wanted.parents) if os.path.lexists(path))
+    with TemporaryDirectory(prefix=".vsx", dir=there) as trial:
+        Path(trial, "trial").write_bytes(bytes(_TRIAL_BYTES))

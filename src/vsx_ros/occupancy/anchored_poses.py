@@ -12,6 +12,7 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, stacked
+from vsx_ros.occupancy.grid import MAX_EXTENT_M
 
 TRAIL_STEP_M = 0.05  # a cell of the map: a finer trail shows no more
 BUMP_STEP_M, BUMP_STEP_RAD = 0.1, 0.5  # closer bumps count as one
@@ -72,8 +73,11 @@ class AnchoredPoses:
 
     def restore(self, state: FloatArray) -> None:
         """Continue from a ``state``. Raises InputError for anything else."""
-        if state.ndim != 2 or state.shape[1] != 7 or not np.isfinite(state).all():
-            raise InputError(f"poses to go on with must be finite, of shape (N, 7), not {state.shape}; start a new run")
+        if state.ndim != 2 or state.shape[1] != 7 or not (np.abs(state) <= MAX_EXTENT_M).all():
+            raise InputError(
+                f"poses to go on with must be of shape (N, 7), not {state.shape}, within {MAX_EXTENT_M:g} m; "
+                "start a new run"
+            )
         self._world, self._relative = state[:, :3].astype(float), state[:, 3:6].astype(float)
         self._anchor, self.added = state[:, 6].astype(np.int64), len(state)
 

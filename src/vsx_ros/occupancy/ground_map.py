@@ -18,7 +18,7 @@ from vsx_ros.kernels.occupancy import ground_cells
 from vsx_ros.kernels.occupancy.ground_cells import Counts, Lattice
 from vsx_ros.kernels.occupancy.ground_map import PolarScans, Surfaces
 from vsx_ros.occupancy.certainty import Evidence, obstacle_probability
-from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.grid import FREE, MAX_EXTENT_M, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import MIN_SURE_VOTES, gaps, rims, walls
 from vsx_ros.occupancy.virtual_scan import meet, virtual_scans
 
@@ -26,6 +26,7 @@ _MIN_FREE_VOTES = 1  # keyframes; rims and gaps need more
 _MIN_POINTS, _POINT_HITS = 2, 3
 """An obstacle needs two points with three observations each: edges in front of the far floor are matched wrongly."""
 _COARSE_LEVEL = 3
+_MOST_CELLS = 2**27  # 580 m x 580 m; more would take gigabytes
 """From this pyramid level on, a corner may lie on the floor beside the edge that produces it, as far off as an obstacle
 may be: half of eight pixels of the level are 6 cm at 1 m."""
 _SURE_POINTS = 3  # with fewer, few_overruled_ratio applies
@@ -66,7 +67,8 @@ class GroundMap:
         driven: where the base was, nowhere if None. surfaces: solid spots besides the points; the floor in front of
         their feet is free. obs_level: (O,) pyramid level of each observation, fine if None. Coarse observations limit
         the free space but show no obstacle.
-        Raises InputError when an observation or a surface names a keyframe or point that does not exist."""
+        Raises InputError when an observation or a surface names a keyframe or point that does not exist, or the map
+        would be larger than any building."""
         trail, bumps, start = driven or DriveHistory()
         self._check(len(T_world_cams), points_world, obs_keyframe, obs_point, obs_level)
         points = writable(points_world, np.float64).reshape(-1, 3)
@@ -80,7 +82,7 @@ class GroundMap:
         arcs = self._bump_cells(bumps)
         reached = ground_cells.scan_corners(scans, points, point) if len(T_world_cams) else np.zeros((0, 2))
         extent = np.vstack([reached, outline, self._passed(trail, start), arcs])
-        lattice = Lattice.around(extent, self._config.resolution_m)
+        lattice = self._lattice(extent)
         free_votes = ground_cells.count_free(scans, lattice)
         hits, over = self._hits(scans, points, point, lattice)
         solid = ground_cells.count_hits(spots.points, np.arange(len(touched)), touched.astype(np.float32), 1, lattice)
@@ -91,6 +93,15 @@ class GroundMap:
         data[tuple(grid.cells(arcs).T)] = OCCUPIED
         evidence = Evidence.of(free_votes, hits, solid, known)
         return replace(grid, data=data, probability=obstacle_probability(data, evidence))
+
+    def _lattice(self, extent: Points2) -> Lattice:
+        """The cells around the places of the map (N, 2) [m]."""
+        if (np.abs(extent) <= MAX_EXTENT_M).all():
+            lattice = Lattice.around(extent, self._config.resolution_m)
+            if lattice.rows * lattice.columns <= _MOST_CELLS:
+                return lattice
+        x, y = np.ptp(extent, axis=0).tolist()
+        raise InputError(f"the ground map would be {x:.3g} m x {y:.3g} m; a place in it is wrong, start a new map")
 
     def _judged(
         self, free_votes: Int32Array, occupied: BoolArray, known: BoolArray, lattice: Lattice

@@ -41,12 +41,13 @@ TAKEN_WITHIN_S = 2.0
 
 
 class MissionTopics:
-    """Publishers: explore/{frontiers,status,events,coverage}."""
+    """Publishers: explore/{frontiers,status,events,coverage}. Call ``go_on`` first if the run is resumed."""
 
     def __init__(self, mission: Mission, stop_cost_m: float) -> None:
         self._mission, self._stop_cost_m = mission, stop_cost_m
         self._status, self._status_s = "", 0.0
         self._begun_s, self._begun_ns, self._driven = time.monotonic(), 0, DrivenDistance()
+        self._before_m = 0.0
         hear_odometry(self._driven.add)
         self._grid: OccupancyGrid | None = None
         self._shown: object = None
@@ -55,6 +56,15 @@ class MissionTopics:
         self._status_pub = rospy.Publisher(topics.EXPLORE_STATUS, String, queue_size=5, latch=True)
         self._events_pub = rospy.Publisher(topics.EXPLORE_EVENTS, String, queue_size=100)
         self._coverage_pub = rospy.Publisher(topics.COVERAGE, Float32, queue_size=1, latch=True)
+
+    def go_on(self, elapsed_s: float, driven_m: float) -> None:
+        """Count on from the time and the way of the earlier sessions."""
+        self._begun_s, self._before_m = self._begun_s - elapsed_s, driven_m
+
+    @property
+    def so_far(self) -> tuple[float, float]:
+        """Time [s] and way [m] of all sessions."""
+        return time.monotonic() - self._begun_s, self._before_m + self._driven.distance_m
 
     def events(self, events: Iterable[MissionEvent]) -> None:
         """Publish and log changes of state and choices."""
@@ -83,7 +93,7 @@ class MissionTopics:
 
     def _status_text(self, decision: Decision, navigation: NavigationState, grid: OccupancyGrid | None) -> str:
         outcome, goal = self._mission.outcome, decision.goal
-        elapsed_s = time.monotonic() - self._begun_s
+        elapsed_s, driven_m = self.so_far
         self._begun_ns = self._begun_ns or headers.now_ns() - round(1e9 * elapsed_s)
         status = {
             "state": decision.state,
@@ -97,7 +107,7 @@ class MissionTopics:
             "left_s": self._left_s(decision),
             "begun_ns": self._begun_ns,
             "elapsed_s": round(elapsed_s),
-            "driven_m": round(self._driven.distance_m, 1),
+            "driven_m": round(driven_m, 1),
         }
         return json.dumps(status)
 
@@ -136,9 +146,11 @@ def frontier_markers(
 class MissionWriter:
     """Writes once a second if ~run_dir is given, and restores what an earlier session stored there."""
 
-    def __init__(self, mission: Mission, lock: threading.Lock, where: LocalizationSubscriber) -> None:
-        """lock: the mission's lock."""
-        self._mission, self._lock, self._where = mission, lock, where
+    def __init__(
+        self, mission: Mission, lock: threading.Lock, where: LocalizationSubscriber, told: MissionTopics
+    ) -> None:
+        """lock: the mission's lock. told: counts time and way."""
+        self._mission, self._lock, self._where, self._told = mission, lock, where, told
         self._writing = threading.Lock()
         self._saved: SavedMission | None = None
         run_dir = node.run_dir()
@@ -146,6 +158,7 @@ class MissionWriter:
         if self._checkpoint is not None:
             if (remembered := self._checkpoint.read_mission()) is not None:
                 self._saved = SavedMission.of(remembered, self._checkpoint.path)
+                told.go_on(self._saved.elapsed_s, self._saved.driven_m)
             threads.every(_WRITE_PERIOD_S, "memory", self.write)
 
     def restore(self, now_ns: int, T_odom_base: SE2 | None) -> None:
@@ -162,6 +175,8 @@ class MissionWriter:
             return
         with self._lock:
             saved = self._mission.to_save(now_ns, T_odom_base)
+        elapsed_s, driven_m = self._told.so_far
+        saved = saved._replace(elapsed_s=elapsed_s, driven_m=driven_m)
         with logs.log_errors(), self._writing:
             self._checkpoint.write_mission(saved.tree(), now_ns)
 

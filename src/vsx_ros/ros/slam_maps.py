@@ -104,7 +104,10 @@ class SlamMaps:
         self._dock.publish(snapshot)
         self._rooms.update(grid, where)
         self._dense.publish(snapshot, grid, where or session.ground.start)
-        self._status.map(snapshot if self._slam is not None else None)
+        self._status.announce()
+        if self._slam is not None:
+            slam_map = self._slam.slam_map()
+            self._status.map(snapshot, slam_map.view.nbytes if slam_map is not None else 0, self._dense.nbytes)
         self._keep_state()
 
     def _keep_state(self) -> None:
@@ -161,6 +164,11 @@ class DenseMapping:
         self._planes_pub = rospy.Publisher(topics.PLANES, MarkerArray, queue_size=1)
         self._points_pub = rospy.Publisher(topics.DENSE_POINTS, PointCloud2, queue_size=1)
         self._scan_pub = rospy.Publisher(topics.SCAN, LaserScan, queue_size=1)
+
+    @property
+    def nbytes(self) -> int:
+        """Size of what the process of the dense map holds of the map [bytes]."""
+        return self._map.nbytes if self._map is not None else 0
 
     def start(self, camera: PinholeCamera, T_base_cam: SE3 | None, seed: int) -> None:
         """Start once the camera is known. Does nothing without metric scale and floor, or if not enabled."""

@@ -32,6 +32,7 @@ _PREVIEW_PERIOD_S = 0.1
 _QUALITY_PERCENT = 70
 _FOUND_BGR, _MISSED_BGR = (90, 220, 60), (60, 60, 235)
 _FOUND_PX, _MISSED_PX = 4, 3
+_MIB = 2**20
 
 
 class SlamStatus:
@@ -46,7 +47,7 @@ class SlamStatus:
         self._diagnostics = Diagnostics()
         self._state, self._reason = TrackingState.NOT_INITIALISED, "waiting for the first image"
         self._fps, self._ahead = 0.0, ""
-        self._announce()
+        self.announce()
 
     def waiting_for(self, topic: str) -> None:
         """Report a missing message on a required topic."""
@@ -87,20 +88,21 @@ class SlamStatus:
             dropped=dropped,
         )
 
-    def map(self, snapshot: MapSnapshot | None) -> None:
-        """Publish the state and the map size; called once a second."""
-        self._announce()
-        if snapshot is not None:
-            self._publish(keyframes=len(snapshot.T_world_cams), points=len(snapshot.points_world))
+    def map(self, snapshot: MapSnapshot, map_bytes: int, dense_bytes: int) -> None:
+        """Publish the size of the map, also in memory; called once a second."""
+        keyframes, points, map_mib = len(snapshot.T_world_cams), len(snapshot.points_world), map_bytes / _MIB
+        self._diagnostics.set("map", OK, f"{keyframes} keyframes, {points} points, {map_mib:.0f} MiB")
+        self._publish(keyframes=keyframes, points=points, map_mib=map_mib, dense_mib=dense_bytes / _MIB)
 
     def _change(self, state: TrackingState, reason: str, ahead: str) -> None:
         if (state, reason, ahead) != (self._state, self._reason, self._ahead):
             if state is not self._state:
                 rospy.loginfo("%s: %s", state.word, reason)
             self._state, self._reason, self._ahead = state, reason, ahead
-            self._announce()
+            self.announce()
 
-    def _announce(self) -> None:
+    def announce(self) -> None:
+        """Publish the state."""
         msg = convert.state_msg(self._state, self._reason, self._ahead)
         self._state_pub.publish(msg)
         self._diagnostics.set("tracking", msg.level, f"{msg.name} {msg.message}".strip())

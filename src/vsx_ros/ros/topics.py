@@ -106,6 +106,8 @@ STAT_TYPES = {
     "attempted": "std_msgs/UInt32",
     "keyframes": "std_msgs/UInt32",
     "points": "std_msgs/UInt32",
+    "map_mib": "std_msgs/Float32",  # memory that the map takes
+    "dense_mib": "std_msgs/Float32",  # and what the process of the dense map holds of it
     "fps": "std_msgs/Float32",
     "latency_ms": "std_msgs/Float32",
     "dropped": "std_msgs/UInt32",

@@ -5,13 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import json
-import platform
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from datetime import datetime
-from importlib import metadata
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,27 +18,27 @@ import msgspec
 import yaml
 from msgspec import structs
 
-from vsx_ros import __version__
 from vsx_ros.config import Config, from_dict, to_dict
 from vsx_ros.errors import InputError, VsxError, disk_trouble, explained
 from vsx_ros.geometry.se3 import StampedPose
-from vsx_ros.io.atomic import write_text
+from vsx_ros.io.atomic import try_to_make, write_text
 from vsx_ros.io.map_file import load_map, save_map
 from vsx_ros.io.trajectory_file import format_stamp, parse_stamp, read_trajectory, write_trajectory
 from vsx_ros.limits import LOG_BYTES, TEXT_BYTES, file_text, json_tree, yaml_tree
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.runs.checkpoint import Checkpoint
 from vsx_ros.runs.journal import RunEvent
+from vsx_ros.runs.versions import installed_versions
 
 FILES = (
     "summary.json", "config.yaml", "trajectory.txt", "trajectory_final.txt", "odometry.txt", "groundtruth.txt",
     "map.pgm", "map.yaml", "sparse.ply", "dense.ply", "planes.json", "events.jsonl", "frames.csv", "report.html",
     "map.vsxmap", "moments.jsonl", "map_zones.yaml", "map_rooms.json", "map_rooms.pgm", "odometry_calibration.yaml",
 )  # fmt: skip
+_RUNS = Path("runs")
 _FRAME_COLUMNS_ONCE = 6  # older versions stored no u2_frames
 _MOST = 1e12  # limit of all numbers in a frame
 _EVENT = msgspec.json.Decoder(RunEvent)
-_PACKAGES = ("numpy", "numba", "opencv-python-headless", "scipy", "daqp", "ruckig", "rosbags", "msgspec")
 
 
 class FrameRecord(NamedTuple):
@@ -63,10 +61,17 @@ class RunFolder:
     path: Path
 
     @staticmethod
+    def check(path: Path) -> None:
+        """Raises InputError if something else has this path, or no folder can be made and written there."""
+        with _making(path):
+            if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not _is_run(path))):
+                raise InputError(f"{path} exists and is not a run folder; choose another with --out, or remove it")
+            try_to_make(path)
+
+    @staticmethod
     def create(path: Path) -> RunFolder:
-        """Make the folder, or empty that of an earlier run. Raises InputError if something else has this path."""
-        if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not _is_run(path))):
-            raise InputError(f"{path} exists and is not a run folder; choose another with --out, or remove it")
+        """Make the folder, or empty that of an earlier run. Raises InputError as ``check`` does."""
+        RunFolder.check(path)
         with _making(path):
             path.mkdir(parents=True, exist_ok=True)
             for name in FILES:
@@ -75,9 +80,9 @@ class RunFolder:
         return RunFolder(path)
 
     @staticmethod
-    def create_dated(name: str, parent: Path = Path("runs")) -> RunFolder:
+    def create_dated(name: str, parent: Path = _RUNS) -> RunFolder:
         """Make <parent>/<date>_<name>, with _2, _3, ... appended if it exists. Raises InputError if that fails."""
-        first = parent / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{name}"
+        first = dated(name, parent)
         path, number = first, 1
         with _making(first):
             first.parent.mkdir(parents=True, exist_ok=True)
@@ -218,6 +223,11 @@ class RunFolder:
             return tree
 
 
+def dated(name: str, parent: Path = _RUNS) -> Path:
+    """The path of a run that begins now: <parent>/<date>_<name>."""
+    return parent / f"{datetime.now().strftime('%Y-%m-%d_%H-%M-%S')}_{name}"
+
+
 def _making(path: Path) -> AbstractContextManager[None]:
     return explained(InputError, f"run folder {path} cannot be made", "choose another with --out", OSError)
 
@@ -236,13 +246,3 @@ def _frame_record(row: Sequence[str]) -> FrameRecord:
     if not all(0 <= number <= _MOST for number in (frame.searched, frame.found, track_ms or 0, u2_frames or 0)):
         raise ValueError(f"frame {stamp} holds a number that is none of a frame")
     return frame
-
-
-def installed_versions() -> dict[str, str]:
-    """Versions of this package, Python and the computing packages."""
-    versions = {"vsx_ros": __version__, "python": platform.python_version(), "machine": platform.machine()}
-    versions |= dict.fromkeys(_PACKAGES, "not installed")
-    for name in _PACKAGES:
-        with suppress(metadata.PackageNotFoundError):
-            versions[name] = metadata.version(name)
-    return versions

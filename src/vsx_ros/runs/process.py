@@ -58,8 +58,9 @@ class SignalFlag:
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C was pressed. Check it between two frames, because a half tracked frame would spoil the map. A
-    second Ctrl-C ends the program at once. Outside the main thread, which alone receives it, nothing changes."""
+    """Whether Ctrl-C was pressed, or SIGTERM or SIGHUP came (but under nohup). Check it between two frames, because a
+    half tracked frame would spoil the map. A second one ends the program at once. Outside the main thread, which alone
+    receives them, nothing changes."""
     pressed = False
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False
@@ -68,13 +69,19 @@ def interruptible() -> Iterator[Callable[[], bool]]:
     def on_signal(*_: object) -> None:
         nonlocal pressed
         pressed = True
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        for number in before:
+            signal.signal(number, signal.default_int_handler)
 
-    before = signal.signal(signal.SIGINT, on_signal)
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    if before[signal.SIGHUP] is signal.SIG_IGN:
+        del before[signal.SIGHUP]
+    for number in before:
+        signal.signal(number, on_signal)
     try:
         yield lambda: pressed
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class Progress:

@@ -15,7 +15,7 @@ from vsx_ros.io.bag import open_recording
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.recording import Recording
 from vsx_ros.io.slam_map_file import load_slam_map
-from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.folder import RunFolder, dated
 from vsx_ros.runs.parameters import load, robot_file_here
 from vsx_ros.runs.places import given_zones
 from vsx_ros.runs.process import DONE, FAILED, LOST
@@ -66,10 +66,12 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | 
 
 
 def check_files(args: argparse.Namespace) -> None:
-    """Make the paths of files absolute. Raises InputError, ConfigError or MapFileError for a run, map, room or zones
-    that cannot be used or contradict each other, as far as that is known without kernels."""
+    """Make the paths of files absolute. Raises InputError, ConfigError or MapFileError for a run, map, room, zones
+    or folder of the run that cannot be used or contradict each other, as far as that is known without kernels."""
     if args.resume is not None:
         _refuse_other_options(args, RunFolder.open(args.resume))
+    else:
+        RunFolder.check(args.out or dated("explore"))
     if args.load_map is not None:
         args.load_map = str(Path(args.load_map).resolve())
         if not Path(args.load_map).is_file():
@@ -131,6 +133,7 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
 def opened_recording(args: argparse.Namespace) -> Recording:
     """The recording of the options, with a camera; damage is reported. Raises InputError if it cannot be used as
     requested, CalibrationError for an unreadable calibration."""
+    RunFolder.check(args.out or dated(args.input.stem))
     recording = open_recording(args.input, args.image_topic, args.odometry_topic)
     if recording.damage:
         print(f"vsx: {recording.damage}", file=sys.stderr)

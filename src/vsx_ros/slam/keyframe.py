@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels, Points3, array_bytes
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.lens import CAMERA
@@ -237,6 +237,11 @@ class MapView(NamedTuple):
     alive: BoolArray
     source: IntArray
     templates: Templates
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the map's arrays, images included [bytes]."""
+        return array_bytes(self) + sum(array_bytes((k.data, k.observations)) for k in self.keyframes)
 
     def part(self, map_id: int) -> MapView:
         """The same view with only the living keyframes of one map."""

@@ -103,6 +103,9 @@ class TrackingRecord:
         record = TrackingRecord()
         try:
             points = len(state["found"])
+            for name, kind in {**_PER_POINT, "counters": np.int64, "sums": np.float64}.items():
+                if not np.can_cast(state[name].dtype, kind, "same_kind") or not np.isfinite(state[name]).all():
+                    raise ValueError(f"{name} holds {state[name].dtype} numbers that count nothing")
             for name, kind in _PER_POINT.items():
                 if state[name].shape != (points,):
                     raise ValueError(f"{name} is of shape {state[name].shape}, expected ({points},)")

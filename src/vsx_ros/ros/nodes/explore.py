@@ -62,7 +62,7 @@ class ExploreNode:
             (topics.EXPLORE_HOME, self._mission.home, "the robot drives home, then the exploration ends"),
         ):
             offer_trigger(name, partial(self._request, request, answer))
-        self._writer = MissionWriter(self._mission, self._lock, self._heard.where)
+        self._writer = MissionWriter(self._mission, self._lock, self._heard.where, self._topics)
         threads.every(PERIOD_S, "lease", self._lease.keep)
         threads.every(config.exploration.decide_s, "mission", self._decide)
 
