@@ -35,6 +35,7 @@ from vsx_ros.ros.dashboard import ending, server
 from vsx_ros.ros.dashboard.ending import Ended, show_end
 from vsx_ros.ros.dashboard.feed import Board
 from vsx_ros.ros.dashboard.server import ViewServer
+from vsx_ros.ros.fork_server import ForkServer
 from vsx_ros.ros.run import go_on_words
 from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
@@ -150,11 +151,12 @@ def test_going_on_means_the_same_run_for_as_long_again(folder: RunFolder) -> Non
 def test_going_on_needs_a_process_of_its_own(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     """After its shutdown rospy registers nothing any more: a second session would hear no word of its nodes."""
     sessions, becomes = [0, 0], []
-    monkeypatch.setattr(run, "_explore", lambda args: (folder, 0, sessions.pop() == 0))
+    monkeypatch.setattr(run, "_explore", lambda *_: (folder, 0, sessions.pop() == 0))
     monkeypatch.setattr(sys, "orig_argv", ["python3", "-X", "dev", "scripts/vsx", "explore", "--view"])
     monkeypatch.setattr(sys, "argv", ["scripts/vsx", "explore", "--view"])
     monkeypatch.setattr(os, "execv", lambda program, words: becomes.append((program, words)))
-    run.explore(parse(["explore", "--view"]))
+    with ForkServer() as forks:
+        run.explore(parse(["explore", "--view"]), forks)
     assert len(sessions) == 1, "one session in this process"
     assert becomes == [(sys.executable, [sys.executable, "-X", "dev", "scripts/vsx", *go_on_words(folder)])]
 

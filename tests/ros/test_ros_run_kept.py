@@ -1,4 +1,4 @@
-"""What stays of a run: a folder by roslaunch, too, and no master of a killed run."""
+"""What stays of a run: a folder by roslaunch, too, and neither master nor nodes of a killed run."""
 
 import os
 import signal
@@ -48,10 +48,10 @@ def test_roslaunch_leaves_a_whole_folder(tmp_path: Path) -> None:
     assert config.exploration.teleop_quiet_s > 0.0
 
 
-def test_a_killed_run_leaves_no_master(tmp_path: Path) -> None:
+def test_a_killed_run_leaves_no_master_and_no_node(tmp_path: Path) -> None:
     port = free_port()
     with exploring(tmp_path, port, tmp_path / "run") as (run, _):
         os.kill(run.pid, signal.SIGKILL)
         run.wait()
-    while processes_that_name(f"-p {port}"):
+    while processes_that_name(f"-p {port}") or processes_that_name(str(tmp_path)):
         time.sleep(0.1)
