@@ -153,7 +153,9 @@ def become(request: Request) -> None:
     import rospy
 
     os.setsid()
-    os.chdir(request.folder)
+    with contextlib.suppress(OSError):  # as on a full disk
+        os.makedirs(request.folder, exist_ok=True)
+        os.chdir(request.folder)
     os.environ.clear()
     os.environ.update(request.environment)
     sys.argv[:] = request.command

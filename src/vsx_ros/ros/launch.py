@@ -150,9 +150,11 @@ class _NodeCopy(LocalProcess):  # type: ignore[misc]  # roslaunch is untyped
     def start(self) -> bool:
         """Start the process; a stream that is not logged is ours."""
         with self.lock, contextlib.ExitStack() as files:
-            logs = [files.enter_context(file) if file else None for file in self._configure_logging()]
-            streams = [log.fileno() if log else number for log, number in zip(logs, (1, 2))]
-            self.popen: Copy | None = self.server.start(Request(self.args, self.env, rospkg.get_ros_home()), streams)
+            self.popen: Copy | None = None
+            with contextlib.suppress(OSError, roslaunch.core.RLException):  # logs that cannot be written
+                logs = [files.enter_context(file) if file else None for file in self._configure_logging()]
+                streams = [log.fileno() if log else number for log, number in zip(logs, (1, 2))]
+                self.popen = self.server.start(Request(self.args, self.env, rospkg.get_ros_home()), streams)
         if self.popen is None:
             return bool(super().start())
         Process.start(self)
