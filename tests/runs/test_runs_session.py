@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from vsx_ros.geometry.se2 import SE2
@@ -10,7 +9,6 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, Journal
-from vsx_ros.runs.record import RunRecord
 from vsx_ros.runs.session import results_of_slam
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
@@ -83,10 +81,3 @@ def test_poses_of_a_map_that_was_begun_again_are_no_part_of_the_trajectory(tmp_p
     Journal(folder.journal).add(*(frame(k, state) for k, state in enumerate(states)))
     results_of_slam(folder, MOUNT)
     assert [pose.stamp_ns for pose in folder.read_poses("trajectory")] == [3 * 10**8]
-
-
-def test_the_record_of_hours_keeps_of_a_frame_what_its_results_need() -> None:
-    record, tracked = RunRecord(MOUNT), frame(1, TrackingState.GOOD).result()
-    record.add_frame(tracked._replace(covariance=np.eye(6)), None, 0.01, None)
-    assert record.results[0] == tracked
-    assert record.results[0].covariance is None

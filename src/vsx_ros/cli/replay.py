@@ -3,7 +3,7 @@
 import argparse
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from vsx_ros.cli.compiled import SLAM, compile_kernels
@@ -121,7 +121,7 @@ def _summary(slam: SequentialSlam, recording: Recording, record: RunRecord) -> S
     )
 
 
-def _stop_reason(results: list[TrackingResult]) -> str:
+def _stop_reason(results: Sequence[TrackingResult]) -> str:
     """How the recording ended, in words."""
     if not results:
         return "the recording holds no image that could be used"

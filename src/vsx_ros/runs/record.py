@@ -1,5 +1,7 @@
 """Collects the data of a run for its results."""
 
+import math
+import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from vsx_ros.arrays import Points3
@@ -11,10 +13,13 @@ from vsx_ros.io.map_export import write_ply
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.folder import FrameRecord, RunFolder
 from vsx_ros.runs.journal import FrameLine, Line, RunEvent
+from vsx_ros.runs.results import StoredResults
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import SlamStatistics, TrackingResult, TrackingState
 
+_READING = struct.Struct("<q3d")  # stamp [ns], x, y [m], theta [rad] of the base
+_NO_READING = _READING.pack(0, math.nan, math.nan, math.nan)
 _LATE_FRAMES = 3  # may be tracked while the results are being written
 
 
@@ -23,30 +28,37 @@ def counts_all(frames: int | None, lines: Sequence[Line]) -> bool:
     return frames is not None and sum(isinstance(line, FrameLine) for line in lines) <= frames + _LATE_FRAMES
 
 
+def _reading(odometry: Odometry | None) -> bytes:
+    """A row of ``_READING``."""
+    if odometry is None:
+        return _NO_READING
+    T = odometry.T_odom_base
+    return _READING.pack(odometry.stamp_ns, T.x, T.y, T.theta)
+
+
 class RunRecord:
     """The SLAM's results of a run, frame by frame."""
 
     def __init__(self, T_base_cam: SE3) -> None:
         self._T_base_cam = T_base_cam
-        # For an hour of frames and readings: three numbers per odometry pose instead of twelve.
-        self._T_odom_bases: list[SE2 | None] = []
+        # For an hour of frames and readings: rows of numbers instead of objects.
+        self._T_odom_bases, self._odometry = bytearray(), bytearray()
         self._epochs: list[int] = []
-        self._odometry: list[tuple[int, SE2]] = []
-        self.results: list[TrackingResult] = []
+        self.results = StoredResults()
         self.track_ms: list[float] = []
         self.u2_frames: list[float | None] = []
         self.events: list[RunEvent] = []
 
     def add_odometry(self, odometry: Odometry) -> None:
         """Add an odometry reading."""
-        self._odometry.append((odometry.stamp_ns, odometry.T_odom_base))
+        self._odometry += _reading(odometry)
 
     def add_frame(
         self, result: TrackingResult, odometry: Odometry | None, track_s: float, u2_frames: float | None
     ) -> None:
         """Add a tracked frame, the odometry at its time, its tracking time [s], and U2 after it."""
-        self.results.append(result._replace(covariance=None))  # nobody asks for it here, and it is a quarter of a frame
-        self._T_odom_bases.append(odometry.T_odom_base if odometry is not None else None)
+        self.results.append(result)
+        self._T_odom_bases += _reading(odometry)
         self._epochs.append(odometry.odom_epoch if odometry is not None else self.odom_epoch)
         self.track_ms.append(1e3 * track_s)
         self.u2_frames.append(u2_frames)
@@ -68,9 +80,10 @@ class RunRecord:
 
     def estimate(self) -> list[StampedPose]:
         """T_world_cam of every tracked frame; if the map was started again, only of frames since then."""
-        states = [result.state for result in self.results]
+        results = list(self.results)
+        states = [result.state for result in results]
         begun = len(states) - [*reversed(states), TrackingState.NOT_INITIALISED].index(TrackingState.NOT_INITIALISED)
-        known = ((r.stamp_ns, r.T_world_cam) for r in self.results[begun:] if r.state.tracked)
+        known = ((r.stamp_ns, r.T_world_cam) for r in results[begun:] if r.state.tracked)
         return [StampedPose(stamp_ns, T) for stamp_ns, T in known if T is not None]
 
     def final(self, slam_map: SlamMap | None) -> list[StampedPose]:
@@ -84,7 +97,7 @@ class RunRecord:
 
     def summary(self, statistics: SlamStatistics) -> Summary:
         """The numbers that need no ground truth."""
-        breaks, jumps = self._breaks(), len(find_odometry_jumps(self.results, self._cameras(), self._epochs))
+        breaks, jumps = self._breaks(), len(find_odometry_jumps(list(self.results), self._cameras(), self._epochs))
         return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks, odometry_jumps=jumps)
 
     def counted(self) -> Summary:
@@ -96,15 +109,16 @@ class RunRecord:
         return Summary(frames=len(states), frames_tracked=tracked, frames_lost=lost, breaks=self._breaks())
 
     def _breaks(self) -> int:
-        return len(find_breaks(self.results, self._cameras(), self._epochs))
+        return len(find_breaks(list(self.results), self._cameras(), self._epochs))
 
     def _cameras(self) -> list[SE3 | None]:
         """Poses by odometry, in its frame."""
-        return [None if T is None else SE3.from_se2(T) @ self._T_base_cam for T in self._T_odom_bases]
+        poses = (pose for _, *pose in _READING.iter_unpack(self._T_odom_bases))
+        return [None if math.isnan(x) else SE3.from_se2(SE2(x, *rest)) @ self._T_base_cam for x, *rest in poses]
 
     def told(self) -> list[RunEvent]:
         """All events, and those that only the whole run shows."""
-        jumps = find_odometry_jumps(self.results, self._cameras(), self._epochs)
+        jumps = find_odometry_jumps(list(self.results), self._cameras(), self._epochs)
         return [*self.events, *(RunEvent(jump.stamp_ns, "odometry", "jumped", jump.reason) for jump in jumps)]
 
     def frames(self) -> list[FrameRecord]:
@@ -129,7 +143,8 @@ class RunRecord:
             yield lambda: folder.write_poses("trajectory_final", self.final(slam.slam_map()))
         yield lambda: folder.write_frames(self.frames())
         if self._odometry:
-            T_odom_base = [StampedPose(ns, SE3.from_se2(T)) for ns, T in self._odometry]
+            readings = _READING.iter_unpack(self._odometry)
+            T_odom_base = [StampedPose(ns, SE3.from_se2(SE2(*pose))) for ns, *pose in readings]
             yield lambda: folder.write_poses("odometry", T_odom_base)
         points_world = slam.snapshot().points_world if slam is not None else None
         if points_world is not None and len(points_world):
