@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from vsx_ros.cli import mapping
 from vsx_ros.cli.main import execute
 
 KINDS = (["explore", "--fast"], ["explore", "--world", "lab", "--headless"], ["replay", "RECORDING"])
@@ -17,7 +16,7 @@ SMALL_KB = 256
 @pytest.fixture(params=KINDS, ids=["lock-step", "live", "replay"])
 def begin(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The command without --out; it may not even compile."""
-    monkeypatch.setattr(mapping, "compile_kernels", lambda *_: pytest.fail("it compiles first"))
+    monkeypatch.setattr(f"vsx_ros.cli.{request.param[0]}.compile_kernels", lambda *_: pytest.fail("it compiles first"))
     return [word.replace("RECORDING", str(tmp_path / "absent.bag")) for word in request.param]
 
 
