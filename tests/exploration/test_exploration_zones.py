@@ -113,6 +113,23 @@ def test_wheels_held_on_the_way_out_of_a_zone_are_no_failure() -> None:
     assert not any("still in the zone" in event.reason for event in mission.drain_events())
 
 
+def test_an_exit_that_cannot_be_driven_to_is_not_tried_again_and_again() -> None:
+    mission, _ = under_way()
+    grid = zoned(box(-0.6, -1.0, 0.9, 1.0))
+    mission.decide(2 * SECOND, situation(grid, navigation=NavigationState.ACTIVE))
+    exits = []
+    for k in range(4, 30):
+        refused = situation(grid, navigation=NavigationState.ABORTED, navigation_reason="the way leads into the zone")
+        decision = mission.decide(k * SECOND, refused)
+        if decision.action is Action.GO:
+            exits.append(decision.goal)
+    assert len(exits) > 5
+    places = {(round(pose.x, 2), round(pose.y, 2)) for pose in exits}
+    assert len(places) >= len(exits) // 2, "other places, not only other headings"
+    assert max(pose.x for pose in exits) > 0.9 + BODY_M, "also on the far side"
+    assert not mission.view_selector.blacklist.left(30 * SECOND), "no view is blamed for it"
+
+
 def test_without_a_way_out_it_waits_and_says_so_once() -> None:
     mission, _ = under_way()
     grid = zoned(box(-9.0, -9.0, 9.0, 9.0))

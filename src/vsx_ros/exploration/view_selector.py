@@ -20,6 +20,7 @@ from vsx_ros.occupancy.zoned_grid import ZonedGrid
 
 _NEAR_RAD = 0.8  # a goal this close in heading to a failed one, within the radius, counts as the same
 _STANDS_M, _MOST_WIDENINGS = 0.1, 3  # a robot that moved less chooses from the same place; of the radius: to 3.2 m
+_EXIT_RADIUS_M = 0.15  # the next exit of a zone may be beside the one that failed
 _MOST_FAILURES = 3  # after so many a goal stays blacklisted
 _MOST_DOUBLINGS = 7  # of blacklist_s: two hours, longer than a run
 _MAPS_AGREE = 3  # So many maps in a row must show it as seen: a wall in one map may be a gap in the next
@@ -71,6 +72,7 @@ class ViewSelector:
         self._radius_m = config.robot.radius_m + config.planner.clearance_m
         self.looked_from: list[SE2] = []
         self.blacklist = GoalBlacklist(self._config.blacklist_radius_m, self._config.blacklist_s)
+        self._exits = GoalBlacklist(_EXIT_RADIUS_M, self._config.blacklist_s)
         self._grid: OccupancyGrid | None = None
         self.ranking, self.time_left = Ranking([], {}), TimeLeft()
 
@@ -98,11 +100,21 @@ class ViewSelector:
         """Where the known free ground ends in the last ranked map, for display."""
         return find_frontiers(self._grid, self._config.min_frontier_m) if self._grid is not None else []
 
-    def way_out(self, grid: OccupancyGrid, T_map_base: SE2) -> SE2 | None:
-        """The pose outside all zones with the shortest way from here; None when there is none."""
+    def way_out(self, now_ns: int, grid: OccupancyGrid, T_map_base: SE2) -> SE2 | None:
+        """The pose outside all zones with the shortest way from here, away from exits that failed; None when there is
+        none, then failed ones may be tried again."""
         if not isinstance(grid, ZonedGrid):
             return None
-        return way_out(grid, T_map_base, self._radius_m, self._travel_costs)
+        self._exits.choose_at(T_map_base)
+        costs, failed = self._travel_costs, lambda poses: self._exits.near(now_ns, poses)
+        found = way_out(grid, T_map_base, self._radius_m, costs, failed)
+        if found is None:
+            self._exits.release(now_ns)
+        return found
+
+    def exit_failed(self, now_ns: int, pose: SE2) -> None:
+        """The way to this pose outside a zone could not be driven."""
+        self._exits.add(now_ns, pose)
 
     def expected_gain(self, view: View, grid: OccupancyGrid) -> ExpectedGain:
         """What the view should show."""

@@ -60,6 +60,7 @@ class ViewTour:
         self._goal: View | None = None
         self._gain: ExpectedGain | None = None
         self._stopped_for = self._leaving = ""
+        self._exit = SE2()  # of the zone that it leaves
         self._zones = ZoneWatch(config.robot.radius_m)
         self._empty_rankings = self._blocked = 0
         self.backing_off = self.has_gone = False
@@ -116,6 +117,7 @@ class ViewTour:
             seconds = self._view_selector.blacklist.add(now_ns, self._goal.pose)
             self._log.note(now_ns, f"goal blacklisted for {seconds:.0f} s: {reason}")
         elif self._leaving:
+            self._view_selector.exit_failed(now_ns, self._exit)
             self._log.note(now_ns, f"still in the zone {self._leaving!r}: {reason}")
         self.forget_drive()
 
@@ -138,14 +140,14 @@ class ViewTour:
 
     def _drive_out(self, now_ns: int, zone: str, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
         """The shortest way out of a zone that was drawn around the robot."""
-        goal = self._view_selector.way_out(grid, T_map_base)
+        goal = self._view_selector.way_out(now_ns, grid, T_map_base)
         if goal is None:
             self._log.wait_until_ns = now_ns + _EMPTY_WAIT_NS
             reason = f"the robot stands in the zone {zone!r}, and no way leads out of it: waiting"
             if reason != self._log.reason:
                 self._log.note(now_ns, reason)
             return self._log.answer(Action.WAIT, reason)
-        self._leaving = zone
+        self._leaving, self._exit = zone, goal
         away_m = T_map_base.distance_to(goal)
         return self._go(now_ns, goal, "map", f"driving out of the zone {zone!r}: {away_m:.1f} m to the nearest place")
 
