@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from gazebo_files import FLOOR, WALLS, write_world
@@ -85,3 +86,22 @@ def test_a_damaged_picture_is_named_when_the_world_is_read(tmp_path: Path) -> No
     model = f'<model name="m"><link name="l"><visual name="v">{shape}{look}</visual></link></model>'
     with pytest.raises(InputError, match=r"texture .*torn\.png cannot be read.*save it again"):
         load_gazebo(write_world(tmp_path, FLOOR, WALLS, model), [])
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+def test_a_webp_picture_is_drawn_as_the_same_png(tmp_path: Path, channels: int) -> None:
+    rng = np.random.default_rng(channels)
+    given = Image.fromarray(cv2.resize(rng.integers(0, 256, (20, 30, channels), dtype=np.uint8), (512, 256)))
+    for kind in ("png", "webp"):
+        given.save(tmp_path / f"a.{kind}", **({"lossless": True, "exact": True} if kind == "webp" else {}))
+    png, webp = (pack([read_picture(tmp_path / f"a.{kind}")]) for kind in ("png", "webp"))
+    np.testing.assert_array_equal(webp.texels, png.texels)
+    assert (webp.alphas[0] is None) == (png.alphas[0] is None)
+
+
+def test_half_a_webp_picture_is_told(tmp_path: Path) -> None:
+    Image.new("RGB", (256, 256), "red").save(tmp_path / "a.webp", lossless=False)
+    data = (tmp_path / "a.webp").read_bytes()
+    (tmp_path / "a.webp").write_bytes(data[: len(data) // 2])
+    with pytest.raises(InputError, match=r"a\.webp"):
+        pack([read_picture(tmp_path / "a.webp")])
