@@ -4,8 +4,10 @@ import signal
 
 import hypothesis
 
-# A shell that starts the suite in its background lets it ignore Ctrl-C, and with it every program that a test starts.
+# A shell that starts the suite in its background lets it ignore Ctrl-C, and with it every program that a test starts;
+# nohup does so with SIGHUP.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # No test may fail because the machine is busy.
 hypothesis.settings.register_profile("unhurried", deadline=None)

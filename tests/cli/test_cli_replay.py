@@ -79,9 +79,7 @@ def test_a_drive_is_tracked_at_metric_scale(replayed):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_a_replay_with_what_there_is(number, drive, tmp_path, monkeypatch, capsys, request):
-    inherited = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
-    request.addfinalizer(lambda: signal.signal(signal.SIGHUP, inherited))
+def test_a_signal_ends_a_replay_with_what_there_is(number, drive, tmp_path, monkeypatch, capsys):
     add_frame = RunRecord.add_frame
 
     def press_at_frame_40(record, *frame):

@@ -30,16 +30,8 @@ def test_a_signal_in_the_midst_of_the_answer_to_a_signal_does_not_hang():
     assert done.stdout == "came\n"
 
 
-@pytest.fixture
-def a_terminal():
-    """SIGHUP is heard, also in tests under nohup."""
-    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    yield
-    signal.signal(signal.SIGHUP, before)
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_the_first_signal_is_noted_and_the_second_ends_the_work(number, a_terminal):
+def test_the_first_signal_is_noted_and_the_second_ends_the_work(number):
     before = signal.getsignal(number)
     with interruptible() as stopped:
         signal.raise_signal(number)
