@@ -28,9 +28,9 @@ def test_they_add_to_it_one_after_the_other(tmp_path: Path, monkeypatch: pytest.
     assert module.twice(2) == 4
     assert module.twice(np.float64(1.5)) == 3.0
     assert len(saved) == len(list(tmp_path.rglob("*.nbc"))) == 2
-    assert not module.twice.stats.cache_hits
+    assert not module.twice.compiled.stats.cache_hits
 
     again = importlib.reload(module)
     assert again.twice(3) == 6
-    assert len(again.twice.stats.cache_hits) == 1, "the machine code of before is used"
+    assert len(again.twice.compiled.stats.cache_hits) == 1, "the machine code of before is used"
     assert len(saved) == 2

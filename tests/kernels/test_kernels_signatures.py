@@ -43,7 +43,7 @@ def mismatches():
     members = {
         f for name in names for f in vars(importlib.import_module(name)).values() if isinstance(f, kernels.Kernel)
     }
-    seen = [f for f in members if f.overloads]
+    seen = [f.compiled for f in members if f.compiled.overloads]
     wrong = []
     for f in seen:
         hints = typing.get_type_hints(f.py_func)

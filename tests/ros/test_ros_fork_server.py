@@ -2,9 +2,12 @@
 
 import os
 import signal
+import socket
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 
 pytest.importorskip("rospy")
@@ -76,3 +79,20 @@ def test_nodes_live_on_without_their_server(tmp_path: Path) -> None:
     assert copy.poll() is None
     os.kill(copy.pid, signal.SIGKILL)
     wait_for(lambda: copy.poll() == -signal.SIGKILL, "its end")
+
+
+def test_a_copy_that_nobody_waits_for_does_not_run(tmp_path: Path) -> None:
+    """The run has given up and starts the node anew; two would fight for the robot."""
+    nobody = {**os.environ, "ROS_MASTER_URI": f"http://localhost:{free_port()}"}
+    request = Request([str(SCRIPTS / "camera"), "__name:=camera"], nobody, str(tmp_path))
+    with ForkServer() as server, (tmp_path / "err").open("wb") as err:
+        socket.send_fds(server._line, [msgspec.json.encode(request)], [err.fileno(), err.fileno()])
+        server._line.close()
+        wait_for(lambda: not Path(f"/proc/{server.pid}/exe").exists(), "the server to end")
+    time.sleep(2.0)
+    assert not (tmp_path / "err").read_text(), "it would say that there is no master"
+
+
+def test_too_long_a_request_is_no_copy(server: ForkServer, tmp_path: Path) -> None:
+    assert start(server, tmp_path, "camera", LONG="x" * 200_000) is None
+    assert start(server, tmp_path, "camera") is not None

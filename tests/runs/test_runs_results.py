@@ -1,6 +1,7 @@
 """Results that are stored as rows of numbers are the results that were given, bit for bit."""
 
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry
+from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.record import RunRecord
 from vsx_ros.runs.results import StoredResults
 from vsx_ros.slam.anchor import Anchor
@@ -66,3 +68,38 @@ def test_an_hour_of_frames_and_readings_takes_little_memory() -> None:
     taken, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert taken < 800 * frames, "an hour of 15 images a second is below 45 MB"
+
+
+def test_readings_that_come_while_results_are_written_are_no_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = RunRecord(SE3.identity())
+    for k in range(3):
+        record.add_odometry(Odometry(k, SE2(0.1 * k, 0.0, 0.0)))
+        record.add_frame(RESULTS[1]._replace(stamp_ns=k), Odometry(k, SE2(0.1 * k, 0.0, 0.0)), 0.01, None)
+    convert = SE3.from_se2
+
+    def while_another_thread_adds(T: SE2) -> SE3:
+        record.add_odometry(Odometry(9, SE2()))
+        record.add_frame(RESULTS[1], Odometry(9, SE2()), 0.01, None)
+        return convert(T)
+
+    monkeypatch.setattr(SE3, "from_se2", while_another_thread_adds)
+    for write in record.writes(RunFolder(tmp_path)):
+        write()
+    assert len(RunFolder(tmp_path).read_poses("odometry")) >= 3
+
+
+def test_all_results_are_decoded_once_however_many_files_need_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    record, decoded, decode = RunRecord(SE3.identity()), [], StoredResults.__getitem__
+    for k in range(20):
+        record.add_frame(RESULTS[1]._replace(stamp_ns=k), None, 0.01, None)
+
+    def counted(results: StoredResults, index: int) -> TrackingResult:
+        decoded.append(index)
+        return decode(results, index)
+
+    monkeypatch.setattr(StoredResults, "__getitem__", counted)
+    assert len(record.estimate()) == len(record.final(None)) == len(record.frames()) == 20
+    assert not record.told()
+    assert len(decoded) <= 21, "each once, and once past the end"

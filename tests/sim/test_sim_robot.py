@@ -49,11 +49,11 @@ def test_odometry_follows_the_truth_within_its_errors(empty_room: World) -> None
 def test_warm_up_compiles_what_an_emulated_camera_uses(lab: World) -> None:
     warm_up("emulation")
     kernels = plane_forms, render_tile_rows, expose
-    before = [len(kernel.signatures) for kernel in kernels]  # type: ignore[attr-defined]  # numba's
+    before = [len(kernel.compiled.signatures) for kernel in kernels]  # type: ignore[attr-defined]  # numba's
     robot = EmulatedRobot(lab, 1)
     for _ in range(3):
         robot.step(VelocityCommand(0.15, 0.2))
-    assert [len(kernel.signatures) for kernel in kernels] == before  # type: ignore[attr-defined]
+    assert [len(kernel.compiled.signatures) for kernel in kernels] == before  # type: ignore[attr-defined]
 
 
 def test_frames_come_at_the_wanted_rate_and_are_8_bit(empty_room: World) -> None:

@@ -238,10 +238,10 @@ def test_warm_up_compiles_what_tracking_uses(arc_drive):
         alignment.align_small,
         pose.optimize_pose,
     ]
-    before = [len(k.signatures) for k in kernels]
+    before = [len(k.compiled.signatures) for k in kernels]
     run(arc_drive)
     run(arc_drive._replace(frames=arc_drive.frames[:50]), change=lambda k, frame, odometry: (frame, None))
-    assert [len(k.signatures) for k in kernels] == before
+    assert [len(k.compiled.signatures) for k in kernels] == before
 
 
 def recording(name):

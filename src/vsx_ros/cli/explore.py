@@ -32,11 +32,12 @@ def explore(args: argparse.Namespace) -> int:
     from vsx_ros.ros.fork_server import ForkServer
 
     package_environment()
-    compile_kernels(*DRIVE, *(["emulation"] if args.world or args.resume else []))
-    with ForkServer() as server:
+    groups = *DRIVE, *(["emulation"] if args.world or args.resume else [])
+    compile_kernels(*groups)
+    with ForkServer(*groups) as forks:
         from vsx_ros.ros.run import explore
 
-        return explore(args, server)
+        return explore(args, forks)
 
 
 def _refuse_wires(args: argparse.Namespace) -> None:

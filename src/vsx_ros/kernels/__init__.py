@@ -13,7 +13,7 @@ R = TypeVar("R")
 
 
 class Kernel(Generic[P, R]):
-    """A function that is compiled, or read from disk, at its first call. What else numba's dispatcher has, it has."""
+    """A function that is compiled, or read from disk, at its first call. ``compiled`` is numba's dispatcher."""
 
     def __init__(self, function: Callable[P, R], options: dict[str, bool]) -> None:
         functools.update_wrapper(self, function)
@@ -30,11 +30,6 @@ class Kernel(Generic[P, R]):
 
         compiler.let_kernels_call(Kernel)
         return compiler.compiled(self._function, self._options)
-
-    def __getattr__(self, name: str) -> object:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return getattr(self.compiled, name)
 
 
 def kernel(function: Callable[P, R]) -> Kernel[P, R]:

@@ -25,8 +25,8 @@ from vsx_ros.occupancy.virtual_scan import meet, virtual_scans
 _MIN_FREE_VOTES = 1  # keyframes; rims and gaps need more
 _MIN_POINTS, _POINT_HITS = 2, 3
 """An obstacle needs two points with three observations each: edges in front of the far floor are matched wrongly."""
-_COARSE_LEVEL = 3
 _MOST_CELLS = 2**27  # 580 m x 580 m; more would take gigabytes
+_COARSE_LEVEL = 3
 """From this pyramid level on, a corner may lie on the floor beside the edge that produces it, as far off as an obstacle
 may be: half of eight pixels of the level are 6 cm at 1 m."""
 _SURE_POINTS = 3  # with fewer, few_overruled_ratio applies

@@ -63,12 +63,12 @@ class Copy:
 class ForkServer:
     """The run's side."""
 
-    def __init__(self) -> None:
-        """Start the server, which imports while this process goes on."""
+    def __init__(self, *groups: str) -> None:
+        """Start the server, which imports while this process goes on. groups: of kernels that it reads from disk."""
         self._lock = threading.Lock()
         self._line, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         path = os.pathsep.join(part for part in sys.path if part)
-        command = [sys.executable, "-m", __name__, str(theirs.fileno()), " " * _TITLE_BYTES]
+        command = [sys.executable, "-m", __name__, str(theirs.fileno()), " ".join(groups), " " * _TITLE_BYTES]
         with theirs:
             self._process = subprocess.Popen(
                 command,
@@ -85,20 +85,20 @@ class ForkServer:
     def start(self, request: Request, streams: Sequence[int]) -> Copy | None:
         """Start a node as the leader of a group of its own. streams: files for its output and its errors. None: it
         could not be started here, and nothing was."""
-        if Path(request.command[0]).name not in NODES:
+        text = msgspec.json.encode(request)
+        if Path(request.command[0]).name not in NODES or len(text) > _LONGEST:
             return None
         with self._lock, _adopting():
             pid = 0
             try:
                 self._line.settimeout(_ANSWER_S)
-                socket.send_fds(self._line, [msgspec.json.encode(request)], streams)
+                socket.send_fds(self._line, [text], streams)
                 pid = int(self._line.recv(_LONGEST))
                 self._line.recv(_LONGEST)
                 os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
             except (OSError, ValueError):  # the server has ended or hangs, or the copy is not our child
-                self.__exit__()
-                if pid:
-                    os.kill(pid, signal.SIGKILL)
+                self.close()
+                _kill(pid)
                 return None
             return Copy(pid)
 
@@ -106,10 +106,19 @@ class ForkServer:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
         """End the server; nodes live on."""
         self._line.close()
         self._process.kill()
         self._process.wait()
+
+
+def _kill(pid: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        if pid:
+            os.kill(pid, signal.SIGKILL)
 
 
 @contextlib.contextmanager
@@ -133,7 +142,10 @@ def serve(line: socket.socket) -> Request | None:
         if father == 0:
             father = os.getpid()
             if (pid := os.fork()) != 0:
-                line.send(b"%d" % pid)
+                try:
+                    line.send(b"%d" % pid)
+                except OSError:  # nobody waits any more: the run starts the node anew
+                    _kill(pid)
                 os._exit(0)
             while os.getppid() == father:  # its end would be told as that of the run
                 time.sleep(0.001)
@@ -145,7 +157,8 @@ def serve(line: socket.socket) -> Request | None:
         for stream in streams:
             os.close(stream)
         os.waitpid(father, 0)
-        line.send(_ADOPTED)
+        with contextlib.suppress(OSError):  # the run has given up; its end comes next
+            line.send(_ADOPTED)
 
 
 def become(request: Request) -> None:
@@ -183,7 +196,8 @@ def main() -> None:
     line = socket.socket(fileno=int(sys.argv[1]))
     for node in NODES:
         importlib.import_module(_module(node))
-    importlib.import_module("vsx_ros.kernels.warmup").warm_up("mapping", "tracking", "loops", "ground", "planning")
+    if groups := sys.argv[2].split():
+        importlib.import_module("vsx_ros.kernels.warmup").warm_up(*groups)
     gc.collect()
     gc.freeze()  # so that the copies share the memory
     if threading.active_count() > 1 or len(os.listdir("/proc/self/task")) > 1:

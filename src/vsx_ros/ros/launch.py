@@ -145,7 +145,7 @@ def _param(name: str, value: Any, indent: str) -> str:
 class _NodeCopy(LocalProcess):  # type: ignore[misc]  # roslaunch is untyped
     """A node that the fork server starts, also again; when it cannot, roslaunch does."""
 
-    server: ForkServer
+    forks: ForkServer
 
     def start(self) -> bool:
         """Start the process; a stream that is not logged is ours."""
@@ -154,7 +154,7 @@ class _NodeCopy(LocalProcess):  # type: ignore[misc]  # roslaunch is untyped
             with contextlib.suppress(OSError, roslaunch.core.RLException):  # logs that cannot be written
                 logs = [files.enter_context(file) if file else None for file in self._configure_logging()]
                 streams = [log.fileno() if log else number for log, number in zip(logs, (1, 2))]
-                self.popen = self.server.start(Request(self.args, self.env, rospkg.get_ros_home()), streams)
+                self.popen = self.forks.start(Request(self.args, self.env, rospkg.get_ros_home()), streams)
         if self.popen is None:
             return bool(super().start())
         Process.start(self)
@@ -170,25 +170,25 @@ class _Parent(roslaunch.parent.ROSLaunchParent):  # type: ignore[misc]  # roslau
     def _init_runner(self) -> None:
         super()._init_runner()
         if self.forks is not None:
-            self.runner.launch_node = self._launched
+            self._anew, self.runner.launch_node = self.runner.launch_node, self._launched
 
     def _launched(self, node: roslaunch.core.Node, core: bool = False) -> tuple[object, bool]:
         if core or node.package != "vsx_ros":
-            launched: tuple[object, bool] = type(self.runner).launch_node(self.runner, node, core)
+            launched: tuple[object, bool] = self._anew(node, core)
             return launched
         uri, patience_s = self.config.master.uri, (self.sigint_timeout, self.sigterm_timeout)
         process = create_node_process(self.run_id, node, uri, *patience_s)
-        process.__class__, process.server = _NodeCopy, self.forks
+        process.__class__, process.forks = _NodeCopy, self.forks
         self.pm.register(process)
         node.process_name = process.name
         return process, process.start()
 
 
 def start(
-    text: str, server: ForkServer | None = None, *, quiet: bool = False, sigint_s: float = SIGINT_TIMEOUT_S
+    text: str, forks: ForkServer | None = None, *, quiet: bool = False, sigint_s: float = SIGINT_TIMEOUT_S
 ) -> roslaunch.parent.ROSLaunchParent:
-    """Start the nodes of a launch text, by the server if there is one, and a master if none runs. Call it on the main
-    thread. Raises ConfigError if roslaunch rejects the text."""
+    """Start the nodes of a launch text, and a master if none runs. forks: starts the nodes of this package. Call it on
+    the main thread. Raises ConfigError if roslaunch rejects the text."""
     package_environment()
     if shutil.which("rosmaster") is None:
         raise ConfigError("there is no rosmaster: install ROS with 'scripts/demo' or the packages of apt.txt")
@@ -203,7 +203,7 @@ def start(
             sigint_timeout=sigint_s,
             sigterm_timeout=SIGTERM_TIMEOUT_S,
         )
-        parent.forks = server
+        parent.forks = forks
         parent.start(auto_terminate=False)
     except roslaunch.core.RLException as error:
         raise ConfigError(f"roslaunch: {error}") from error

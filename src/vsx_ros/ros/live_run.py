@@ -52,10 +52,10 @@ class LiveRun:
         *,
         view: bool,
         replayed: bool,
-        server: ForkServer | None = None,
+        forks: ForkServer | None = None,
     ) -> None:
         """vital: names of nodes without which the run cannot continue. log: folder for their output. view: with the
-        live view at ``url``. replayed: a recording gives the time, and there is no robot to stop. server: starts the
+        live view at ``url``. replayed: a recording gives the time, and there is no robot to stop. forks: starts the
         nodes. Raises ConfigError when the view cannot be shown."""
         os.environ["ROS_LOG_DIR"] = str(log.resolve())
         log.mkdir(exist_ok=True)
@@ -67,7 +67,7 @@ class LiveRun:
         self._text = launch.xml(nodes, to_dict(config), {"/use_sim_time": True} if replayed else None)
         self._vital, self._replayed = vital, replayed
         self._parent: Any = None
-        self._server = server
+        self._forks = forks
         self._guard: MasterGuard | None = None
         self._zero_pub: Any = None
         self._dead: list[str] = []
@@ -118,7 +118,7 @@ class LiveRun:
     def _start(self) -> None:
         self._heard = SignalFlag(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         try:
-            self._parent = launch.start(self._text, self._server, quiet=True)
+            self._parent = launch.start(self._text, self._forks, quiet=True)
         except Exception:
             if self.interrupted:  # roslaunch complains about processes that the signal ended
                 raise KeyboardInterrupt from None

@@ -64,13 +64,13 @@ class Coverage:
         return self._share
 
 
-def explore(args: argparse.Namespace, server: ForkServer) -> int:
+def explore(args: argparse.Namespace, forks: ForkServer) -> int:
     """One live run, or the rest of an interrupted one; returns the exit code. If a viewer wants more of it, this
     process becomes the next session: rospy cannot begin again where it has ended. args: the options of ``vsx explore``.
-    server: starts the nodes.
+    forks: starts the nodes.
     """
     logs.quiet_failures()
-    folder, code, go_on = _explore(args, server)
+    folder, code, go_on = _explore(args, forks)
     if go_on:
         sys.stdout.flush()
         sys.stderr.flush()
@@ -90,7 +90,7 @@ def go_on_words(folder: RunFolder) -> list[str]:
     return ["explore", "--resume", str(folder.path.resolve()), "--view", "--headless", *limit, *until]
 
 
-def _explore(args: argparse.Namespace, server: ForkServer) -> tuple[RunFolder, int, bool]:
+def _explore(args: argparse.Namespace, forks: ForkServer) -> tuple[RunFolder, int, bool]:
     """The folder of one run, its exit code, and whether it is to go on."""
     refuse_second_robot([node.name for node in (*launch.bringup(), *launch.exploration())])
     folder, config, world = begin(args)
@@ -102,7 +102,7 @@ def _explore(args: argparse.Namespace, server: ForkServer) -> tuple[RunFolder, i
     with tempfile.TemporaryDirectory(prefix="vsx-", ignore_cleanup_errors=True) as devices:
         nodes = _nodes(args, folder, world, Path(devices), journal.T_world_base)
         log = folder.path / "log"
-        with LiveRun(nodes, config, _VITAL, log, view=args.view, replayed=False, server=server) as live:
+        with LiveRun(nodes, config, _VITAL, log, view=args.view, replayed=False, forks=forks) as live:
             if live.url and not args.headless:
                 open_browser(live.url)
             monitor = Monitor(emulated=world is not None)

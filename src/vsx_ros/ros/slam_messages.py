@@ -15,6 +15,7 @@ from tf2_msgs.msg import TFMessage
 from vsx_ros.arrays import ColorImage, FloatArray, Pixels
 from vsx_ros.config import MountConfig
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.limits import MIB
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import convert, headers, logs, threads, topics
 from vsx_ros.ros.logs import ERROR, OK, Diagnostics
@@ -32,7 +33,6 @@ _PREVIEW_PERIOD_S = 0.1
 _QUALITY_PERCENT = 70
 _FOUND_BGR, _MISSED_BGR = (90, 220, 60), (60, 60, 235)
 _FOUND_PX, _MISSED_PX = 4, 3
-_MIB = 2**20
 
 
 class SlamStatus:
@@ -90,9 +90,9 @@ class SlamStatus:
 
     def map(self, snapshot: MapSnapshot, map_bytes: int, dense_bytes: int) -> None:
         """Publish the size of the map, also in memory; called once a second."""
-        keyframes, points, map_mib = len(snapshot.T_world_cams), len(snapshot.points_world), map_bytes / _MIB
+        keyframes, points, map_mib = len(snapshot.T_world_cams), len(snapshot.points_world), map_bytes / MIB
         self._diagnostics.set("map", OK, f"{keyframes} keyframes, {points} points, {map_mib:.0f} MiB")
-        self._publish(keyframes=keyframes, points=points, map_mib=map_mib, dense_mib=dense_bytes / _MIB)
+        self._publish(keyframes=keyframes, points=points, map_mib=map_mib, dense_mib=dense_bytes / MIB)
 
     def _change(self, state: TrackingState, reason: str, ahead: str) -> None:
         if (state, reason, ahead) != (self._state, self._reason, self._ahead):

@@ -44,7 +44,7 @@ class RunRecord:
         # For an hour of frames and readings: rows of numbers instead of objects.
         self._T_odom_bases, self._odometry = bytearray(), bytearray()
         self._epochs: list[int] = []
-        self.results = StoredResults()
+        self.results, self._objects = StoredResults(), list[TrackingResult]()
         self.track_ms: list[float] = []
         self.u2_frames: list[float | None] = []
         self.events: list[RunEvent] = []
@@ -73,6 +73,20 @@ class RunRecord:
             elif isinstance(line, RunEvent):
                 self.events.append(line)
 
+    def _decoded(self) -> list[TrackingResult]:
+        """All results as objects, made once for all that is written at the end; of complete frames: another may be
+        added meanwhile."""
+        frames = len(self.u2_frames)  # added last
+        if len(self._objects) != frames:
+            self._objects = self.results[:frames]
+        return self._objects
+
+    def _compared(self) -> tuple[list[TrackingResult], list[SE3 | None], list[int]]:
+        """Results, camera poses by odometry in its frame, and epochs of the same frames."""
+        results, poses = self._decoded(), (pose for _, *pose in _READING.iter_unpack(bytes(self._T_odom_bases)))
+        cameras = [None if math.isnan(x) else SE3.from_se2(SE2(x, *rest)) @ self._T_base_cam for x, *rest in poses]
+        return results, cameras[: len(results)], self._epochs[: len(results)]
+
     @property
     def odom_epoch(self) -> int:
         """The odometry's epoch in the last frame; -1 before the first."""
@@ -80,7 +94,7 @@ class RunRecord:
 
     def estimate(self) -> list[StampedPose]:
         """T_world_cam of every tracked frame; if the map was started again, only of frames since then."""
-        results = list(self.results)
+        results = self._decoded()
         states = [result.state for result in results]
         begun = len(states) - [*reversed(states), TrackingState.NOT_INITIALISED].index(TrackingState.NOT_INITIALISED)
         known = ((r.stamp_ns, r.T_world_cam) for r in results[begun:] if r.state.tracked)
@@ -89,7 +103,7 @@ class RunRecord:
     def final(self, slam_map: SlamMap | None) -> list[StampedPose]:
         """The same frames, moved with their keyframes' current poses; the heir stands for a culled keyframe."""
         keyframes = () if slam_map is None else slam_map.view.keyframes
-        held = {r.stamp_ns: r.anchor for r in self.results if r.anchor and r.anchor.keyframe < len(keyframes)}
+        held = {r.stamp_ns: r.anchor for r in self._decoded() if r.anchor and r.anchor.keyframe < len(keyframes)}
         return [
             StampedPose(ns, held[ns].pose(keyframes) if ns in held else T_world_cam)
             for ns, T_world_cam in self.estimate()
@@ -97,38 +111,35 @@ class RunRecord:
 
     def summary(self, statistics: SlamStatistics) -> Summary:
         """The numbers that need no ground truth."""
-        breaks, jumps = self._breaks(), len(find_odometry_jumps(list(self.results), self._cameras(), self._epochs))
+        breaks, jumps = self._breaks(), len(find_odometry_jumps(*self._compared()))
         return tracking_summary(statistics, self.track_ms).with_values(breaks=breaks, odometry_jumps=jumps)
 
     def counted(self) -> Summary:
         """The numbers that the frames alone give, without the SLAM."""
         if not self.results:
             return Summary()
-        states = [result.state for result in self.results]
+        states = [result.state for result in self._decoded()]
         tracked, lost = sum(state.tracked for state in states), states.count(TrackingState.LOST)
         return Summary(frames=len(states), frames_tracked=tracked, frames_lost=lost, breaks=self._breaks())
 
     def _breaks(self) -> int:
-        return len(find_breaks(list(self.results), self._cameras(), self._epochs))
-
-    def _cameras(self) -> list[SE3 | None]:
-        """Poses by odometry, in its frame."""
-        poses = (pose for _, *pose in _READING.iter_unpack(self._T_odom_bases))
-        return [None if math.isnan(x) else SE3.from_se2(SE2(x, *rest)) @ self._T_base_cam for x, *rest in poses]
+        return len(find_breaks(*self._compared()))
 
     def told(self) -> list[RunEvent]:
         """All events, and those that only the whole run shows."""
-        jumps = find_odometry_jumps(list(self.results), self._cameras(), self._epochs)
+        jumps = find_odometry_jumps(*self._compared())
         return [*self.events, *(RunEvent(jump.stamp_ns, "odometry", "jumped", jump.reason) for jump in jumps)]
 
     def frames(self) -> list[FrameRecord]:
         """How each frame was tracked."""
+        results = self._decoded()
+        rows = zip(results, self.track_ms[: len(results)], self.u2_frames[: len(results)], strict=True)
         return [
             FrameRecord(
                 r.stamp_ns, r.state.value, searched=r.searched, found=r.found, keyframe_added=r.keyframe_added,
                 track_ms=ms, u2_frames=u2,
             )
-            for r, ms, u2 in zip(self.results, self.track_ms, self.u2_frames, strict=True)
+            for r, ms, u2 in rows
         ]  # fmt: skip
 
     def writes(
@@ -143,7 +154,7 @@ class RunRecord:
             yield lambda: folder.write_poses("trajectory_final", self.final(slam.slam_map()))
         yield lambda: folder.write_frames(self.frames())
         if self._odometry:
-            readings = _READING.iter_unpack(self._odometry)
+            readings = _READING.iter_unpack(bytes(self._odometry))  # which readings are still added to
             T_odom_base = [StampedPose(ns, SE3.from_se2(SE2(*pose))) for ns, *pose in readings]
             yield lambda: folder.write_poses("odometry", T_odom_base)
         points_world = slam.snapshot().points_world if slam is not None else None
