@@ -55,7 +55,7 @@ class Wires:
         self.served: dict[str, Callable[[Any], Any]] = {}
         self.steps: dict[str, Callable[[], None]] = {}
         self._hearers: dict[str, list[Callable[[Any], None]]] = {}
-        publisher = lambda topic, *_, **__: SimpleNamespace(publish=lambda msg: self.say(topic, msg))  # noqa: E731
+        publisher = lambda topic, *_, **__: SimpleNamespace(publish=lambda msg: self.say(topic, msg))  # noqa: E731 (given on)
         monkeypatch.setattr(rospy, "Publisher", publisher)
         monkeypatch.setattr(rospy, "Subscriber", lambda topic, _, hear, *__, **___: self._hear(topic, hear))
         monkeypatch.setattr(rospy, "Service", lambda name, _, answer: self.served.update({name: answer}))

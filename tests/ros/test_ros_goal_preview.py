@@ -41,7 +41,7 @@ class Asked:
         planner.take_grid(hall(), 0)
         way = SimpleNamespace(way=lambda start, goal: planner.timed(start, goal, "map"))
         where = SimpleNamespace(at=lambda _: SimpleNamespace(pose=lambda frame: here if frame == "map" else None))
-        GoalPreview(way, where)  # type: ignore[arg-type]
+        GoalPreview(way, where)  # type: ignore[arg-type]  # stand-ins
         (self._service,) = offered
 
     def answer(self, text: str) -> Any:

@@ -89,7 +89,7 @@ def test_glass_is_solid_and_seen_through() -> None:
 def test_windows_are_too_bright_for_the_sensor_and_darken_the_room() -> None:
     world = generate_world("lab", 3)
     bright = with_hard_things(world, {"windows": 20}, "test")
-    window = next(poster for poster in bright.posters if poster.material == "outside")  # type: ignore[attr-defined]
+    window = next(poster for poster in bright.posters if poster.material == "outside")  # type: ignore[attr-defined]  # of a lab
     place = window.x + 2.0 * math.cos(window.yaw_rad), window.y + 2.0 * math.sin(window.yaw_rad)
     kind, dazzled = (seen(w, *place, window.yaw_rad + math.pi).radiance for w in (world, bright))
     assert dazzled.max() > 4.0 > 1.5 > kind.max()

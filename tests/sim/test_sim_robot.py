@@ -53,7 +53,7 @@ def test_warm_up_compiles_what_an_emulated_camera_uses(lab: World) -> None:
     robot = EmulatedRobot(lab, 1)
     for _ in range(3):
         robot.step(VelocityCommand(0.15, 0.2))
-    assert [len(kernel.compiled.signatures) for kernel in kernels] == before  # type: ignore[attr-defined]
+    assert [len(kernel.compiled.signatures) for kernel in kernels] == before  # type: ignore[attr-defined]  # as above
 
 
 def test_frames_come_at_the_wanted_rate_and_are_8_bit(empty_room: World) -> None:

@@ -10,6 +10,7 @@ import io
 import sqlite3
 import sys
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import BinaryIO
@@ -162,7 +163,7 @@ class BoundedRos2(Ros2Reader):  # type: ignore[misc]  # as above
     STORAGE_PLUGINS = {"dir": _Directory, ".mcap": _Mcap, ".db3": _Sqlite3}
 
 
-storage_mcap.DECOMPRESSORS.update({kind: lambda d, n, kind=kind: _exactly(kind, d, n) for kind in ("lz4", "zstd")})  # type: ignore[misc]
+storage_mcap.DECOMPRESSORS.update({kind: partial(_exactly, kind) for kind in ("lz4", "zstd")})
 ros2_reader.zstd = SimpleNamespace(decompress=_message, open=_File)  # type: ignore[assignment]  # as above
 for module in (storage_mcap, storage_sqlite3, ros2_reader):
     module.parse_qos = lambda _profiles: []  # type: ignore[attr-defined]  # as above

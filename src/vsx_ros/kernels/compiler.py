@@ -40,7 +40,7 @@ def compiled(function: Callable[P, R], options: dict[str, bool]) -> Callable[P, 
     """The function as numba compiles it at each new combination of types; itself under NUMBA_DISABLE_JIT."""
     # Nobody calls a kernel from C; without the wrapper for that, compiling takes a tenth less.
     made = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
-    if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+    if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # as above
         made._cache = _SharedCache(function)
     typed: Callable[P, R] = made
     return typed

@@ -15,25 +15,25 @@ class EmulatedWorld(Protocol):
     """A building with its floor at z = 0, and where the robot starts. The docstrings of ``World`` say more."""
 
     @property
-    def name(self) -> str: ...  # noqa: D102
+    def name(self) -> str: ...  # noqa: D102 (see World)
 
     @property
-    def hard(self) -> dict[str, float]: ...  # noqa: D102
+    def hard(self) -> dict[str, float]: ...  # noqa: D102 (see World)
 
     @property
-    def start(self) -> Start: ...  # noqa: D102
+    def start(self) -> Start: ...  # noqa: D102 (see World)
 
     @property
-    def start_pose(self) -> SE2: ...  # noqa: D102
+    def start_pose(self) -> SE2: ...  # noqa: D102 (see World)
 
     @property
-    def bounds(self) -> tuple[float, float, float, float]: ...  # noqa: D102
+    def bounds(self) -> tuple[float, float, float, float]: ...  # noqa: D102 (see World)
 
     @property
-    def sights(self) -> list[Point]: ...  # noqa: D102
+    def sights(self) -> list[Point]: ...  # noqa: D102 (see World)
 
-    def starting_at(self: W, start: Start) -> W: ...  # noqa: D102
+    def starting_at(self: W, start: Start) -> W: ...  # noqa: D102 (see World)
 
-    def plan(self, z_min: float, z_max: float) -> Iterator[tuple[Points2, bool]]: ...  # noqa: D102
+    def plan(self, z_min: float, z_max: float) -> Iterator[tuple[Points2, bool]]: ...  # noqa: D102 (see World)
 
-    def obstacle_segments(self, z_min: float, z_max: float) -> FloatArray: ...  # noqa: D102
+    def obstacle_segments(self, z_min: float, z_max: float) -> FloatArray: ...  # noqa: D102 (see World)

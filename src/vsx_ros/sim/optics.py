@@ -23,13 +23,13 @@ class Optics(Protocol):
     """Draws a scene: ``Renderer`` for quads, ``MeshRenderer`` for triangles. Their docstrings say more."""
 
     @property
-    def border_rows(self) -> FloatArray: ...  # noqa: D102
+    def border_rows(self) -> FloatArray: ...  # noqa: D102 (see Renderer)
 
-    def sub_frames(self, R: FloatArray, t: FloatArray) -> int: ...  # noqa: D102
+    def sub_frames(self, R: FloatArray, t: FloatArray) -> int: ...  # noqa: D102 (see Renderer)
 
-    def enlighten(self, stamp_ns: int) -> None: ...  # noqa: D102
+    def enlighten(self, stamp_ns: int) -> None: ...  # noqa: D102 (see Renderer)
 
-    def render(  # noqa: D102
+    def render(  # noqa: D102 (see Renderer)
         self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False,
         states: FloatArray | None = None,
     ) -> Picture: ...  # fmt: skip
