@@ -15,6 +15,7 @@ _SETTLE_NS, BRAKE_NS = SECOND_NS, SECOND_NS // 2  # wait for the map after a fai
 _HOME_AGAIN_NS = 5 * SECOND_NS  # between tries to get home
 _MOST_BLOCKED = 30  # failed steps away from a hazard
 _MOST_TRIES = 5  # to get home; then the run ends where the robot is
+_AHEAD_M, _AHEAD_RAD = 0.2, 0.3  # so near a view the base brakes already, and the camera sees what it shows
 
 
 class Home:
@@ -61,6 +62,7 @@ class ViewTour:
         self._gain: ExpectedGain | None = None
         self._stopped_for = self._leaving = ""
         self._exit = SE2()  # of the zone that it leaves
+        self._has_looked = False  # from the goal, before the base stands there
         self._zones = ZoneWatch(config.robot.radius_m)
         self._empty_rankings = self._blocked = 0
         self.backing_off = self.has_gone = False
@@ -83,7 +85,7 @@ class ViewTour:
         self.backing_off, self._leaving = False, ""
         if self._home.asked and self._goal is not None:
             return self._log.finish(now_ns, Outcome.HOME, "returned to the start")
-        if self._goal is not None:
+        if self._goal is not None and not self._has_looked:
             self._view_selector.looked_from.append(self._goal.pose)
         self.forget_goal()
         if situation.grid is None or situation.T_map_base is None:
@@ -103,6 +105,7 @@ class ViewTour:
     def forget_goal(self) -> None:
         """Forget the goal; the next decision chooses again."""
         self._goal = self._gain = None
+        self._has_looked = False
 
     def forget_drive(self) -> None:
         """Forget whatever the robot drives for: the goal, a step away from something, the way out of a zone."""
@@ -136,7 +139,22 @@ class ViewTour:
         if zone := self._zones.zone_at(situation.grid, view):
             return self.rest(now_ns, True, f"the goal now lies in the zone {zone!r}")
         reason = self._gain.why_obsolete(situation.grid) if self._gain and situation.grid is not None else ""
-        return self.rest(now_ns, True, reason) if reason else self._log.on_the_way()
+        if reason:
+            return self.rest(now_ns, True, reason)
+        return self._choose_ahead(now_ns, situation) or self._log.on_the_way()
+
+    def _choose_ahead(self, now_ns: int, situation: Situation) -> Decision | None:
+        """The next view, once per goal, where the base brakes for this one: it is ranked and planned to meanwhile, from
+        where the base will stand. None elsewhere, and when no view is left: that is judged at rest."""
+        goal, grid, T_map_base = self._goal, situation.grid, situation.T_map_base
+        if goal is None or grid is None or T_map_base is None or self._has_looked or self._home.asked:
+            return None
+        off_rad = abs(T_map_base.angle_to(goal.pose))
+        if T_map_base.distance_to(goal.pose) > _AHEAD_M or off_rad > _AHEAD_RAD:
+            return None
+        self._has_looked = True
+        self._view_selector.looked_from.append(goal.pose)
+        return self._drive_to_best(now_ns, situation, grid, T_map_base)
 
     def _drive_out(self, now_ns: int, zone: str, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
         """The shortest way out of a zone that was drawn around the robot."""
@@ -157,9 +175,17 @@ class ViewTour:
                 return self._log.finish(now_ns, Outcome.STRANDED, self._home.out_of_reach)
             self._goal = View(self._home.pose, gain_m2=0.0, distance_m=0.0, landmarks=0, utility=0.0)
             return self._go(now_ns, self._goal.pose, "map", "driving home")
+        best = self._drive_to_best(now_ns, situation, grid, T_map_base)
+        return best or self._nothing_left(now_ns, situation, grid)
+
+    def _drive_to_best(
+        self, now_ns: int, situation: Situation, grid: OccupancyGrid, T_map_base: SE2
+    ) -> Decision | None:
+        """The drive to the best view; None when no view is worth its drive."""
         views = self._view_selector.rank(now_ns, T_map_base, grid, situation.landmarks_world).views
         if not views:
-            return self._nothing_left(now_ns, situation, grid)
+            return None
+        self.forget_goal()
         self._empty_rankings, self.has_gone = 0, True
         self._goal = goal = views[0]
         self._gain = self._view_selector.expected_gain(goal, grid)

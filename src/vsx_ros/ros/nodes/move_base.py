@@ -60,8 +60,9 @@ class MoveBaseNode:
         with self._pursuing:
             done = self._pursue(goal.target_pose)
             self._lease.promise(0.0)
-            rospy.loginfo("goal %s: %s", "reached" if done.arrived else "failed", done.reason)
-            self._diagnostics.set("goal", OK if done.arrived else WARN, done.reason)
+            said = "reached" if done.arrived else "left" if done.reason == _REPLACED else "failed"
+            rospy.loginfo("goal %s: %s", said, done.reason)
+            self._diagnostics.set("goal", WARN if said == "failed" else OK, done.reason)
             gave_up = self._server.set_preempted if self._server.is_preempt_requested() else self._server.set_aborted
             (self._server.set_succeeded if done.arrived else gave_up)(text=done.reason)
 
