@@ -1,4 +1,4 @@
-"""The table of docking."""
+"""The tables of docking and of exploring on batteries."""
 
 from collections.abc import Sequence
 from statistics import median
@@ -28,3 +28,20 @@ def _cells(results: Sequence[dict[str, Any]]) -> str:
     touched = sum(result["touches"] > 0 for result in results)
     times = f"{median(seconds):.0f}, {max(seconds):.0f}"
     return f"{len(docked)} of {len(results)} | {first} | {left} | {touched} | {times}"
+
+
+def charging(rows: Sequence[Row]) -> list[str]:
+    """One line for each run."""
+    lines = [
+        "| world | minutes | way | known and right | charged | failed to dock | least charge | contacts | ATE | ended by |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        did = row.result
+        cells = (
+            f"{row.asked['world']} {row.asked['seed']}", f"{did['minutes']:.0f}", f"{did['driven_m']:.0f} m",
+            f"{100.0 * did['coverage']:.0f} %", did["charges"], did["failures"], f"{100.0 * did['least_ratio']:.0f} %",
+            did["touches"], f"{100.0 * did['ate_m']:.1f} cm", did["stop_reason"],
+        )  # fmt: skip
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    return lines

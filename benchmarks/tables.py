@@ -124,6 +124,7 @@ TABLES: dict[str, Table] = {
     "live": Table("docs/results.md", "exploration_live", table_exploration.runs, _LAB),
     "live totals": Table("docs/results.md", "exploration_live", table_exploration.totals, _LAB),
     "docking": Table("docs/results.md", "docking", table_docking.docking),
+    "charging": Table("docs/results.md", "charging", table_docking.charging),
     "zones": Table("docs/results.md", "zones", table_zones.zones),
     "resumed": Table("docs/results.md", "resume", table_exploration.resumed),
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import fcntl
 import json
 import os
 import shutil
@@ -31,10 +32,9 @@ class Chromium:
         ]  # fmt: skip
 
         def take_pipes() -> None:
-            os.dup2(to_browser, 60)
-            os.dup2(from_browser, 61)
-            os.dup2(60, 3)
-            os.dup2(61, 4)
+            commands, answers = (fcntl.fcntl(pipe, fcntl.F_DUPFD, 5) for pipe in (to_browser, from_browser))
+            os.dup2(commands, 3)
+            os.dup2(answers, 4)
 
         self._process = subprocess.Popen(
             command, preexec_fn=take_pipes, close_fds=False, start_new_session=True,

@@ -35,7 +35,7 @@ def test_a_base_that_strays_again_and_again_gives_up_with_the_reason():
     run = LockStep(Config(follower=FollowerConfig(replans_after_divergence=1)))
     run.go(SE2(2.5, 0.5, 0.3))
     for _ in range(2):
-        run.drive(4.0)
+        run.drive(3.0)
         assert run.navigator.state is NavigationState.ACTIVE
         run.base.pushed(0.2)
     run.drive(3.0)
@@ -133,5 +133,5 @@ def test_a_new_goal_while_driving_is_planned_from_where_the_base_will_stand():
     assert run.navigator.state is NavigationState.SUCCEEDED
     assert run.navigator.plans == 2, "the plan made while braking is driven"
     assert run.base.pose.distance_to(SE2(1.0, -1.5, -1.5)) < 0.02
-    stood = rows[(rows[:, 0] > 4.0) & (np.abs(rows[:, 3]) < 0.001)]
+    stood = rows[(rows[:, 0] > 4.0) & (rows[:, 3] < 0.001)]  # at rest, or on its way back already
     assert stood[0, 0] < 5.3

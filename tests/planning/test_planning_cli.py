@@ -50,7 +50,7 @@ def test_words_and_picture(capsys, tmp_path):
     assert "change of view" in out
     assert "rad/m (phi 2)" in out
     assert "unlimited: open floor, no map was given" in out
-    assert " s from rest to rest, at most 0.3 m/s and 0.4 rad/s" in out
+    assert " s from rest to rest, at most 0.3 m/s and 0.6 rad/s" in out
     image = cv2.imread(str(picture))
     assert image is not None
     assert image.shape[1] == 900

@@ -78,14 +78,14 @@ class RobotConfig(Branch, frozen=True):
 
 class LimitsConfig(Branch, frozen=True):
     """Limits of the time scaling and the follower; their bounds are about what the bases can do. a_stop_m_s2 is for
-    obstacles found too near for a_m_s2: a stop from 0.3 m/s takes 6 cm instead of 14. The bases can stop harder, as
+    obstacles found too near for a_m_s2: a stop from 0.3 m/s takes 6 cm instead of 10. The bases can stop harder, as
     they do for a hazard, but then the images blur."""
 
     v_m_s: Annotated[float, Meta(gt=0, le=0.7)] = 0.3
-    a_m_s2: Annotated[float, Meta(gt=0, le=3)] = 0.4
-    jerk_m_s3: Annotated[float, Meta(gt=0, le=100)] = 2.0
-    omega_rad_s: Annotated[float, Meta(gt=0, le=3.2)] = 0.4
-    alpha_rad_s2: Annotated[float, Meta(gt=0, le=20)] = 1.0
+    a_m_s2: Annotated[float, Meta(gt=0, le=3)] = 0.6
+    jerk_m_s3: Annotated[float, Meta(gt=0, le=100)] = 4.0
+    omega_rad_s: Annotated[float, Meta(gt=0, le=3.2)] = 0.6
+    alpha_rad_s2: Annotated[float, Meta(gt=0, le=20)] = 1.5
     a_stop_m_s2: Annotated[float, Meta(gt=0, le=3)] = 1.0
     # Delay from a command to the wheels: 0.2 s of the base, the follower's period, a message.
     reaction_s: NonNegative = 0.3
