@@ -40,13 +40,13 @@ class CountedPlant(BodyPlant):
 
 
 class LoneBase:
-    """``port`` is the serial port of a Kobuki; ``close`` ends all that was started."""
+    """``port`` is the serial port of the base; ``close`` ends all that was started."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, kind: str = "kobuki") -> None:
         self.processes = Processes(folder, f"http://{HOST}:{free_port()}", ROS_HOSTNAME=HOST)
         self.port = str(folder / "base")
-        self.plant = CountedPlant(open_world("lab", 1), 1, RobotConfig(), lambda _: None, BASES["kobuki"].wheel_base_m)
-        self.emulator = base_emulator("kobuki", self.plant, self.port, 1)
+        self.plant = CountedPlant(open_world("lab", 1), 1, RobotConfig(), lambda _: None, BASES[kind].wheel_base_m)
+        self.emulator = base_emulator(kind, self.plant, self.port, 1)
         self.emulator.start(time.monotonic_ns())
         self.uri = self.processes.environment["ROS_MASTER_URI"]
         self.master_port = self.uri.rsplit(":", 1)[1]

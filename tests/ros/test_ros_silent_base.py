@@ -14,6 +14,8 @@ pytest.importorskip("rospy")
 from lone_base import LoneBase
 from waiting import PATIENCE_S
 
+from vsx_hw.bases import BASES
+
 pytestmark = pytest.mark.ros
 
 LISTENER = """
@@ -44,10 +46,10 @@ print(json.dumps(wait(2)), flush=True)
 """
 
 
-@pytest.fixture
-def base(tmp_path: Path) -> Iterator[LoneBase]:
-    made = LoneBase(tmp_path)
-    made.start("mobile_base", "_robot_type:=kobuki", f"_port:={made.port}")
+@pytest.fixture(params=list(BASES))
+def base(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[LoneBase]:
+    made = LoneBase(tmp_path, request.param)
+    made.start("mobile_base", f"_robot_type:={request.param}", f"_port:={made.port}")
     yield made
     made.close()
 
