@@ -33,7 +33,7 @@ def _cells(results: Sequence[dict[str, Any]]) -> str:
 def charging(rows: Sequence[Row]) -> list[str]:
     """One line for each run."""
     lines = [
-        "| world | minutes | way | known and right | charged | failed to dock | least charge | contacts | ATE | ended by |",
+        "| world | minutes | way | known and right | charged | not docked | least charge | contacts | ATE | ended by |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
