@@ -89,11 +89,13 @@ def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
         of_known = "" if len(known) == len(done) else f" of {len(known)} known"
         return "", f"{sum(happened(run[key]) for run in known)}{of_known}"
 
+    speeds = [way_m / seconds for way_m, seconds in ends]
     least_m = min((run["min_clearance_m"] for run in done if run["min_clearance_m"] is not None), default=None)
     return [
         (f"reach {_UNTIL} %, known and right", (str(len(ends)), ""), f"{math.ceil(0.95 * len(rows))}", f"{len(rows)}"),
-        ("metres until then", _worst([way_m for way_m, _ in ends], ".0f"), "75", "55"),
-        ("minutes until then", _worst([seconds / 60 for _, seconds in ends], ".1f"), "", ""),
+        ("metres until then", _worst([way_m for way_m, _ in ends], ".0f"), "50 (72)", "42 (60)"),
+        ("minutes until then", _worst([seconds / 60 for _, seconds in ends], ".1f"), "4.7", "3"),
+        ("mean speed until then [m/s]", _worst(speeds, ".2f", min), "0.20", "0.25"),
         ("ATE without scale alignment [cm]", of("ate_rmse_m", 100, ".1f"), "10 (25)", "5 (12)"),
         ("scale error [%]", of("scale_error", 100, ".1f"), "2", "1"),
         ("runs with unrecovered breaks", counted("breaks"), "0", "0"),
@@ -147,9 +149,9 @@ def _header(names: Sequence[str]) -> list[str]:
     return ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
 
 
-def _worst(values: Sequence[float], form: str) -> tuple[str, str]:
-    """Median and largest."""
-    return (format(np.median(values), form), format(max(values), form)) if values else ("-", "-")
+def _worst(values: Sequence[float], form: str, worst: Callable[[Sequence[float]], float] = max) -> tuple[str, str]:
+    """Median and worst."""
+    return (format(np.median(values), form), format(worst(values), form)) if values else ("-", "-")
 
 
 def _cm(metres: float | None) -> float | None:
