@@ -172,9 +172,10 @@ mallinfo = ctypes.CDLL(None).mallinfo2
 mallinfo.restype = Heap
 if sys.argv[1] == "returns":
     node.return_freed_memory()
-np.ones(1_000_000, np.uint8)
+MAP = 20_000_000  # larger than any gap that imports leave in the heap, smaller than what never goes on it
+np.ones(MAP, np.uint8)
 before = mallinfo().hblks
-newer_map = np.ones(1_000_000, np.uint8)
+newer_map = np.ones(MAP, np.uint8)
 print(mallinfo().hblks - before)
 """
 

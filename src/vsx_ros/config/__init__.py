@@ -136,7 +136,7 @@ class FollowerConfig(Branch, frozen=True):
     pose_timeout_s: Positive = 0.5
     # Speed while tracking is dubious (state POOR), as a share of the planned speed, and how long it stays so after.
     dubious_speed_factor: Annotated[float, Meta(gt=0, le=1)] = 0.5
-    dubious_hold_s: NonNegative = 1.0
+    dubious_hold_s: NonNegative = 0.5
     # How long the base waits on its way for something that is not in the map and hides it ahead, such as a person.
     hidden_wait_s: Annotated[float, Meta(ge=0, le=60)] = 3.0
     replans_after_divergence: Annotated[int, Meta(ge=0)] = 2
