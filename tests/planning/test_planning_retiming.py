@@ -104,3 +104,20 @@ def test_at_the_end_and_without_a_way_it_stands():
         standing = retime(planned, Timing(planned, planned.times_s - planned.times_s[0]), 0.0, factor, LIMITS)
         assert standing is not None
         assert standing.trajectory.at(1.0) == (SE2(1.0, 2.0, 3.0), 0.0, 0.0)
+
+
+@pytest.mark.parametrize("left_m", [0.0, 1e-13, 1e-11, 1e-9, 1e-7, 1e-5, 1e-3])
+@pytest.mark.parametrize("cusp", [False, True])
+def test_what_came_to_rest_at_the_end_of_a_stretch_resumes(left_m: float, cusp: bool) -> None:
+    pieces = (arc_piece(SE2(), 0.0, 1.0, 1), *([arc_piece(SE2(1.0), 0.0, 0.5, -1)] if cusp else []))
+    path = certified(SE2(), SE2(0.5 if cusp else 1.0, 0.0, 0.0), pieces, "arcs and lines")
+    planned = time_scale(path, LIMITS)
+    times = planned.times_s - planned.times_s[0]
+    stops = np.flatnonzero((planned.v == 0.0) & (times > 0.0))
+    end_s = float(times[stops[0]])
+    jerk_s = (6.0 * left_m / LIMITS.jerk_m_s3) ** (1.0 / 3.0)  # before the end, as the last metres are braked
+    rest = Trajectory(np.zeros(1), np.array([[1.0 - left_m, 0.0, 0.0]]), np.zeros(1), np.zeros(1))
+    resumed = retime(planned, Timing(rest, np.array([end_s - jerk_s])), 0.0, 1.0, LIMITS)
+    assert resumed is not None
+    assert resumed.places_s[-1] == pytest.approx(times[-1], abs=1e-6)
+    assert resumed.trajectory.poses[-1] == pytest.approx(planned.poses[-1], abs=1e-6)

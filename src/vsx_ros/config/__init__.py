@@ -85,7 +85,7 @@ class LimitsConfig(Branch, frozen=True):
     a_m_s2: Annotated[float, Meta(gt=0, le=3)] = 0.6
     jerk_m_s3: Annotated[float, Meta(gt=0, le=100)] = 4.0
     omega_rad_s: Annotated[float, Meta(gt=0, le=3.2)] = 0.6
-    alpha_rad_s2: Annotated[float, Meta(gt=0, le=20)] = 1.5
+    alpha_rad_s2: Annotated[float, Meta(gt=0, le=20)] = 2.0
     a_stop_m_s2: Annotated[float, Meta(gt=0, le=3)] = 1.0
     # Delay from a command to the wheels: 0.2 s of the base, the follower's period, a message.
     reaction_s: NonNegative = 0.3

@@ -126,13 +126,18 @@ def retime(planned: Trajectory, current: Timing, t_s: float, factor: float, limi
     times = current.trajectory.times_s - current.trajectory.times_s[0]
     place = float(np.interp(t, times, current.places_s))
     if len(planned.times_s) < 2 or place >= planned.duration_s:
-        return Timing(_standing(planned, place), np.array([place]))
+        return _standing(planned, place)
     stretch = _Stretch(planned, place, limits)
     u, a = _speed_and_acceleration(current.trajectory, times, t, stretch.turns)
     a = min(max(a, -stretch.limits.a_m_s2), stretch.limits.a_m_s2)
     if u < _NOTHING and factor == 0.0:
-        return Timing(_standing(planned, place), np.array([place]))
+        return _standing(planned, place)
     s = stretch.nearest(float(np.interp(place, stretch.times, stretch.s)), current.trajectory.at(t)[0])
+    if u < _NOTHING and stretch.geometry.length - s < _NOTHING:  # it came to rest where this stretch ends
+        if stretch.last == len(planned.times_s) - 1:
+            return _standing(planned, planned.duration_s)
+        place, s = float(stretch.times[-1]), 0.0
+        stretch = _Stretch(planned, place, limits)
     found = stretch.profile(s, u, a, factor)
     return None if found is None else _sampled(planned, stretch, place, *found, factor)
 
@@ -150,9 +155,9 @@ def _speed_and_acceleration(trajectory: Trajectory, times: FloatArray, t: float,
     return u, float(np.interp(t, middles, slopes)) if u > 0.0 else 0.0
 
 
-def _standing(planned: Trajectory, place: float) -> Trajectory:
+def _standing(planned: Trajectory, place: float) -> Timing:
     pose = planned.at(place)[0]
-    return Trajectory(np.zeros(1), pose.as_array()[None], np.zeros(1), np.zeros(1))
+    return Timing(Trajectory(np.zeros(1), pose.as_array()[None], np.zeros(1), np.zeros(1)), np.array([place]))
 
 
 def _sampled(
