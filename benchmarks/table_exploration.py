@@ -95,7 +95,7 @@ def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
         (f"reach {_UNTIL} %, known and right", (str(len(ends)), ""), f"{math.ceil(0.95 * len(rows))}", f"{len(rows)}"),
         ("metres until then", _worst([way_m for way_m, _ in ends], ".0f"), "50 (72)", "42 (60)"),
         ("minutes until then", _worst([seconds / 60 for _, seconds in ends], ".1f"), "4.7", "3"),
-        ("mean speed until then [m/s]", _worst(speeds, ".2f", min), "0.20", "0.25"),
+        ("mean speed until then [m/s]", _worst(speeds, ".3f", min), "0.200", "0.250"),
         ("ATE without scale alignment [cm]", of("ate_rmse_m", 100, ".1f"), "10 (25)", "5 (12)"),
         ("scale error [%]", of("scale_error", 100, ".1f"), "2", "1"),
         ("runs with unrecovered breaks", counted("breaks"), "0", "0"),
