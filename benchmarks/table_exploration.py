@@ -16,19 +16,19 @@ def runs(rows: Runs) -> list[str]:
     """One line per run."""
     head = ("world", "noise", *(f"L{level}" for level in ("50", "70", "80", _UNTIL)), "seconds", "lost", "breaks",
             "contacts", "least clearance", "ATE")  # fmt: skip
-    lines = _header(head)
+    lines = header(head)
     for row in sorted(rows, key=lambda row: (row.asked["world"], row.asked["noise"], row.asked["seed"])):
         run = row.result
         if "failed" in run:
             lines.append(f"| {row.asked['seed']} | {row.asked['noise']} | {run['failed']} |" + " |" * (len(head) - 3))
             continue
         reached = _reached(run)
-        ways = (_form(reached.get(level, [None])[0], ".0f") for level in ("50", "70", "80", _UNTIL))
+        ways = (shown(reached.get(level, [None])[0], ".0f") for level in ("50", "70", "80", _UNTIL))
         least_cm, ate_cm = _cm(run["min_clearance_m"]), _cm(run["ate_rmse_m"])
         cells = (
-            row.asked["seed"], row.asked["noise"], *ways, _form(reached.get(_UNTIL, [0, None])[1], ".0f"),
-            run["times_lost"], _form(run["breaks"], "d"), _form(run["collisions"], "d"),
-            f"{_form(least_cm, '.0f')} cm", f"{_form(ate_cm, '.1f')} cm",
+            row.asked["seed"], row.asked["noise"], *ways, shown(reached.get(_UNTIL, [0, None])[1], ".0f"),
+            run["times_lost"], shown(run["breaks"], "d"), shown(run["collisions"], "d"),
+            f"{shown(least_cm, '.0f')} cm", f"{shown(ate_cm, '.1f')} cm",
         )  # fmt: skip
         lines.append("| " + " | ".join(map(str, cells)) + " |")
     return lines
@@ -38,20 +38,20 @@ def strategies(rows: Runs) -> list[str]:
     """One line per world: results with views and with the nearest frontier."""
     found = {(row.asked["strategy"], row.asked["seed"]): row.result for row in rows}
     asked = dict.fromkeys(strategy for strategy, _ in found)
-    lines = _header(("world", *(f"{s}: {name}" for s in asked for name in ("L70", "L90", "seconds", "contacts"))))
+    lines = header(("world", *(f"{s}: {name}" for s in asked for name in ("L70", "L90", "seconds", "contacts"))))
     for seed in sorted({seed for _, seed in found}):
         cells = []
         for strategy in asked:
             run = found.get((strategy, seed), {})
-            ways = (_form(run.get("reached", {}).get(level, [None])[0], ".0f") for level in ("70", _UNTIL))
-            cells += [*ways, _form(run.get("duration_s"), ".0f"), _form(run.get("collisions"), "d")]
+            ways = (shown(run.get("reached", {}).get(level, [None])[0], ".0f") for level in ("70", _UNTIL))
+            cells += [*ways, shown(run.get("duration_s"), ".0f"), shown(run.get("collisions"), "d")]
         lines.append(f"| {seed} | " + " | ".join(cells) + " |")
     return lines
 
 
 def totals(rows: Runs) -> list[str]:
     """Results over all runs, with this project's own requirements."""
-    lines = _header((*_of(rows), "measured", "must", "aim"))
+    lines = header((*_of(rows), "measured", "must", "aim"))
     for name, (median, worst), must, aim in _figures(rows):
         measured = f"{median} ({worst})" if median and worst else median or worst
         lines.append(f"| {name}{', median (worst)' * bool(median and worst)} | {measured} | {must} | {aim} |")
@@ -60,7 +60,7 @@ def totals(rows: Runs) -> list[str]:
 
 def brief(rows: Runs) -> list[str]:
     """The same, only the numbers."""
-    lines = _header((*_of(rows), "median", "worst"))
+    lines = header((*_of(rows), "median", "worst"))
     return lines + [f"| {name} | {median} | {worst} |" for name, (median, worst), _, _ in _figures(rows)]
 
 
@@ -101,13 +101,13 @@ def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
         ("runs with unrecovered breaks", counted("breaks"), "0", "0"),
         ("runs that began a second map", counted("slam", lambda events: "second map" in events), "", ""),
         ("runs that touched something", ("", str(sum(bool(run["collisions"]) for run in done))), "0", "0"),
-        ("least distance to anything [cm]", ("", _form(_cm(least_m), ".0f")), "", "5"),
+        ("least distance to anything [cm]", ("", shown(_cm(least_m), ".0f")), "", "5"),
     ]
 
 
 def growth(rows: Runs) -> list[str]:
     """Cost of a decision: one line per quarter of the decisions of all runs of a world, by known ground."""
-    lines = _header(
+    lines = header(
         ("world", "known ground [m2]", "keyframes", "decisions", "median [ms]", "slowest [ms]", "memory [MB]")
     )
     for world in sorted({row.asked["world"] for row in rows}):
@@ -125,7 +125,7 @@ def growth(rows: Runs) -> list[str]:
 def resumed(rows: Runs) -> list[str]:
     """Undisturbed runs compared with the same runs killed and resumed."""
     alone, killed = ([row.result[which] for row in rows] for which in ("alone", "resumed"))
-    lines = _header(("", "left alone", "killed and resumed", "must"))
+    lines = header(("", "left alone", "killed and resumed", "must"))
 
     def line(name: str, key: str, form: str, worst: Any, must: str = "") -> None:
         cells = []
@@ -145,7 +145,8 @@ def resumed(rows: Runs) -> list[str]:
     return lines
 
 
-def _header(names: Sequence[str]) -> list[str]:
+def header(names: Sequence[str]) -> list[str]:
+    """The first two lines of a table."""
     return ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
 
 
@@ -158,6 +159,6 @@ def _cm(metres: float | None) -> float | None:
     return None if metres is None else 100 * metres
 
 
-def _form(value: float | None, form: str) -> str:
+def shown(value: float | None, form: str) -> str:
     """Unknown values become a dash."""
     return "-" if value is None else format(value, form)

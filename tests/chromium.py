@@ -32,6 +32,7 @@ class Chromium:
         ]  # fmt: skip
 
         def take_pipes() -> None:
+            # Copies first: the pipes may themselves be 3 or 4.
             commands, answers = (fcntl.fcntl(pipe, fcntl.F_DUPFD, 5) for pipe in (to_browser, from_browser))
             os.dup2(commands, 3)
             os.dup2(answers, 4)

@@ -108,6 +108,21 @@ def test_what_a_run_did_not_leave_is_told_as_unknown() -> None:
     assert "| 0 |" in lines["runs that touched something"]
 
 
+def test_a_run_on_batteries_is_a_line_also_without_a_map() -> None:
+    whole = {
+        "minutes": 75.02, "driven_m": 640.4, "coverage": 0.912, "charges": 3, "failures": 1, "least_ratio": 0.231,
+        "touches": 0, "ate_m": 0.034, "stop_reason": "time limit of 4500 s",
+    }  # fmt: skip
+    rows = [row(1), row(2)]
+    for made, result in zip(rows, (whole, whole | dict.fromkeys(("driven_m", "coverage", "ate_m"))), strict=True):
+        made.result.clear()
+        made.result.update(result)
+    head, rule, *lines = tables.table_docking.charging(rows)
+    assert lines[0] == "| lab 1 | 75 | 640 | 91 | 3 | 1 | 23 | 0 | 3.4 | time limit of 4500 s |"
+    assert lines[1] == "| lab 2 | 75 | - | - | 3 | 1 | 23 | 0 | - | time limit of 4500 s |"
+    assert {line.count("|") for line in (head, rule, *lines)} == {11}
+
+
 def test_rows_and_their_tables_go_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A row that comes changes the document; a document that is changed by hand is not that of its rows."""
     monkeypatch.setattr(tables, "ROOT", tmp_path)

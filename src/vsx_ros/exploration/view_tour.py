@@ -15,7 +15,7 @@ _SETTLE_NS, BRAKE_NS = SECOND_NS, SECOND_NS // 2  # wait for the map after a fai
 _HOME_AGAIN_NS = 5 * SECOND_NS  # between tries to get home
 _MOST_BLOCKED = 30  # failed steps away from a hazard
 _MOST_TRIES = 5  # to get home; then the run ends where the robot is
-_AHEAD_M, _AHEAD_RAD = 0.2, 0.3  # so near a view the base brakes already, and the camera sees what it shows
+_AHEAD_M, _AHEAD_RAD = 0.2, 0.3  # braking from there at full speed ends at the view; the camera sees what it shows
 
 
 class Home:
