@@ -110,7 +110,7 @@ class BaseDriver(ConnectionThread):
         self._on_reading, self._on_command = on_reading, on_command
         self._timeout_ns = round(command_timeout_s * 1e9)
         self._command: _Command | None = None
-        self._last_reading_ns = self._heard_bytes = 0
+        self._last_reading_ns = self._last_bytes_ns = self._heard_bytes = 0
         self._row, self._damage, self._refusal = 0, 0, ""
         self._sent = _STILL
         self._signal, self._shown = Signal.READY, ""
@@ -189,7 +189,9 @@ class BaseDriver(ConnectionThread):
             end_ns = min(self._command.until_ns, self._last_reading_ns + STALE_NS)
             due_ns = min(due_ns, max(end_ns, time.monotonic_ns()) + 1)
         data = transport.read(max(0.0, (due_ns - time.monotonic_ns()) * 1e-9))
-        self._heard_bytes += len(data)
+        if data:
+            self._heard_bytes += len(data)
+            self._last_bytes_ns = time.monotonic_ns()
         readings = self._dialect.receive(data, time.time_ns()) if data else []
         for reading in readings:
             self._count(time.monotonic_ns())
@@ -212,7 +214,9 @@ class BaseDriver(ConnectionThread):
             self._row, self._damage = self._row + 1 if in_row else 1, damage
 
     def _heard(self) -> str:
-        return f"{self._heard_bytes} bytes that make no sense" if self._heard_bytes else "no data"
+        """The rest of a report that a silence cut off is not what is wrong."""
+        garbage = self._heard_bytes > 0 and time.monotonic_ns() - self._last_bytes_ns <= STALE_NS
+        return f"{self._heard_bytes} bytes that make no sense" if garbage else "no data"
 
     def _current(self, now_ns: int) -> tuple[float, float]:
         command = self._command

@@ -131,12 +131,22 @@ def test_a_kobuki_knows_whether_it_stands_at_its_dock(charger, docked, charging,
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
-    ("damage", "words"), [(lambda data: b"", "no data"), (lambda data: bytes(len(data)), "no sense")]
+    ("damage", "words"),
+    [
+        (lambda data, late_ns: b"", "no data"),
+        (lambda data, late_ns: data[: len(data) // 2] if late_ns <= 70 * MS else b"", "no data"),
+        (lambda data, late_ns: bytes(len(data)), "no sense"),
+    ],
 )
 def test_a_base_that_falls_silent_or_mad_is_told_so_while_its_wheels_are_stopped(kind, damage, words, monkeypatch):
     wire = Wire(kind, monkeypatch)
     emit = wire.board.emit
-    monkeypatch.setattr(wire.board, "emit", lambda now_ns: (damage if now_ns > 2000 * MS else bytes)(emit(now_ns)))
+
+    def emitted(now_ns: int) -> bytes:
+        data = emit(now_ns)
+        return damage(data, now_ns - 2000 * MS) if now_ns > 2000 * MS else data
+
+    monkeypatch.setattr(wire.board, "emit", emitted)
     before = []
 
     def command() -> None:
