@@ -163,7 +163,7 @@ def test_an_error_is_told_at_once_and_the_rest_once_a_second(monkeypatch: pytest
 HEARS_MAPS = """
 import ctypes, sys
 import numpy as np
-from vsx_ros.ros import node
+from vsx_ros.ros import memory
 
 class Heap(ctypes.Structure):
     _fields_ = [(name, ctypes.c_size_t) for name in "arena ordblks smblks hblks hblkhd a b c d e".split()]
@@ -171,7 +171,7 @@ class Heap(ctypes.Structure):
 mallinfo = ctypes.CDLL(None).mallinfo2
 mallinfo.restype = Heap
 if sys.argv[1] == "returns":
-    node.return_freed_memory()
+    memory.return_freed_memory()
 MAP = 20_000_000  # larger than any gap that imports leave in the heap, smaller than what never goes on it
 np.ones(MAP, np.uint8)
 before = mallinfo().hblks
@@ -180,10 +180,35 @@ print(mallinfo().hblks - before)
 """
 
 
+BETWEEN_SMALL_BLOCKS = """
+from pathlib import Path
+import numpy as np
+from vsx_ros.ros import memory
+
+def resident_mb():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
+
+memory.return_freed_memory()
+frames = [np.ones(60_000, np.uint8) for _ in range(2000)]
+full_mb = resident_mb()
+keyframes = frames[::20]
+del frames
+memory.trim()
+print(full_mb - resident_mb())
+"""
+
+
+def output_of(program: str, *arguments: str) -> str:
+    others = {name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")}  # dask sets some
+    paths = {**others, "PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.check_output([sys.executable, "-c", program, *arguments], env=paths, text=True)
+
+
 @pytest.mark.parametrize(("how", "maps_beside_the_heap"), [("keeps", 0), ("returns", 1)])
 def test_a_map_that_was_replaced_goes_back_to_the_system(how: str, maps_beside_the_heap: int) -> None:
     """By itself malloc puts the second large array on the heap, where smaller ones keep its memory."""
-    others = {name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")}  # dask sets some
-    paths = {**others, "PYTHONPATH": os.pathsep.join(sys.path)}
-    told = subprocess.check_output([sys.executable, "-c", HEARS_MAPS, how], env=paths, text=True)
-    assert int(told) == maps_beside_the_heap
+    assert int(output_of(HEARS_MAPS, how)) == maps_beside_the_heap
+
+
+def test_what_frames_freed_between_keyframes_goes_back_to_the_system() -> None:
+    assert float(output_of(BETWEEN_SMALL_BLOCKS)) > 0.8 * 0.95 * 2000 * 0.06

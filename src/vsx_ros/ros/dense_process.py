@@ -25,6 +25,7 @@ from vsx_ros.errors import VsxError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.warmup import warm_up
+from vsx_ros.ros import memory
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _NICE = 5  # SLAM has priority
@@ -84,12 +85,15 @@ def serve(requests: Connection, answers: Connection) -> None:
         dense = densifier.update(snapshot)
         answers.send((dense, AnchoredSurface.of(dense, snapshot, config.cell_m)))
         images = {number: _STORED if number in densifier.stored else image for number, image in images.items()}
+        del dense, snapshot, new
+        memory.trim()
 
 
 def main() -> None:
     """The arguments are the file descriptors of the child's ends of the two pipes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(_NICE)
+    memory.return_freed_memory()
     cv2.setNumThreads(1)
     with contextlib.suppress(EOFError, BrokenPipeError):
         serve(*(Connection(int(descriptor)) for descriptor in sys.argv[1:]))

@@ -17,7 +17,7 @@ from vsx_hw.errors import DeviceError
 from vsx_ros.config import Config, from_dict
 from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.registry import load_plugins
-from vsx_ros.ros import headers, logs
+from vsx_ros.ros import headers, logs, memory
 from vsx_ros.ros.master_watch import master_watch
 
 _LOOK_S = 0.05  # rospy.spin would sleep for half a second
@@ -27,8 +27,6 @@ DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"  # Environment variable: a node started 
 PARAMETERS_SET = "live_run/parameters_set"  # Parameter: the run has set all nodes' parameters at this master
 AUTO = "auto"
 _PARAMETERS_S = 10.0  # roslaunch sets them before the start, a new master later
-_MALLOC = {"M_TRIM_THRESHOLD": (-1, 2**18), "M_MMAP_THRESHOLD": (-3, 2**18), "M_ARENA_MAX": (-8, 1)}
-"""Settings of glibc's malloc (mallopt(3)), in bytes: maps and images are larger than this, messages are smaller."""
 
 
 class Node(Protocol):
@@ -43,7 +41,7 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
     ``~config`` and compiles everything before it advertises. A VsxError is logged as one sentence and ends the process
     with exit code 1; a DeviceError does the same with exit code 2."""
     _die_with_parent()
-    return_freed_memory()
+    memory.return_freed_memory()
     logs.quiet_failures()
     cv2.setNumThreads(1)
     if not rosgraph.is_master_online():
@@ -73,8 +71,12 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
 
     rospy.on_shutdown(close)
     rospy.loginfo("%s: ready", rospy.get_name())
+    trimmed_s = time.monotonic()
     while not rospy.is_shutdown():
         time.sleep(_LOOK_S)
+        if time.monotonic() - trimmed_s > memory.TRIM_EVERY_S:
+            memory.trim()
+            trimmed_s = time.monotonic()
     let_go()
     close()
 
@@ -160,11 +162,3 @@ def _die_with_parent() -> None:
     if os.environ.get(DIE_WITH_PARENT) and sys.platform == "linux":
         pr_set_pdeathsig = 1
         ctypes.CDLL(None, use_errno=True).prctl(pr_set_pdeathsig, signal.SIGINT)
-
-
-def return_freed_memory() -> None:
-    """Return the memory of freed maps and images to the system. By default malloc keeps it between small blocks, with
-    one heap per thread. A node that receives maps then grows by tens of MB in its first half hour."""
-    if sys.platform == "linux":
-        for parameter, value in _MALLOC.values():
-            ctypes.CDLL(None).mallopt(parameter, value)

@@ -15,7 +15,7 @@ from sensor_msgs.msg import LaserScan, PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from vsx_ros.arrays import Points3
+from vsx_ros.arrays import Points3, array_bytes
 from vsx_ros.config import Config
 from vsx_ros.dense.densify import UPDATE_EVERY_S, DenseMap, update_every_s
 from vsx_ros.dense.mapped_ground import AnchoredSurface
@@ -107,7 +107,8 @@ class SlamMaps:
         self._status.announce()
         if self._slam is not None:
             slam_map = self._slam.slam_map()
-            self._status.map(snapshot, slam_map.view.nbytes if slam_map is not None else 0, self._dense.nbytes)
+            view_bytes = slam_map.view.nbytes if slam_map is not None else 0
+            self._status.map(snapshot, view_bytes + snapshot.nbytes + self._dense.received_bytes, self._dense.nbytes)
         self._keep_state()
 
     def _keep_state(self) -> None:
@@ -169,6 +170,11 @@ class DenseMapping:
     def nbytes(self) -> int:
         """Size of what the process of the dense map holds of the map [bytes]."""
         return self._map.nbytes if self._map is not None else 0
+
+    @property
+    def received_bytes(self) -> int:
+        """Size of what this process received of it [bytes]."""
+        return array_bytes((*(self._map.cells if self._map is not None else ()), *(self.spots or ())))
 
     def start(self, camera: PinholeCamera, T_base_cam: SE3 | None, seed: int) -> None:
         """Start once the camera is known. Does nothing without metric scale and floor, or if not enabled."""

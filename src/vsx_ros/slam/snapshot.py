@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import GrayImage, IntArray, Pixels, Points3
+from vsx_ros.arrays import GrayImage, IntArray, Pixels, Points3, array_bytes
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
@@ -32,6 +32,12 @@ class MapSnapshot:
     obs_point: IntArray
     obs_uv: Pixels
     obs_level: IntArray
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the arrays [bytes]. The images are the map's own."""
+        own = (self.keyframe_ids, self.keyframe_stamps_ns, self.point_ids, self.points_world)
+        return array_bytes((*own, self.obs_keyframe, self.obs_point, self.obs_uv, self.obs_level))
 
 
 def snapshot(view: MapView) -> MapSnapshot:
