@@ -33,8 +33,11 @@ def test_a_silent_base_stands_is_told_and_drives_again_by_itself(tmp_path, kind)
         wait_for(lambda: body.speed_m_s == 0.0, "standstill")
         wait_for(lambda: "for 0." in host.driver.status().message, "the silence told")
         assert not host.driver.status().connected
+        before, turned_after = host.count, list[int]()
+        host.driver._on_command = lambda turning: turned_after.append(host.count - before) if turning else None
         line.silent = False
         wait_for(lambda: body.speed_m_s > 0.15, "driving again")
+        assert turned_after[0] >= 3, "good reports in a row"
 
 
 def test_a_charger_state_that_no_document_has_is_told(tmp_path):
