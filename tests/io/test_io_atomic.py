@@ -11,7 +11,7 @@ from vsx_ros.cli import main
 from vsx_ros.geometry.camera import kernel_camera, nominal_camera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.io.atomic import write_bytes
+from vsx_ros.io.atomic import replacing, write_bytes
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.dock_file import save_dock
 from vsx_ros.io.room_file import save_rooms
@@ -44,6 +44,15 @@ def test_a_failed_write_leaves_what_was_there_and_nothing_beside_it(tmp_path):
     with pytest.raises(OSError) as caught:
         write_bytes(file, b"after")
     assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(file))
+    assert file.read_bytes() == b"before"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_file_that_could_not_be_made_leaves_what_was_there(tmp_path):
+    file = tmp_path / "map"
+    write_bytes(file, b"before")
+    with pytest.raises(TypeError), replacing(file) as new:
+        new.writelines([b"half", None])
     assert file.read_bytes() == b"before"
     assert list(tmp_path.iterdir()) == [file]
 

@@ -2,6 +2,7 @@
 
 import io
 import json
+import tracemalloc
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import SlamMap
-from vsx_ros.vision.corners import CornerDetector
+from vsx_ros.vision.corners import CornerDetector, no_corners
 from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import build_pyramid, small_image
 
@@ -79,6 +80,23 @@ def test_the_same_map_gives_the_same_file_and_replaces_the_old_one(slam_map, sav
     save_slam_map(load_slam_map(saved), tmp_path / "again")
     assert (tmp_path / "again").read_bytes() == saved.read_bytes()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["again", "lab.vsxmap"]
+
+
+def test_saving_takes_little_memory_beside_the_map(tmp_path):
+    rng, world, camera = np.random.default_rng(4), Map(), PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
+    for k in range(20):
+        pyramid = build_pyramid(rng.integers(0, 256, (480, 640), np.uint8))
+        frame = FrameData(k, pyramid, no_corners(pyramid), small_image(pyramid), None, kernel_camera(camera))
+        world.add_keyframe(frame, SE3.identity(), Observations.none())
+    large = SlamMap(camera, None, world.view())
+    tracemalloc.start()
+    try:
+        save_slam_map(large, tmp_path / "large.vsxmap")
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert (tmp_path / "large.vsxmap").stat().st_size > 20 * 640 * 480
+    assert peak < 0.4 * 20 * 640 * 480
 
 
 def test_a_map_without_odometry_has_no_mount(slam_map, tmp_path):

@@ -2,30 +2,42 @@
 
 import errno
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import BinaryIO
 
 _TRIAL_BYTES = 1 << 15  # as a run begins: parameters and world
 
 
-def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
-    """Replace the file in one step. durable: it survives a power cut after the return. Raises OSError with the path;
-    then the old file stays, and no temporary file."""
+@contextmanager
+def replacing(path: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
+    """An empty file to write and read; at the end it replaces the one at the path in one step. durable: it survives a
+    power cut after that. Raises OSError with the path; then, and after any other error, the old file stays, and no
+    temporary file."""
     beside = path.with_name(f".{path.name}.part")
     try:
-        with beside.open("wb") as file:
-            file.write(content)
+        with beside.open("w+b") as file:
+            yield file
             if durable:
                 file.flush()
                 os.fsync(file.fileno())
         os.replace(beside, path)
         if durable:
             sync(path.parent)
-    except OSError as error:
+    except BaseException as error:
         with suppress(OSError):
             beside.unlink()
-        raise OSError(error.errno, error.strerror, str(path)) from error
+        if isinstance(error, OSError):
+            raise OSError(error.errno, error.strerror, str(path)) from error
+        raise
+
+
+def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
+    """The same with bytes that are known."""
+    with replacing(path, durable=durable) as file:
+        file.write(content)
 
 
 def write_text(path: Path, content: str, *, durable: bool = False) -> None:

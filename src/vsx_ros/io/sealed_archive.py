@@ -6,9 +6,9 @@ import io
 import math
 import tokenize
 import zipfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,17 +24,30 @@ _FLOOR, _RATIO = 32 * MIB, 4
 be used more than once: those of culled keyframes are empty and so identical."""
 
 
-def seal(entries: Mapping[str, bytes], *, quick: bool = False) -> bytes:
-    """The archive's bytes, the same for the same entries. Images (.png) are stored uncompressed. quick: so is the rest,
-    for speed."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as archive:
-        for name, content in entries.items():
+def seal_into(file: BinaryIO, entries: Iterable[tuple[str, bytes]], *, quick: bool = False) -> None:
+    """Write an archive to an empty file, one entry after the other; the same bytes for the same entries. Images (.png)
+    are stored uncompressed. quick: so is the rest, for speed."""
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, content in entries:
             method = zipfile.ZIP_STORED if quick or name.endswith(".png") else zipfile.ZIP_DEFLATED
             archive.writestr(zipfile.ZipInfo(name), content, method, compresslevel=1)
         archive.comment = b"0" * _SEAL
-    body = buffer.getbuffer()[:-_SEAL]
-    return bytes(body) + hashlib.sha256(body).hexdigest().encode("ascii")
+    left = file.tell() - _SEAL
+    file.seek(0)
+    digest = hashlib.sha256()
+    while left:
+        piece = file.read(min(left, MIB))
+        digest.update(piece)
+        left -= len(piece)
+    file.seek(file.tell())  # from reading to writing
+    file.write(digest.hexdigest().encode("ascii"))
+
+
+def seal(entries: Mapping[str, bytes], *, quick: bool = False) -> bytes:
+    """The archive's bytes."""
+    buffer = io.BytesIO()
+    seal_into(buffer, entries.items(), quick=quick)
+    return buffer.getvalue()
 
 
 def unseal(content: bytes) -> dict[str, bytes]:

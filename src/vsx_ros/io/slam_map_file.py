@@ -6,7 +6,7 @@ A zip file: manifest.json (format, camera, mount), keyframes/<index>.png (grey i
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +21,9 @@ from vsx_ros.geometry.camera import PinholeCamera, Shutter, kernel_camera
 from vsx_ros.geometry.lens import PLUMB_BOB
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.io.atomic import write_bytes
+from vsx_ros.io.atomic import replacing
 from vsx_ros.io.image_encoding import check_image_size, picture
-from vsx_ros.io.sealed_archive import array_bytes, array_of, seal, unseal
+from vsx_ros.io.sealed_archive import array_bytes, array_of, seal_into, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check
 from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes, json_tree
 from vsx_ros.slam.anchor import Anchor
@@ -39,9 +39,13 @@ _PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16  # with a camera's noise, a byte of a p
 
 def save_slam_map(slam_map: SlamMap, path: Path) -> None:
     """Bring the file to the disk in one step; the SLAM may continue meanwhile. Raises MapFileError when that fails."""
-    pictures = {image_name(k.id): encoded(k.data.pyramid.level(0)) for k in slam_map.view.keyframes if k.alive}
-    with explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError):
-        write_bytes(path, seal(entries_of(slam_map, arrays_of(slam_map.view)) | pictures), durable=True)
+    living = (k for k in slam_map.view.keyframes if k.alive)
+    pictures = ((image_name(k.id), encoded(k.data.pyramid.level(0))) for k in living)
+    with (
+        explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError),
+        replacing(path, durable=True) as file,
+    ):
+        seal_into(file, chain(entries_of(slam_map, arrays_of(slam_map.view)), pictures))
 
 
 def load_slam_map(path: Path) -> SlamMap:
@@ -51,15 +55,16 @@ def load_slam_map(path: Path) -> SlamMap:
         return slam_map_of(unseal(file_bytes(path, DATA_BYTES)))
 
 
-def entries_of(slam_map: SlamMap, arrays: Arrays) -> dict[str, bytes]:
+def entries_of(slam_map: SlamMap, arrays: Arrays) -> Iterator[tuple[str, bytes]]:
     """The manifest of a map, and these arrays. arrays: all or some of ``arrays_of``."""
     mount = slam_map.T_base_cam
     camera = {name: getattr(slam_map.camera, name) for name in PinholeCamera.__slots__}
     manifest = {"format": FORMAT, "version": VERSION, "written_by": f"vsx_ros {__version__}", "camera": camera}
     T_base_cam = None if mount is None else mount.matrix().tolist()
     manifest |= {"T_base_cam": T_base_cam, "map_version": slam_map.view.version}
-    contents = {array_name(name): array_bytes(array) for name, array in arrays.items()}
-    return {"manifest.json": json.dumps(manifest, indent=1).encode()} | contents
+    yield "manifest.json", json.dumps(manifest, indent=1).encode()
+    for name, array in arrays.items():
+        yield array_name(name), array_bytes(array)
 
 
 def slam_map_of(entries: Mapping[str, bytes]) -> SlamMap:

@@ -85,7 +85,7 @@ def serve(requests: Connection, answers: Connection) -> None:
         dense = densifier.update(snapshot)
         answers.send((dense, AnchoredSurface.of(dense, snapshot, config.cell_m)))
         images = {number: _STORED if number in densifier.stored else image for number, image in images.items()}
-        del dense, snapshot, new
+        del dense, snapshot, without, new
         memory.trim()
 
 

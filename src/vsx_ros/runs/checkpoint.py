@@ -60,7 +60,7 @@ class Checkpoint:
                 sync(path)
             self._write_pictures(living)
             pieces = {name: self._chunks.write(arrays.pop(name), cuts) for name, cuts in _cuts(arrays).items()}
-            entries = entries_of(saved.slam_map, arrays)
+            entries = dict(entries_of(saved.slam_map, arrays))
             entries |= {f"{_STATE}{name}.npy": array_bytes(array) for name, array in saved.state.items()}
             files = {keyframe.id: name for name, keyframe in living.items()}
             notes = {"stamp_ns": saved.stamp_ns, "mission": saved.mission, "files": files, "pieces": pieces}
