@@ -29,7 +29,8 @@ class SlamSession:
     """Call ``begin`` when the camera is known, then ``track`` and ``locate`` with every frame.
 
     calibration: of the odometry while driving, None before ``begin`` and when it is disabled. ground: where the base
-    drove, bumped and pushed. where: the last result of ``locate``. ``base_at`` may be called from any thread."""
+    drove, bumped and pushed. where: the last result of ``locate``. resumed: whether a map is continued. ``base_at`` may
+    be called from any thread."""
 
     def __init__(
         self, T_base_cam: SE3, config: Config, slam_map: SlamMap | None = None,
@@ -38,7 +39,7 @@ class SlamSession:
         """slam_map: a map to continue; the base may be anywhere in it. state: ground and counts saved with the map;
         None: the place of its first keyframe counts as free. Raises InputError when the state is damaged."""
         self.T_base_cam, self._T_cam_base = T_base_cam, T_base_cam.inverse()
-        self.slam_map = slam_map
+        self.resumed, self._slam_map = slam_map is not None, slam_map
         self._config = config
         self.calibration: DrivingCalibration | None = None
         self._record = None if state is None else TrackingRecord.restored(state)
@@ -60,8 +61,9 @@ class SlamSession:
         made with another camera or mount."""
         mount = self.T_base_cam if metric else None
         if metric and self._config.self_calibration.enabled:
-            self.calibration = DrivingCalibration(self.T_base_cam, camera, self._config, self.slam_map is None)
-        self._slam = slam = kind(camera, mount, self._config.slam, seed, self.slam_map, self._record)
+            self.calibration = DrivingCalibration(self.T_base_cam, camera, self._config, not self.resumed)
+        self._slam = slam = kind(camera, mount, self._config.slam, seed, self._slam_map, self._record)
+        self._slam_map = None  # the SLAM's own grows, and what it no longer needs should go
         return slam
 
     def track(self, frame: Frame, odometry: Odometry | None) -> TrackingResult:
@@ -106,7 +108,7 @@ class SlamSession:
         """The odometry frame in the map; None while unknown. A new map begins as the odometry frame."""
         where = self.where
         if where.T_map_base is None or where.T_odom_base is None:
-            return SE2() if self.slam_map is None else None
+            return None if self.resumed else SE2()
         return (where.T_map_base @ where.T_odom_base.inverse()).wrapped()
 
     def base_at(self, odometry: Odometry) -> SE2 | None:

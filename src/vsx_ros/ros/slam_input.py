@@ -53,7 +53,7 @@ class SlamInput:
         self._sync.add_frame(frame)
 
     def _on_odometry(self, odometry: Odometry) -> None:
-        if self._odometry is None and self._session.slam_map is None:
+        if self._odometry is None and not self._session.resumed:
             self._session.ground.start = odometry.T_odom_base  # the map frame starts equal to the odometry frame
         self._odometry = odometry
         self._run.odometry(odometry)
