@@ -17,7 +17,7 @@ def return_freed_memory() -> None:
 
 
 def trim() -> None:
-    """Return free pages between small blocks, too (malloc_trim(3)); about 1 ms. What a growing map keeps lies between
-    what each frame frees: without this, a heap of 350 MB had 70 MB of holes after seven minutes."""
+    """Return free pages between small blocks, too (malloc_trim(3)): what a growing map keeps lies between what each
+    frame frees."""
     if sys.platform == "linux":
         ctypes.CDLL(None).malloc_trim(0)
