@@ -20,8 +20,11 @@ from geometry_msgs.msg import Point, Pose, PoseWithCovarianceStamped, Twist
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
+from vsx_ros.control.trajectory_tracker import FollowStatus
+from vsx_ros.navigation.follower import decode_report
 from vsx_ros.ros import convert, topics
 
 if TYPE_CHECKING:
@@ -31,6 +34,10 @@ pytestmark = pytest.mark.ros
 
 NODES = set(topics.PUBLISHED) - {"teleop", "emulator", "dashboard", "run_folder"}
 STOP_WITHIN_S = 0.5
+ATTEMPTS = 5
+AT_ONCE = {  # what stops the wheels at once: silence of others, which a busy machine may keep waiting
+    "no word from vslam, which may have no images", "no odometry that can be used", "move_base is silent",
+}  # fmt: skip
 
 
 def graph() -> tuple[dict[str, set[str]], dict[str, set[str]], dict[str, set[str]]]:
@@ -109,18 +116,34 @@ def test_diagnostics_name_their_node(stack: Stack) -> None:
 
 def test_a_cancelled_goal_is_braked_for_on_the_way(stack: Stack) -> None:
     speeds: list[float] = []
-    subscriber = rospy.Subscriber(topics.COMMAND_NAVI, Twist, lambda msg: speeds.append(abs(msg.linear.x)))
+    ended: list[str] = []
+
+    def note_end(msg: String) -> None:
+        report = decode_report(msg.data)
+        if report.status is FollowStatus.STOPPED or report.reason in AT_ONCE:
+            ended.append(report.reason)
+
+    subscribers = [
+        rospy.Subscriber(topics.FOLLOWER_STATUS, String, note_end),
+        rospy.Subscriber(topics.COMMAND_NAVI, Twist, lambda msg: speeds.append(abs(msg.linear.x))),
+    ]
     cancel = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/cancel", GoalID, queue_size=1)
     stack.wait(lambda: cancel.get_num_connections() > 0, "move_base to hear of cancelling", 20.0)
-    stack.wait_until_driving()
-    stack.wait(lambda: len(speeds) > 5 and min(speeds[-5:]) > 0.15, "a fast drive", 90.0)
-    before = len(speeds)
-    cancel.publish(GoalID())
-    stack.wait(lambda: 0.0 in speeds[before:], "the stop", 20.0)
-    subscriber.unregister()
-    braking = speeds[before : before + speeds[before:].index(0.0)]
+    for _ in range(ATTEMPTS):
+        stack.wait_until_driving()
+        stack.wait(lambda: len(speeds) > 5 and min(speeds[-5:]) > 0.15, "a fast drive", 90.0)
+        ended.clear()
+        del speeds[:-1]
+        cancel.publish(GoalID())
+        stack.wait(lambda: 0.0 in speeds and ended, "the stop", 20.0)
+        if ended[0] not in AT_ONCE:  # a message was late on a busy machine: that stop came before this one
+            break
+    for subscriber in subscribers:
+        subscriber.unregister()
+    assert ended[0] == "stopped on the way"
+    braking = speeds[: speeds.index(0.0)]
     assert len([v for v in braking if 0.02 < v < 0.14]) >= 2
-    assert max(np.abs(np.diff(speeds[before - 1 : before + len(braking)]))) < 0.1
+    assert max(np.abs(np.diff(braking))) < 0.1
 
 
 @pytest.mark.parametrize(
