@@ -58,13 +58,17 @@ class TrackerConfig(Branch, frozen=True):
 class KeyframeConfig(Branch, frozen=True):
     """When a frame becomes a keyframe (paper 3.1: conservative where the map is already known). It is at least
     min_gap_frames or min_gap_s after the last one: all frames matter at a low image rate, many are alike at a high
-    one."""
+    one. Where the camera has been before, it is mapped_spacing times as far from the keyframes of then, if at least
+    mapped_points are found, and at most the share unmapped_ratio of the image's textured parts shows none."""
 
     min_gap_frames: Count = 4
     min_gap_s: Positive = 0.25
     distance_ratio: Positive = 0.06
     angle_deg: Positive = 8.0
     overlap_ratio: Ratio = 0.55
+    mapped_points: Count = 200
+    unmapped_ratio: Ratio = 0.05
+    mapped_spacing: Positive = 2.5
 
 
 class MapperConfig(Branch, frozen=True):

@@ -87,7 +87,7 @@ class FrontEnd:
         track = self.tracking.track(data, local, prediction, tracked_before=not self._recovery.bad_frames)
         if track.state is TrackingState.LOST:
             return self._recover(data, track, prediction.T_world_cam if prediction.by_odometry else None)
-        return self._tracked(data, track, local.follow(track.rows), local)
+        return self._tracked(data, track, local.follow(track), local)
 
     def resume(self, view: MapView) -> None:
         """Begin in a loaded map. The camera is lost and is searched everywhere in the map."""
@@ -171,7 +171,7 @@ class FrontEnd:
         local.leave_out(self.record.hopeless(local.rows))
         config, gap = self._config.keyframes, (self._since_keyframe, (data.stamp_ns - self._keyframe_ns) * 1e-9)
         may = not data.blurred and may_grow(config, self._view, track, *gap)
-        added = may and becomes_keyframe(config, local.linked, track, reference)
+        added = may and becomes_keyframe(config, local.linked, track, reference, data)
         request = self._request(data, track) if added else None
         result = TrackingResult(
             data.stamp_ns, track.state, searched=len(track.searched_rows), found=len(track.rows), keyframe_added=added,

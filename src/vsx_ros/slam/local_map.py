@@ -3,21 +3,26 @@ often enough to survive a turn."""
 
 import math
 
+import cv2
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels, Points3
 from vsx_ros.config.maps import KeyframeConfig
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.keyframe import MapView
+from vsx_ros.slam.keyframe import FrameData, MapView
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.slam.track import Track
+from vsx_ros.vision.pyramid import from_level
 
 # Numbers of keyframes: the nearest; of these, those with most shared points; the nearest ones always used.
 NEAREST, COVISIBLE, ALWAYS = 40, 12, 4
+FOLLOWED = 8  # keyframes near the camera of which one becomes the reference
 LINKED_POINTS, STRANGE_WAY = 15, 8.0  # shared points; path in median depths over which a map may drift
 # A frame in doubt makes a good keyframe, too, where new points are needed most: if more than this share of its points
 # was found, or if enough points lie where they should. Points with large residuals do not become its observations.
 KEYFRAME_RATIO, KEYFRAME_POINTS, KEYFRAME_SIGMA_PX = 0.3, 40, 2.0
+PARTS, PART_CORNERS = (15, 20), 3  # rows and columns of an image's parts; corners on level 1 of a textured one
+PRESENT_PASS = 10  # so many newest keyframes are of this pass of the camera; older ones nearby, of an earlier one
 HURRY_RATIO, HURRY_FRAMES = 0.45, 2  # below this share of found points, the map is about to get out of view
 
 
@@ -45,10 +50,8 @@ class LocalMap:
         if reference not in chosen:
             chosen.append(reference)
         self.keyframes = chosen
-        seen = [view.keyframes[k].observations.rows for k in chosen]
-        self._seen = np.concatenate(seen)
-        self._observer = np.repeat(np.arange(len(chosen)), [len(rows) for rows in seen])
-        mark[self._seen] = True
+        for k in chosen:
+            mark[view.keyframes[k].observations.rows] = True
         self.rows: IntArray = np.flatnonzero(mark & view.alive)
 
     def _part(self, view: MapView, linked: IntArray) -> MapView:
@@ -63,14 +66,15 @@ class LocalMap:
         """Leave out the hopeless ones of ``rows`` (R,) until the map removes them."""
         self.rows = self.rows[~hopeless]
 
-    def follow(self, found: IntArray) -> int:
-        """The keyframe that sees most of the found points; the reference stays unless another one is 20 % better."""
+    def follow(self, track: Track) -> int:
+        """Of the keyframes nearest to a tracked pose, the one that sees most of the found points; the reference stays
+        unless another one is 20 % better. Of all keyframes it could be one that the camera has turned away from."""
         mark = np.zeros(len(self.view.points), np.bool_)
-        mark[found] = True
-        counts = np.bincount(self._observer[mark[self._seen]], minlength=len(self.keyframes))
-        best = max(range(len(counts)), key=lambda i: (counts[i], -self.keyframes[i]))
-        current = counts[self.keyframes.index(self.reference)]
-        return self.keyframes[best] if counts[best] > 1.2 * current else self.reference
+        mark[track.rows] = True
+        near = nearest_keyframes(self.linked, track.T_world_cam)[:FOLLOWED].tolist()
+        counts = {k: np.count_nonzero(mark[self.view.keyframes[k].observations.rows]) for k in near}
+        best = max(near, key=counts.__getitem__)
+        return best if counts[best] > 1.2 * counts.get(self.reference, 0) else self.reference
 
 
 def path_lengths(centres: Points3) -> FloatArray:
@@ -93,18 +97,52 @@ def may_grow(config: KeyframeConfig, view: MapView, track: Track, frames: int, s
     return len(view.keyframes) == 2 or hurry or frames >= config.min_gap_frames or seconds >= config.min_gap_s
 
 
-def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, reference: int) -> bool:
+def becomes_keyframe(config: KeyframeConfig, view: MapView, track: Track, reference: int, data: FrameData) -> bool:
     """Whether this frame should enter the map.
 
-    Distance and angle are measured to the nearest keyframes of the whole map, so that mapped areas yield none."""
+    Distance and angle are measured to the nearest keyframes of the whole map, so that mapped areas yield few."""
     fits = track.sigma_px <= KEYFRAME_SIGMA_PX and np.count_nonzero(track.settled) >= KEYFRAME_POINTS
     if not (track.state is TrackingState.GOOD or track.ratio > KEYFRAME_RATIO or fits):
         return False
-    pose = track.T_world_cam
-    nearest = [view.keyframes[int(k)] for k in nearest_keyframes(view, pose)[:5]]
-    depth = nearest[0].median_depth or 1.0
-    distance = min(float(np.linalg.norm(k.T_world_cam.translation - pose.translation)) for k in nearest)
-    angle = min(k.T_world_cam.rotation_angle_to(pose) for k in nearest)
+    nearest = nearest_keyframes(view, track.T_world_cam)
+    depth = view.keyframes[int(nearest[0])].median_depth or 1.0
+    metres, degrees = _nearest_apart(view, nearest, track.T_world_cam)
     few = len(track.rows) < config.overlap_ratio * max(1, len(view.keyframes[reference].observations.rows))
-    far = distance > config.distance_ratio * depth or angle > math.radians(config.angle_deg)
-    return far or (few and distance > 0.2 * config.distance_ratio * depth)
+    spacing_m = config.distance_ratio * depth
+    if max(metres / spacing_m, degrees / config.angle_deg) <= 1.0 and not (few and metres > 0.2 * spacing_m):
+        return False
+    metres, degrees = _nearest_apart(view, nearest[nearest < len(view.keyframes) - PRESENT_PASS], track.T_world_cam)
+    again = max(metres / spacing_m, degrees / config.angle_deg) <= config.mapped_spacing
+    return not (again and is_mapped(config, track, data))
+
+
+def _nearest_apart(view: MapView, nearest: IntArray, T_world_cam: SE3) -> tuple[float, float]:
+    """The least distance [m] and angle [deg] of a pose to the first of these keyframes."""
+    near = [view.keyframes[k].T_world_cam for k in nearest[:5].tolist()]
+    metres = min((float(np.linalg.norm(pose.translation - T_world_cam.translation)) for pose in near), default=math.inf)
+    return metres, math.degrees(min((pose.rotation_angle_to(T_world_cam) for pose in near), default=math.inf))
+
+
+def is_mapped(config: KeyframeConfig, track: Track, data: FrameData) -> bool:
+    """Whether the map already has what this frame shows."""
+    if track.state is not TrackingState.GOOD or len(track.rows) < config.mapped_points:
+        return False
+    return unmapped_share(track.uv, data) <= config.unmapped_ratio
+
+
+def unmapped_share(uv: Pixels, data: FrameData) -> float:
+    """Of the parts of the image with corners, the share in and around which no point (uv (F, 2), px) was found."""
+    height, width = data.pyramid.level(0).shape
+    first, second = data.corners.counts[:2]
+    corners = from_level(data.corners.positions[first : first + second].astype(float), 1)
+    textured = _per_part(corners, width, height) >= PART_CORNERS
+    mapped = cv2.dilate((_per_part(uv, width, height) > 0).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return int(np.count_nonzero(textured & ~mapped)) / max(1, int(np.count_nonzero(textured)))
+
+
+def _per_part(uv: Pixels, width: int, height: int) -> IntArray:
+    """How many pixels (N, 2) lie in each part of an image."""
+    rows, columns = PARTS
+    row, column = (uv[:, 1] * rows / height).astype(int), (uv[:, 0] * columns / width).astype(int)
+    part = np.clip(row, 0, rows - 1) * columns + np.clip(column, 0, columns - 1)
+    return np.bincount(part, minlength=rows * columns).reshape(PARTS)

@@ -119,7 +119,7 @@ class Relocalizer:
 
     def _found(self, track: Track, view: MapView, keyframe: int) -> Relocalization:
         map_id = view.keyframes[keyframe].map_id
-        return Relocalization(track, LocalMap(view.part(map_id), keyframe).follow(track.rows), map_id)
+        return Relocalization(track, LocalMap(view.part(map_id), keyframe).follow(track), map_id)
 
     def _seen_again(self, data: FrameData, view: MapView) -> Relocalization | None:
         """The place of a frame shortly before that is not confirmed yet, if this frame shows it, too."""
