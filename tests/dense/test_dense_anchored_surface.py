@@ -21,13 +21,13 @@ SNAPSHOT = scene.snapshot([scene.wall(2.0, -1.0, 1.0, 1.0, grey=120.0, contrast=
 
 
 def dense(covariance: np.ndarray) -> DenseMap:
-    """A wall at x = 2, two cells of it, seen by keyframes 0 and 2."""
+    """A wall at x = 2, two cells of it, seen by keyframes 0 and 2; keyframe 1 shows the foot of the second, too."""
     axes, extent = in_plane_axes(NORMAL), np.array([-1.0, 1.0, 0.0, 1.0])
     plane = Plane(4, NORMAL, -2.0, covariance, PlaneKind.WALL, axes, extent, np.array([0]))
     cell = np.array([[0, 2], [10, 2]])
     centre = plane.points_at((cell + 0.5) * CELL_M)
     one = np.zeros(2, np.int64)
-    cells = Cells(one + 4, cell, centre, one, np.ones(2), np.array([0, 2]))
+    cells = Cells(one + 4, cell, centre, one, np.ones(2), np.array([0, 2]), np.array([[-1, -1], [1, 2]]))
     return DenseMap(SNAPSHOT.version, 2, (plane,), cells, True, 0)
 
 
@@ -46,6 +46,8 @@ def test_a_cell_is_four_spots_within_it_and_on_its_plane() -> None:
     off = (spots.points.reshape(2, 4, 3) - found.cells.centre[:, None])[..., 1:]
     assert np.abs(off) == pytest.approx(0.02, abs=1e-9)
     assert spots.sigma_m == pytest.approx(0.01)
+    assert spots.shown.tolist() == 2 * [4, 5, 6, 7]
+    assert spots.witness.tolist() == [1, 1, 1, 1, 2, 2, 2, 2]
 
 
 def test_far_from_the_middle_a_tilt_makes_it_uncertain() -> None:
@@ -65,3 +67,8 @@ def test_spots_follow_their_keyframe_and_go_with_it() -> None:
     left = spots.surfaces(culled)
     assert left.keyframe.tolist() == [1, 1, 1, 1]
     assert left.points == pytest.approx(before[4:], abs=1e-12)
+    assert (left.shown.tolist(), left.witness.tolist()) == (2 * [0, 1, 2, 3], [0, 0, 0, 0, 1, 1, 1, 1])
+    without = dataclasses.replace(SNAPSHOT, keyframe_ids=SNAPSHOT.keyframe_ids[[0, 2]], T_world_cams=(T0, T2))
+    assert spots.surfaces(without).witness.tolist() == [1, 1, 1, 1]
+    first = dataclasses.replace(SNAPSHOT, keyframe_ids=SNAPSHOT.keyframe_ids[:2], T_world_cams=(T0, T1))
+    assert not len(spots.surfaces(first).shown)

@@ -37,6 +37,11 @@ def test_a_plain_wall_touches_the_floor_and_the_gap_in_it_does_not(grey: float) 
     assert not found.touches[inside].any()
     assert found.touches[beside].mean() > 0.9
     assert (found.keyframe[beside] >= 0).all()
+    for witnesses in found.witnesses[beside & found.touches]:
+        seen_from = np.array([scene.DRIVE[k].translation for k in witnesses[witnesses >= 0]])
+        assert len(seen_from) > 1
+        away = np.linalg.norm(seen_from[:, None] - seen_from[None], axis=2) + 9.0 * np.eye(len(seen_from))
+        assert away.min() >= 0.3
 
 
 def test_a_wall_as_bright_as_the_floor_is_not_seen_to_touch() -> None:

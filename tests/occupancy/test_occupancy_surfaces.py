@@ -55,6 +55,17 @@ def test_who_sees_the_foot_of_a_wall_sees_the_floor_before_it():
     assert FREE not in column(grid, 1.6)
 
 
+def test_every_keyframe_that_shows_the_foot_sees_the_floor_and_the_wall_counts_once():
+    once, rows = wall(1.51, -0.6, 0.6), np.flatnonzero(wall(1.51, -0.6, 0.6).points[:, 2] < 0.15)
+    shown, witness = np.repeat(rows, 7), np.tile(np.arange(1, 8), len(rows))
+    grid, alone = built([], once._replace(shown=shown, witness=witness)), built([], once)
+    assert set(column(grid, 1.1, -0.3, 0.3)) == {FREE}
+    assert (grid.data == FREE).sum() > 1.3 * (alone.data == FREE).sum()
+    assert (grid.data == OCCUPIED).sum() == (alone.data == OCCUPIED).sum()
+    box = [[0.8, y, 0.1] for y in np.linspace(-0.1, 0.1, 21)]
+    assert FREE not in column(built(box, once._replace(shown=shown, witness=witness)), 1.1, -0.05, 0.05)
+
+
 def test_who_sees_the_upper_part_of_a_wall_knows_nothing_of_the_floor():
     assert not (built([], feet(*range(8), heights=(0.2, 0.3, 0.4))).data == FREE).any()
 
@@ -110,6 +121,13 @@ def test_surfaces_of_another_snapshot_are_refused():
         built([], wall(1.5, 0.0, 0.3, keyframe=9))
     with pytest.raises(InputError, match="finite"):
         built([], wall(np.nan, 0.0, 0.3))
+    first = np.zeros(1, np.int64)
+    with pytest.raises(InputError, match="keyframe 8 of 8"):
+        built([], wall(1.5, 0.0, 0.3)._replace(shown=first, witness=first + 8))
+    with pytest.raises(InputError, match="spot 99 of"):
+        built([], wall(1.5, 0.0, 0.3)._replace(shown=first + 99, witness=first))
+    with pytest.raises(InputError, match="0 witnesses for 1"):
+        built([], wall(1.5, 0.0, 0.3)._replace(shown=first))
 
 
 def test_a_laser_scan_of_the_map_stops_at_the_nearest_obstacle_and_turns_with_the_pose():

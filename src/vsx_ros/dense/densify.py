@@ -89,7 +89,7 @@ class Densifier:
         planes = self._believed(planes, snapshot)
         seen = [(self._surfaces[p.id], p, p.points) for p in planes if p.kind is not PlaneKind.FLOOR]
         cells = Cells.concatenated([on.cells(plane, points[rows], seen_by[rows], living) for on, plane, rows in seen])
-        complete = not any(surface.due.any() for surface in self._surfaces.values())
+        complete = not any(surface.is_due for surface in self._surfaces.values())
         newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
         nbytes = self._images.nbytes + sum(surface.nbytes for surface in self._surfaces.values())
         return DenseMap(
@@ -131,5 +131,5 @@ class Densifier:
         newest[snapshot.obs_point[snapshot.obs_keyframe == len(views.ids) - 1]] = True
         for plane in sorted(planes, key=lambda plane: -int(newest[plane.points].sum())):
             surface = self._surfaces[plane.id]
-            if budget > 0 and surface.due.any():
+            if budget > 0 and surface.is_due:
                 budget -= surface.work(plane, views, budget)

@@ -71,7 +71,8 @@ class FinishedMap:
     def _grid_of_level(self, level: Level) -> OccupancyGrid:
         unit, surfaces = level.unit, self._surfaces
         standing = level.T_level_world @ surfaces.points / unit
-        grid = self._built(level.of(self._snapshot), Surfaces(standing, surfaces.keyframe, surfaces.sigma_m / unit), [])
+        surfaces = surfaces._replace(points=standing, sigma_m=surfaces.sigma_m / unit)
+        grid = self._built(level.of(self._snapshot), surfaces, [])
         return replace(
             grid, resolution=grid.resolution * unit, origin_x=grid.origin_x * unit, origin_y=grid.origin_y * unit
         )

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.config import Config
 from vsx_ros.dense.densify import DenseMap
 from vsx_ros.dense.planes import Plane
@@ -38,11 +38,14 @@ _QUARTERS = np.array([[-0.25, -0.25], [-0.25, 0.25], [0.25, -0.25], [0.25, 0.25]
 
 
 class AnchoredSurface(NamedTuple):
-    """points (N, 3): spots, in the camera frame of their keyframe [m]. keyframe (N,): its id. sigma_m (N,)."""
+    """points (N, 3): spots, in the camera frame of their keyframe [m]. keyframe (N,): its id. sigma_m (N,). shown (S,):
+    rows of spots at the foot of a wall; witness (S,): ids of the keyframes that show each."""
 
     points: Points3
     keyframe: NDArray[np.int64]
     sigma_m: FloatArray
+    shown: NDArray[np.int64]
+    witness: NDArray[np.int64]
 
     @staticmethod
     def of(dense: DenseMap, snapshot: MapSnapshot, cell_m: float) -> AnchoredSurface:
@@ -56,17 +59,29 @@ class AnchoredSurface(NamedTuple):
         keyframe = np.repeat(dense.cells.keyframe, 4)
         R, t = stacked(snapshot.T_world_cams)
         in_camera = np.einsum("nji,nj->ni", R[keyframe], spots.reshape(-1, 3) - t[keyframe])
-        return AnchoredSurface(in_camera, snapshot.keyframe_ids[keyframe].astype(np.int64), np.repeat(sigma, 4))
+        ids = snapshot.keyframe_ids.astype(np.int64)
+        cell, slot = np.nonzero(dense.cells.witnesses >= 0)
+        shown, witness = (4 * cell[:, None] + np.arange(4)).ravel(), ids[dense.cells.witnesses[cell, slot]].repeat(4)
+        return AnchoredSurface(in_camera, ids[keyframe], np.repeat(sigma, 4), shown, witness)
 
     def surfaces(self, snapshot: MapSnapshot) -> Surfaces:
         """The spots in any snapshot of the same map. Spots whose keyframe was removed are left out."""
         if not len(snapshot.keyframe_ids):
             return Surfaces.none()
-        index = np.minimum(np.searchsorted(snapshot.keyframe_ids, self.keyframe), len(snapshot.keyframe_ids) - 1)
-        living = snapshot.keyframe_ids[index] == self.keyframe
+        index, living = _rows_of(snapshot.keyframe_ids, self.keyframe)
+        witness, there = _rows_of(snapshot.keyframe_ids, self.witness)
+        there &= living[self.shown]
+        shown = (np.cumsum(living) - 1)[self.shown[there]]
         index, points = index[living], self.points[living]
         R, t = stacked(snapshot.T_world_cams)
-        return Surfaces(np.einsum("nij,nj->ni", R[index], points) + t[index], index, self.sigma_m[living])
+        in_world = np.einsum("nij,nj->ni", R[index], points) + t[index]
+        return Surfaces(in_world, index, self.sigma_m[living], shown, witness[there])
+
+
+def _rows_of(keyframe_ids: IntArray, wanted: IntArray) -> tuple[IntArray, BoolArray]:
+    """(N,) rows of the wanted ids among those of a snapshot, and which are there."""
+    index = np.minimum(np.searchsorted(keyframe_ids, wanted), len(keyframe_ids) - 1)
+    return index, keyframe_ids[index] == wanted
 
 
 def _off_plane(plane: Plane, points: Points3) -> FloatArray:

@@ -67,10 +67,18 @@ def _between(believed: BoolArray, longest: int) -> BoolArray:
 
 class Contact(NamedTuple):
     """touches (C,): whether the wall meets the floor in each column. keyframe (C,): id of the nearest keyframe that
-    shows it, -1 if none does."""
+    shows it, -1 if none does. witnesses (C, W): ids of keyframes apart from each other that show it, too, -1 for the
+    rest."""
 
     touches: BoolArray
     keyframe: NDArray[np.int64]
+    witnesses: NDArray[np.int64]
+
+    @staticmethod
+    def none(columns: int) -> "Contact":
+        """Columns that nothing is known of."""
+        never = np.full((columns, kernels.WITNESSES), -1, np.int64)
+        return Contact(np.zeros(columns, np.bool_), never[:, 0].copy(), never)
 
 
 def floor_contact(views: Views, plane: Plane, columns: IntArray, config: DenseConfig) -> Contact:
@@ -81,14 +89,14 @@ def floor_contact(views: Views, plane: Plane, columns: IntArray, config: DenseCo
     front = plane.normal * np.array([1.0, 1.0, 0.0])
     front /= float(np.linalg.norm(front))
     limits = (config.min_range_m, config.max_range_m, _GRAZING_COSINE, config.contact_contrast, _MAX_VIEWS)
-    seen, steps, reference = kernels.contact_steps(
+    seen, steps, reference, witnesses = kernels.contact_steps(
         views, feet, front, np.ascontiguousarray(plane.axes[0]), _STRIPS_M, _SHIFTS_M, limits
     )
     size = np.abs(steps)
     peak = size[:, 0] >= size[:, 1:].max(axis=1, initial=0.0) - _SHIFT_TOLERANCE
     touches = (seen >= config.contact_min_views) & (size[:, 0] >= config.contact_step) & peak
     ids = np.append(views.ids, -1)
-    return Contact(touches, ids[reference].astype(np.int64))
+    return Contact(touches, ids[reference].astype(np.int64), ids[witnesses].astype(np.int64))
 
 
 def supported_runs(touches: BoolArray, support: BoolArray, config: DenseConfig) -> BoolArray:

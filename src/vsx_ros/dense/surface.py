@@ -23,7 +23,7 @@ _BEHIND_M, _BEHIND_SHARE = 0.15, 0.08  # a point this far behind a cell, and thi
 _GUESSED_SCORE = 0.5  # of cells that were filled in and not measured: between refuted and accepted
 _ALIKE, _LOOKED_THROUGH = (0.75, 0.35), (0.05, 0.30)  # shares of the cells with points, on true planes and on others
 _UNJUDGED = (0.0, -1.0, -1.0, 0, -1)  # Judgement
-_NO_CONTACT = (False, -1)  # Contact
+_FOOT_ROWS = 2  # of a wall's cells: its foot, 16 cm high
 
 
 class CellKind(IntEnum):
@@ -39,7 +39,8 @@ class CellKind(IntEnum):
 class Cells(NamedTuple):
     """plane (N,): ids of planes. cell (N, 2): right and up, in cells of the plane's grid, whose origin is that of the
     coordinates (cell i covers [i, i + 1) times its size). centre (N, 3): world [m]. kind (N,): CellKind. score (N,): 0
-    to 1. keyframe (N,): index in the snapshot of the reference keyframe it was judged in."""
+    to 1. keyframe (N,): index in the snapshot of the reference keyframe it was judged in. witnesses (N, W): indices of
+    keyframes that show the floor at its foot, for the lowest cells of a wall; -1 for the rest."""
 
     plane: NDArray[np.int64]
     cell: NDArray[np.int64]
@@ -47,6 +48,7 @@ class Cells(NamedTuple):
     kind: NDArray[np.int64]
     score: FloatArray
     keyframe: NDArray[np.int64]
+    witnesses: NDArray[np.int64]
 
     @staticmethod
     def concatenated(parts: list[Cells]) -> Cells:
@@ -59,13 +61,15 @@ class Cells(NamedTuple):
             kind=none,
             score=np.zeros(0),
             keyframe=none,
+            witnesses=Contact.none(0).witnesses,
         )
         return Cells._make(np.concatenate(columns) for columns in zip(first, *parts))
 
 
 class Surface:
     """Evidence about the cells of a plane, in (W, H) arrays: columns along its right axis, rows up. Row 0 of a wall
-    stands on the floor. ``due``: cells to judge (again). The evidence is valid while the plane does not move."""
+    stands on the floor. ``due``: cells to judge (again); so are columns whose foot a new keyframe shows. The evidence
+    is valid while the plane does not move."""
 
     def __init__(self, plane: Plane, config: DenseConfig, unit: float, has_floor: bool) -> None:
         """unit: length of a metre in the map. has_floor: whether z = 0 is the floor."""
@@ -75,7 +79,7 @@ class Surface:
         self.low, shape = self._bounds(plane)
         self.due, self._passing = np.ones(shape, np.bool_), np.zeros(shape, np.int64)
         self._said = Judgement._make(np.full(shape, blank) for blank in _UNJUDGED)
-        self._contact = Contact(*(np.full(shape[0], blank) for blank in _NO_CONTACT))
+        self._untested, self._contact = np.full(shape[0], self._stands), Contact.none(shape[0])
 
     @property
     def nbytes(self) -> int:
@@ -102,8 +106,10 @@ class Surface:
         self.low = self.low - before
         self.due, self._passing = np.pad(self.due, pad, constant_values=True), np.pad(self._passing, pad)
         self._said = Judgement._make(np.pad(a, pad, constant_values=blank) for a, blank in zip(self._said, _UNJUDGED))
-        contact = zip(self._contact, _NO_CONTACT)
-        self._contact = Contact(*(np.pad(a, pad[0], constant_values=blank) for a, blank in contact))
+        known, self._contact = self._contact, Contact.none(len(self.due))
+        for column, before_it in zip(self._contact, known):
+            column[pad[0][0] : pad[0][0] + len(before_it)] = before_it
+        self._untested = np.pad(self._untested, pad[0], constant_values=self._stands)
 
     def centres(self, plane: Plane, cells: IntArray) -> Points3:
         """(N, 3) world positions of cells (N, 2), indices of the arrays."""
@@ -122,32 +128,43 @@ class Surface:
         )
 
     def mark_seen(self, plane: Plane, views: Views) -> None:
-        """Mark cells as due again that are not yet consistent and are visible in some of the views."""
-        near, (_, height_px, width_px) = self._config.max_range_m * self._unit, views.table[0]
+        """Mark as due again what is visible in some of the views: cells that are not yet consistent, and the foot."""
         open_cells = np.argwhere(~self.due & ~self._said.consistent(self._config))
-        centres = self.centres(plane, open_cells)
+        self.due[tuple(open_cells[self._shown(plane, open_cells, views)].T)] = True
+        if self._stands:
+            self._untested |= self._shown(plane, _bottom(self.due), views)
+
+    def _shown(self, plane: Plane, cells: IntArray, views: Views) -> BoolArray:
+        """(N,) which cells (N, 2) are visible in some of the views."""
+        near, (_, height_px, width_px) = self._config.max_range_m * self._unit, views.table[0]
+        centres, shown = self.centres(plane, cells), np.zeros(len(cells), np.bool_)
         for R, t in zip(views.R, views.t):
             x, y, z = R @ centres.T + t[:, None]
             ahead = np.maximum(z, 1e-6)
             u, v = views.K[0] * x / ahead + views.K[2], views.K[1] * y / ahead + views.K[3]
-            shown = (z > 0.0) & (z < near) & (u > 0.0) & (v > 0.0) & (u < width_px) & (v < height_px)
-            self.due[tuple(open_cells[shown].T)] = True
+            shown |= (z > 0.0) & (z < near) & (u > 0.0) & (v > 0.0) & (u < width_px) & (v < height_px)
+        return shown
+
+    @property
+    def is_due(self) -> bool:
+        """Whether there is anything to judge."""
+        return bool(self.due.any() or self._untested.any())
 
     def work(self, plane: Plane, views: Views, budget: int) -> int:
-        """Judge at most ``budget`` of the due cells; returns how many."""
-        cells = np.argwhere(self.due)[:budget]
-        centres = self.centres(plane, cells)
+        """Judge at most ``budget`` of the due cells, and of the columns whose foot is due; returns how many in all."""
+        cells, columns = np.argwhere(self.due)[:budget], np.flatnonzero(self._untested)[:budget]
+        centres = self.centres(plane, np.vstack([cells, _bottom(self.due)[columns]]))
         views = views.at(self._useful(plane, views, centres))
-        said = judge(views, np.vstack([plane.axes, plane.normal]), centres, self._config, self._unit)
+        said = judge(views, np.vstack([plane.axes, plane.normal]), centres[: len(cells)], self._config, self._unit)
         where = tuple(cells.T)
-        self.due[where] = False
+        self.due[where], self._untested[columns] = False, False
         for known, new in zip(self._said, said):
             known[where] = new
-        if self._stands and len(cells):
-            columns = np.unique(cells[:, 0])
+        if len(columns):
             contact = floor_contact(views, plane, columns + self.low[0], self._config)
-            self._contact.touches[columns], self._contact.keyframe[columns] = contact
-        return len(cells)
+            for column, tested in zip(self._contact, contact):
+                column[columns] = tested
+        return len(cells) + len(columns)
 
     def _useful(self, plane: Plane, views: Views, centres: Points3) -> IntArray:
         middle = centres.mean(axis=0)
@@ -175,6 +192,9 @@ class Surface:
         kind[keyframe < 0] = -1
         score = np.where((kind == CellKind.PHOTO) | (kind == CellKind.SEED), said.score, _GUESSED_SCORE)
         where = np.nonzero(kind >= 0)
+        shown = self._contact.touches[where[0]] & (where[1] < _FOOT_ROWS)
+        witnesses = np.where(shown[:, None], self._contact.witnesses[where[0]], -1)
+        witnesses[~np.isin(witnesses, living)] = -1
         cells = np.stack(where, axis=1).astype(np.int64)
         return Cells(
             plane=np.full(len(cells), plane.id, np.int64),
@@ -183,6 +203,7 @@ class Surface:
             kind=kind[where],
             score=np.clip(score[where], 0.0, 1.0),
             keyframe=np.searchsorted(living, keyframe[where]).astype(np.int64),
+            witnesses=np.where(witnesses < 0, -1, np.searchsorted(living, witnesses)).astype(np.int64),
         )
 
     def evidence(self, plane: Plane, points: Points3) -> float:
@@ -211,6 +232,11 @@ class Surface:
         rows = np.arange(believed.shape[1])
         filled: BoolArray = (rows < fill_heights(believed, runs, self._config)[:, None]) & ~believed
         return filled & ~(against & (self._passing > 0))
+
+
+def _bottom(cells: BoolArray) -> IntArray:
+    """(W, 2) the lowest cell of each column of (W, H) ones."""
+    return np.stack([np.arange(len(cells)), np.zeros(len(cells), np.int64)], axis=1)
 
 
 def _log_ratio(asked: BoolArray, yes: BoolArray, shares: tuple[float, float]) -> float:

@@ -161,11 +161,15 @@ class GroundMap:
         low, high = self._config.obstacle_min_height_m, self._config.obstacle_max_height_m
         if not len(points) == len(keyframe) == len(sigma):
             raise InputError("surfaces must give a point, a keyframe and a sigma each")
-        spots = Surfaces(points, keyframe, sigma)
+        shown, witness = writable(surfaces.shown, np.int64), writable(surfaces.witness, np.int64)
+        spots = Surfaces(points, keyframe, sigma, shown, witness)
         touched = (low < points[:, 2]) & (points[:, 2] <= high) & (sigma <= _MAX_SURFACE_SIGMA_M)
         if not np.isfinite(points).all():
             raise InputError("surfaces must be finite points")
-        _check_names("a surface names keyframe", keyframe, n_keyframes)
+        _check_names("a surface names keyframe", np.append(keyframe, witness), n_keyframes)
+        if len(shown) != len(witness):
+            raise InputError(f"{len(witness)} witnesses for {len(shown)} shown spots; give one each")
+        _check_names("a witness names spot", shown, len(points))
         places = points[touched, :2]
         return spots, touched, np.array([places.min(axis=0), places.max(axis=0)]) if len(places) else places
 

@@ -14,6 +14,7 @@ from vsx_ros.kernels.geometry import transform
 
 ROWS = 4
 ACROSS = 3
+WITNESSES, APART_M = 8, 0.3  # keyframes kept for each column, and least distance between two of them
 
 
 @kernel
@@ -58,7 +59,7 @@ def contact_steps(
     views: Views, feet: FloatArray, front: FloatArray, right: FloatArray,
     strips: tuple[float, float, float, float, float], shifts: FloatArray,
     limits: tuple[float, float, float, float, int],
-) -> tuple[IntArray, FloatArray, IntArray]:  # fmt: skip
+) -> tuple[IntArray, FloatArray, IntArray, IntArray]:  # fmt: skip
     """Brightness steps at the feet of columns of one plane, over the keyframes that see them from its front.
 
     feet (C, 3): where the columns meet the floor, world. front (3,): horizontal, away from the wall; right (3,): along
@@ -67,19 +68,21 @@ def contact_steps(
     [m], least cosine of incidence, grey levels that make a step (added to the strips' own roughness), most keyframes
     (newest first).
     Returns seen (C,): number of keyframes; steps (C, S): mean signed step over them, 1 at the threshold; reference
-    (C,): the nearest keyframe with a step of the mean's sign, -1 without."""
+    (C,): the nearest keyframe with a step of the mean's sign, -1 without; witnesses (C, WITNESSES): up to so many such
+    keyframes that are apart, newest first, -1 for the rest."""
     nearest, farthest, grazing, least, most = limits
     half_width, low, high, begin, length = strips
     R, centres = views.R, views.centres
     n = feet.shape[0]
     seen, steps = np.zeros(n, np.int64), np.zeros((n, shifts.shape[0]))
     reference, witness = np.full(n, -1, np.int64), np.zeros(2, np.int64)
+    witnesses, apart = np.full((n, WITNESSES), -1, np.int64), np.zeros((2, WITNESSES), np.int64)
     up = np.array([0.0, 0.0, 1.0])
     across = half_width * right
     origin = np.zeros(3)
     found, closest = np.zeros(shifts.shape[0]), np.zeros(2)
     for i in range(n):
-        closest[:], witness[:] = np.inf, -1
+        closest[:], witness[:], apart[:] = np.inf, -1, -1
         for k in range(centres.shape[0] - 1, -1, -1):
             dx, dy, dz = centres[k, 0] - feet[i, 0], centres[k, 1] - feet[i, 1], centres[k, 2] - feet[i, 2]
             distance = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -105,12 +108,30 @@ def contact_steps(
             seen[i] += 1
             steps[i] += found
             brighter = 1 if found[0] > 0.0 else 0
-            if abs(found[0]) >= 1.0 and distance < closest[brighter]:
-                closest[brighter] = distance
-                witness[brighter] = k
+            if abs(found[0]) >= 1.0:
+                _keep_apart(apart[brighter], k, centres)
+                if distance < closest[brighter]:
+                    closest[brighter] = distance
+                    witness[brighter] = k
             if seen[i] >= most:
                 break
         if seen[i] > 0:
             steps[i] /= seen[i]
-            reference[i] = witness[1 if steps[i, 0] > 0.0 else 0]
-    return seen, steps, reference
+            brighter = 1 if steps[i, 0] > 0.0 else 0
+            reference[i] = witness[brighter]
+            witnesses[i] = apart[brighter]
+    return seen, steps, reference, witnesses
+
+
+@kernel
+def _keep_apart(kept: IntArray, k: int, centres: FloatArray) -> None:
+    """Add keyframe k to those kept, in place, unless one of them was near it or all places are taken."""
+    for slot in range(kept.shape[0]):
+        if kept[slot] < 0:
+            kept[slot] = k
+            return
+        away = 0.0
+        for axis in range(3):
+            away += (centres[kept[slot], axis] - centres[k, axis]) ** 2
+        if away < APART_M * APART_M:
+            return

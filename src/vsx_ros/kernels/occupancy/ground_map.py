@@ -31,11 +31,14 @@ class PolarScans(NamedTuple):
 
 class Surfaces(NamedTuple):
     """points (N, 3): spots of surface, world [m], no further apart than a cell of the map where the surface has no gap.
-    keyframe (N,): index of the keyframe that sees each. sigma_m (N,): uncertainty of its distance from there [m]."""
+    keyframe (N,): index of the keyframe that sees each. sigma_m (N,): uncertainty of its distance from there [m].
+    shown (S,): rows of spots at the foot of a wall; witness (S,): index of another keyframe that sees each there."""
 
     points: Points3
     keyframe: IntArray
     sigma_m: FloatArray
+    shown: IntArray = np.zeros(0, np.int64)
+    witness: IntArray = np.zeros(0, np.int64)
 
     @staticmethod
     def none() -> Surfaces:
@@ -122,30 +125,40 @@ def meet_surfaces(
 
     shape: half a spot's width [m]; number of sigmas, and extra distance [m], by which a ray ends before it. reaches:
     height up to which a spot is a foot, longest ray [m]."""
-    positions, headings, free, nearest, _, _ = scans
-    spots, keyframe, sigma = surfaces
-    half_width, caution, short = shape
-    foot, longest = reaches
-    n = free.shape[1]
-    bins_per_rad = n / (2.0 * math.pi)
+    free, nearest = scans.free, scans.nearest
+    longest, n = reaches[1], scans.free.shape[1]
     until, to_foot = nearest.copy(), np.zeros(free.shape, np.bool_)
-    for i in range(spots.shape[0]):
-        k = keyframe[i]
-        dx, dy = spots[i, 0] - positions[k, 0], spots[i, 1] - positions[k, 1]
-        distance = math.sqrt(dx * dx + dy * dy)
-        if distance <= half_width or not touched[i]:
-            continue
-        bearing = bearing_bin(headings[k, 0], headings[k, 1], dx, dy, n)
-        reach = min(n // 2, int(half_width / distance * bins_per_rad))
-        shorten(until, k, bearing, reach, max(0.0, distance - caution * sigma[i] - short))
-        if spots[i, 2] <= foot:
-            for b in range(bearing - reach, bearing + reach + 1):
-                to_foot[k, b % n] = True
+    for i in range(surfaces.points.shape[0]):
+        if touched[i]:
+            _end_at(scans, surfaces, i, surfaces.keyframe[i], shape, reaches[0], until, to_foot)
+    for s in range(surfaces.shown.shape[0]):
+        if touched[surfaces.shown[s]]:
+            _end_at(scans, surfaces, surfaces.shown[s], surfaces.witness[s], shape, reaches[0], until, to_foot)
     for k in range(free.shape[0]):
         for b in range(n):
             if to_foot[k, b]:
                 free[k, b] = max(free[k, b], min(until[k, b], np.float32(longest)))
             free[k, b] = min(free[k, b], max(until[k, b], np.float32(0.0)))
+
+
+@kernel
+def _end_at(
+    scans: PolarScans, surfaces: Surfaces, i: int, k: int, shape: tuple[float, float, float], foot: float,
+    until: Float32Array, to_foot: BoolArray,
+) -> None:  # fmt: skip
+    """End the rays of scan k at spot i: until (K, B), in place; to_foot (K, B): whether they end at a foot."""
+    half_width, caution, short = shape
+    n = until.shape[1]
+    dx, dy = surfaces.points[i, 0] - scans.positions[k, 0], surfaces.points[i, 1] - scans.positions[k, 1]
+    distance = math.sqrt(dx * dx + dy * dy)
+    if distance <= half_width:
+        return
+    bearing = bearing_bin(scans.headings[k, 0], scans.headings[k, 1], dx, dy, n)
+    reach = min(n // 2, int(half_width / distance * n / (2.0 * math.pi)))
+    shorten(until, k, bearing, reach, max(0.0, distance - caution * surfaces.sigma_m[i] - short))
+    if surfaces.points[i, 2] <= foot:
+        for b in range(bearing - reach, bearing + reach + 1):
+            to_foot[k, b % n] = True
 
 
 @kernel
