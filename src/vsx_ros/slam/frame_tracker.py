@@ -14,7 +14,8 @@ from vsx_ros.slam.track import Track
 from vsx_ros.slam.tracker import Tracker
 from vsx_ros.slam.uncertainty import PoseUncertainty
 
-MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06  # largest difference of a pose from odometry; more is an error
+MAX_STEP_M, MAX_STEP_RAD = 0.08, 0.06
+"""Largest difference of a pose from odometry, or where that is in doubt from the motion before; more is an error."""
 # A frame that finds so many points, and this share of the expected ones, is more reliable than odometry.
 SURE_POINTS, SURE_RATIO = 100, 0.2
 ALONE_POINTS = 50  # least points of a good pose found without odometry
@@ -69,13 +70,13 @@ class FrameTracker:
         if not (prediction.by_odometry and tracked_before):
             return track
         if track.state is not TrackingState.LOST:
-            track = _checked(track, prediction.T_world_cam)
+            track = _checked(track, prediction.T_world_cam, "odometry")
         lost = track.state is TrackingState.LOST
         if not lost and track.sigma_px < PULLED_PX:
             return track
-        # Odometry may be wrong: track again from a prediction without it.
+        # Odometry may be wrong: track again from a prediction without it. A camera does not leap: far from it is wrong.
         last, by_image = self.last, self._motion.predict(data._replace(T_odom_base=None))
-        seen = self._search(data, local, by_image, coarse=True)
+        seen = _checked(self._search(data, local, by_image, coarse=True), by_image.T_world_cam, "the motion before")
         better = lost or np.count_nonzero(seen.settled) > np.count_nonzero(track.settled)
         if seen.state is TrackingState.GOOD and len(seen.rows) >= ALONE_POINTS and better:
             return seen
@@ -95,11 +96,11 @@ def is_sure(track: Track) -> bool:
     return len(track.rows) >= SURE_POINTS and track.ratio > SURE_RATIO
 
 
-def _checked(track: Track, by_odometry: SE3) -> Track:
-    """Mark the track as LOST when its pose is far from the pose by odometry."""
-    step = float(np.linalg.norm(track.T_world_cam.translation - by_odometry.translation))
-    turn = track.T_world_cam.rotation_angle_to(by_odometry)
+def _checked(track: Track, expected: SE3, by: str) -> Track:
+    """Mark the track as LOST when its pose is far from the expected one. by: what expects it there."""
+    step = float(np.linalg.norm(track.T_world_cam.translation - expected.translation))
+    turn = track.T_world_cam.rotation_angle_to(expected)
     if step < MAX_STEP_M and turn < MAX_STEP_RAD:
         return track
-    reason = f"contradicts odometry by {step:.2f} m and {np.degrees(turn):.1f} deg"
+    reason = f"contradicts {by} by {step:.2f} m and {np.degrees(turn):.1f} deg"
     return track._replace(state=TrackingState.LOST, reason=reason)
