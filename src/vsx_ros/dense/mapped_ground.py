@@ -62,7 +62,9 @@ class AnchoredSurface(NamedTuple):
         ids = snapshot.keyframe_ids.astype(np.int64)
         cell, slot = np.nonzero(dense.cells.witnesses >= 0)
         shown, witness = (4 * cell[:, None] + np.arange(4)).ravel(), ids[dense.cells.witnesses[cell, slot]].repeat(4)
-        return AnchoredSurface(in_camera, ids[keyframe], np.repeat(sigma, 4), shown, witness)
+        return AnchoredSurface(
+            points=in_camera, keyframe=ids[keyframe], sigma_m=np.repeat(sigma, 4), shown=shown, witness=witness
+        )
 
     def surfaces(self, snapshot: MapSnapshot) -> Surfaces:
         """The spots in any snapshot of the same map. Spots whose keyframe was removed are left out."""
@@ -75,7 +77,9 @@ class AnchoredSurface(NamedTuple):
         index, points = index[living], self.points[living]
         R, t = stacked(snapshot.T_world_cams)
         in_world = np.einsum("nij,nj->ni", R[index], points) + t[index]
-        return Surfaces(in_world, index, self.sigma_m[living], shown, witness[there])
+        return Surfaces(
+            points=in_world, keyframe=index, sigma_m=self.sigma_m[living], shown=shown, witness=witness[there]
+        )
 
 
 def _rows_of(keyframe_ids: IntArray, wanted: IntArray) -> tuple[IntArray, BoolArray]:

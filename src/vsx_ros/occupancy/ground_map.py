@@ -162,7 +162,7 @@ class GroundMap:
         if not len(points) == len(keyframe) == len(sigma):
             raise InputError("surfaces must give a point, a keyframe and a sigma each")
         shown, witness = writable(surfaces.shown, np.int64), writable(surfaces.witness, np.int64)
-        spots = Surfaces(points, keyframe, sigma, shown, witness)
+        spots = Surfaces(points=points, keyframe=keyframe, sigma_m=sigma, shown=shown, witness=witness)
         touched = (low < points[:, 2]) & (points[:, 2] <= high) & (sigma <= _MAX_SURFACE_SIGMA_M)
         if not np.isfinite(points).all():
             raise InputError("surfaces must be finite points")
