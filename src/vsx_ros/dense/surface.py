@@ -17,13 +17,13 @@ from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.dense.region_growing import Contact, enclosed, fill_heights, floor_contact, grow_regions, supported_runs
 from vsx_ros.kernels.dense.surface_cells import count_passing
 from vsx_ros.kernels.dense.view_choice import Views
+from vsx_ros.occupancy.virtual_scan import FOOT_M
 
 _MARGIN_M = 0.3  # around a plane's points, which do not reach its edge
 _BEHIND_M, _BEHIND_SHARE = 0.15, 0.08  # a point this far behind a cell, and this share of its range, is against it
 _GUESSED_SCORE = 0.5  # of cells that were filled in and not measured: between refuted and accepted
 _ALIKE, _LOOKED_THROUGH = (0.75, 0.35), (0.05, 0.30)  # shares of the cells with points, on true planes and on others
 _UNJUDGED = (0.0, -1.0, -1.0, 0, -1)  # Judgement
-_FOOT_ROWS = 2  # of a wall's cells: its foot, 16 cm high
 
 
 class CellKind(IntEnum):
@@ -84,7 +84,7 @@ class Surface:
     @property
     def nbytes(self) -> int:
         """Size of the evidence [bytes]."""
-        return array_bytes((self.due, self._passing, self._said, self._contact))
+        return array_bytes((self.due, self._untested, self._passing, self._said, self._contact))
 
     def _bounds(self, plane: Plane) -> tuple[NDArray[np.int64], tuple[int, int]]:
         margin = _MARGIN_M * self._unit
@@ -108,7 +108,7 @@ class Surface:
         self._said = Judgement._make(np.pad(a, pad, constant_values=blank) for a, blank in zip(self._said, _UNJUDGED))
         known, self._contact = self._contact, Contact.none(len(self.due))
         for column, before_it in zip(self._contact, known):
-            column[pad[0][0] : pad[0][0] + len(before_it)] = before_it
+            column[before[0] : before[0] + len(before_it)] = before_it
         self._untested = np.pad(self._untested, pad[0], constant_values=self._stands)
 
     def centres(self, plane: Plane, cells: IntArray) -> Points3:
@@ -192,7 +192,7 @@ class Surface:
         kind[keyframe < 0] = -1
         score = np.where((kind == CellKind.PHOTO) | (kind == CellKind.SEED), said.score, _GUESSED_SCORE)
         where = np.nonzero(kind >= 0)
-        shown = self._contact.touches[where[0]] & (where[1] < _FOOT_ROWS)
+        shown = self._contact.touches[where[0]] & (self._size * where[1] < FOOT_M)
         witnesses = np.where(shown[:, None], self._contact.witnesses[where[0]], -1)
         witnesses[~np.isin(witnesses, living)] = -1
         cells = np.stack(where, axis=1).astype(np.int64)

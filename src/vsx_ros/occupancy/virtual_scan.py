@@ -22,7 +22,7 @@ _PIXEL_NOISE_RAD = 0.0012  # 0.6 pixels at a focal length of 500: how well a bea
 _MAX_HIT_ERROR_M = 0.10  # two cells; points less exact along the ray make no obstacle
 _CAUTION = 2.0  # a ray proves the floor free up to this many depth errors and one cell before its point
 _TOP_M = 1.0  # up to this height, points above a point support it: legs and edges continue upwards
-_FOOT_M = 0.15  # a ray that ends below this height would have met any higher obstacle on its way
+FOOT_M = 0.15  # a ray that ends below this height would have met any higher obstacle on its way
 _FLOOR_GROWTH = 0.012  # floor points scatter with distance: pose and depth errors add this much height per metre
 
 
@@ -54,7 +54,7 @@ def virtual_scans(
 def meet(scans: PolarScans, surfaces: Surfaces, touched: BoolArray, config: GroundMapConfig) -> None:
     """End each scan, in place, in front of the touched (N,) surface spots that its own keyframe sees. A keyframe that
     sees the foot of a surface also sees the floor in front of it (the virtual laser of paper 5.2)."""
-    shape, reaches = (0.5 * config.resolution_m, _CAUTION, config.resolution_m), (_FOOT_M, config.max_range_m)
+    shape, reaches = (0.5 * config.resolution_m, _CAUTION, config.resolution_m), (FOOT_M, config.max_range_m)
     kernels.meet_surfaces(scans, surfaces, touched, shape, reaches)
 
 
