@@ -270,7 +270,9 @@ READERS = [
     Reader("every parameter", samples.every_parameter, (), _any_text, lambda p: commented_yaml(load_config(p, []))),
     Reader("found odometry", samples.found_odometry, ("*.yaml",), _by_suffix, _found_odometry),
     Reader("renewed calibration", samples.renewed_camera_yaml, (), _any_text, _renewed_calibration),
-    Reader("robot file", samples.config_yaml, (), _any_text, lambda p: update_robot_file(p, "mount", {}, "measured")),
+    Reader(
+        "robot file", samples.config_yaml, (), _any_text, lambda p: update_robot_file(p, "robot.mount", {}, "by hand")
+    ),
     Reader("trajectory", _trajectory_file, (), _any_text, _trajectories),
     Reader("point cloud", _ply_file, (), mutations.raw, read_ply),
     Reader("campaign", samples.results_jsonl, (), _any_text, _read_rows),

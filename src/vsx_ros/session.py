@@ -66,6 +66,10 @@ class SlamSession:
         self._slam_map = None  # the SLAM's own grows, and what it no longer needs should go
         return slam
 
+    def exposed(self, frame: Frame) -> Frame:
+        """A driver's image with the time of its exposure in place of its stamp (config.slam.shutter.latency_s)."""
+        return frame._replace(stamp_ns=frame.stamp_ns - round(1e9 * self._config.slam.shutter.latency_s))
+
     def track(self, frame: Frame, odometry: Odometry | None) -> TrackingResult:
         """The pose of one frame by SLAM, with odometry corrected by the calibration found while driving. The frame
         ``odom`` remains that of the uncorrected odometry. Raises as ``SequentialSlam.track`` does."""

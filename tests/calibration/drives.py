@@ -30,13 +30,17 @@ class Recorded(NamedTuple):
     T_base_cam: SE3
 
 
+EXACT = CameraSettings(focal_error=0.0, centre_error_px=0.0)
+
+
 def record(
-    folder: Path, parts: list[tuple[float, float, float]], rate_hz: float = 10.0, error: float = 0.02
-) -> Recorded:
-    """Drive (v, omega, seconds) through a generated lab on wheels and gyro wrong by up to ``error``."""
+    folder: Path, parts: list[tuple[float, float, float]], rate_hz: float = 10.0, error: float = 0.02,
+    camera: CameraSettings = EXACT, late_ns: int = 0,
+) -> Recorded:  # fmt: skip
+    """Drive (v, omega, seconds) through a generated lab on wheels and gyro wrong by up to ``error``. late_ns: how much
+    later than its exposure each image is stamped."""
     body = BodySettings(wheel_scale_error=error, gyro_scale_error=error)
-    exact = CameraSettings(focal_error=0.0, centre_error_px=0.0)
-    settings = SimulationConfig(frame_rate_hz=rate_hz, body=body, camera=exact)
+    settings = SimulationConfig(frame_rate_hz=rate_hz, body=body, camera=camera)
     world = msgspec.structs.replace(generate_world("lab", SEED), start=START)
     robot = EmulatedRobot(world, SEED, settings, RobotConfig(mount=MOUNT))
     (folder / "rgb").mkdir(parents=True)
@@ -46,7 +50,7 @@ def record(
             seen = robot.step(VelocityCommand(v, omega))
             name = f"rgb/{len(names):06d}.png"
             cv2.imwrite(str(folder / name), seen.frame.image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-            names.append(f"{seen.frame.stamp_ns / 1e9:.9f} {name}")
+            names.append(f"{(seen.frame.stamp_ns + late_ns) / 1e9:.9f} {name}")
             odometry.append(StampedPose(seen.frame.stamp_ns, SE3.from_se2(seen.odometry.T_odom_base)))
             truth = robot.truth.T_world_base
             turn, heading = turn + truth.theta - heading, truth.theta

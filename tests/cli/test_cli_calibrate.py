@@ -91,7 +91,7 @@ def test_what_cannot_be_used_is_said_in_one_sentence(words, said, pictures, tmp_
 
 def test_a_real_robot_explores_with_its_own_parameters_and_an_emulated_one_without(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("ROS_HOME", str(tmp_path))
-    update_robot_file(default_robot_file(), "mount", {"height_m": 0.42}, "by hand")
+    update_robot_file(default_robot_file(), "robot.mount", {"height_m": 0.42}, "by hand")
     words = ["explore", "--out"]
     _, real, _ = begin(parse([*words, str(tmp_path / "real")]))
     assert real.robot.mount.height_m == 0.42

@@ -71,7 +71,7 @@ def test_yaml(tmp_path, bomb):
         load_map,
         load_world,
         lambda p: load(p, []),
-        lambda p: update_robot_file(p, "mount", {}, ""),
+        lambda p: update_robot_file(p, "robot.mount", {}, ""),
     ):
         assert str(path) in taken(path, read) or bomb == "laughs"
     assert "config" in taken(folder, lambda p: RunFolder.open(p).read_config())

@@ -103,7 +103,7 @@ def test_a_configuration_file_reaches_every_node(tmp_path: Path) -> None:
 
 
 def test_roslaunch_takes_what_this_robot_s_calibrations_found(robot_home: Path) -> None:
-    update_robot_file(robot_home / "vsx_ros" / "robot.yaml", "odometry", {"linear_scale": 1.0125}, "measured")
+    update_robot_file(robot_home / "vsx_ros" / "robot.yaml", "robot.odometry", {"linear_scale": 1.0125}, "measured")
     for name, found in {"bringup": 1.0125, "explore": 1.0125, "simulate": 1.0}.items():
         _, params = described([str(CHECKOUT / "launch" / f"{name}.launch")], [])
         assert params["/config/robot/odometry/linear_scale"] == found, name

@@ -9,7 +9,7 @@ from vsx_ros.config import Config
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry
-from vsx_ros.slam.preprocessing import shutter_of
+from vsx_ros.slam.preprocessing import middle_s
 from vsx_ros.slam.recount import Recount
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.state import TrackingResult, TrackingState
@@ -24,7 +24,7 @@ class DrivingCalibration:
     def __init__(self, T_base_cam: SE3, camera: PinholeCamera, config: Config, own_map: bool) -> None:
         """own_map: whether the map is made with this odometry; a loaded one has its scale from another drive."""
         self._T_cam_base, self._config, self._own_map = T_base_cam.inverse(), config.self_calibration, own_map
-        self._later_s = 0.5 * sum(shutter_of(camera, config.slam.shutter))  # to the middle of an image
+        self._later_s = middle_s(camera, config.slam.shutter)  # to the middle of an image
         self._odometry = CorrectedOdometry()
         self._estimate = SelfCalibration(float(T_base_cam.translation[2]), config.self_calibration)
         self._doubted = set[str]()

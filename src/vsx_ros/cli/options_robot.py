@@ -154,12 +154,12 @@ def completion(parser: argparse.ArgumentParser) -> None:
 
 
 def calibrate(parser: argparse.ArgumentParser) -> None:
-    """calibrate camera, odometry and camera mount
+    """calibrate camera, odometry, camera mount and shutter
 
     Measures calibration values, reports their uncertainty, and writes them where the nodes read them. Use this order:
-    camera, odometry, mount."""
+    camera, odometry, mount, shutter."""
     verbs = parser.add_subparsers(dest="verb", metavar="WHAT", required=True)
-    for add in (_camera, _odometry, _mount):
+    for add in (_camera, _odometry, _mount, _shutter):
         add(verbs)
 
 
@@ -215,6 +215,18 @@ def _mount(verbs: Any) -> None:
         epilog="example: vsx calibrate mount straight.bag --set robot.mount.forward_m=-0.09",
     )
     _drive(mount)
+
+
+def _shutter(verbs: Any) -> None:
+    shutter = verbs.add_parser(
+        "shutter",
+        help="when images are taken, from a drive with turns to both sides",
+        description="Finds how late images are stamped, and how long the camera takes from the first row to the last, "
+        "from a bag of a drive with turns: a metre ahead, then half a minute of bends to both sides at 0.4 rad/s or "
+        "more, with texture in sight. The exposure of a row is taken from the calibration or from slam.shutter.",
+        epilog="example: vsx calibrate shutter bends.bag --calibration webcam.yaml",
+    )
+    _drive(shutter)
 
 
 def _drive(parser: argparse.ArgumentParser) -> None:

@@ -90,7 +90,7 @@ def _track_all(session: SlamSession, slam: SequentialSlam, recording: Recording,
         keeper.record.add_odometry(reading)
     progress = Progress(sys.stderr, plain=False)
     with interruptible() as stopped:
-        for number, frame in enumerate(recording.frames(), start=1):
+        for number, frame in enumerate(map(session.exposed, recording.frames()), start=1):
             odometry = recording.odometry_at(frame.stamp_ns)
             began = time.perf_counter()
             result = session.track(frame, odometry)

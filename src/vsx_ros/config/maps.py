@@ -118,10 +118,12 @@ class DriftConfig(Branch, frozen=True):
 
 class ShutterConfig(Branch, frozen=True):
     """How the camera exposes: its rows one after the other within readout_s (0: all at once), each for exposure_s. With
-    odometry, images are corrected for the camera's motion in that time. -1: as in the calibration, or 0 without one."""
+    odometry, images are corrected for the camera's motion in that time. -1: as in the calibration, or 0 without one.
+    latency_s: how much later than the start of the first row's exposure the driver stamps images."""
 
     readout_s: Annotated[float, Meta(ge=-1)] = -1.0
     exposure_s: Annotated[float, Meta(ge=-1)] = -1.0
+    latency_s: Annotated[float, Meta(ge=-0.5, le=0.5)] = 0.0
 
 
 class OdometryNoiseConfig(Branch, frozen=True):

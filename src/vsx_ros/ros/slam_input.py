@@ -48,7 +48,7 @@ class SlamInput:
         image_subscriber(self._on_image)
 
     def _on_image(self, msg: Image) -> None:
-        frame = self._frames.of(msg)
+        frame = self._session.exposed(self._frames.of(msg))
         headers.refuse_future(frame.stamp_ns)
         self._sync.add_frame(frame)
 

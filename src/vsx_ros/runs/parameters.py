@@ -92,16 +92,17 @@ def robot_file_here() -> Path | None:
 
 
 def update_robot_file(path: Path, branch: str, values: dict[str, float], remark: str) -> None:
-    """Replace entries of ``robot.BRANCH`` in the file and keep the rest; each branch has its remark at the top. Raises
-    ConfigError when the file holds no valid parameters, or cannot be written."""
+    """Replace entries of a branch (as ``robot.mount``) in the file and keep the rest; each branch has its remark at the
+    top. Raises ConfigError when the file holds no valid parameters, or cannot be written."""
     with explained(ConfigError, f"{path} cannot be read", "give another file with --out"):
         known = file_text(path) if path.exists() else ""
         tree = yaml_tree(known) or {}
     from_dict(tree)
-    robot = tree.setdefault("robot", {})
-    robot[branch] = {**robot.get(branch, {}), **values}
+    above, _, name = branch.rpartition(".")
+    room = tree.setdefault(above, {})
+    room[name] = {**room.get(name, {}), **values}
     from_dict(tree)
-    replaced = f"# {branch}: "
+    replaced = f"# {name}: "
     remarks = [line for line in known.splitlines() if line.startswith("# ") and not line.startswith(replaced)]
     text = "\n".join([*remarks, replaced + remark, yaml.safe_dump(tree, sort_keys=False)])
     with explained(ConfigError, f"{path} cannot be written", "give another file with --out", OSError):

@@ -27,4 +27,4 @@ def write_self_calibration(folder: Path, calibration: DrivingCalibration | None,
     remark = f"found while driving: {', '.join(told)}"
     refused = f"; not told: {', '.join(found.refused)}" if found.refused else ""
     rounded = {name: round(value, 5) for name, value in values.items()}
-    update_robot_file(folder / FILE, "odometry", rounded, remark + refused)
+    update_robot_file(folder / FILE, "robot.odometry", rounded, remark + refused)

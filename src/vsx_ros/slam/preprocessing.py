@@ -32,28 +32,38 @@ def shutter_of(camera: PinholeCamera, config: ShutterConfig) -> Shutter:
     )
 
 
+def middle_s(camera: PinholeCamera, config: ShutterConfig) -> float:
+    """From the start of the first row's exposure to the middle of the middle row's [s]."""
+    return 0.5 * sum(shutter_of(camera, config))
+
+
+def camera_twist(T_base_cam: SE3, odometry: Odometry) -> FloatArray:
+    """(6,) rotation vector [rad/s] and velocity [m/s] of the camera in its own frame, at a reading's speeds."""
+    forward, left, _ = T_base_cam.translation.tolist()
+    turn = np.array([0.0, 0.0, odometry.omega])
+    way = np.array([odometry.v - odometry.omega * left, odometry.omega * forward, 0.0])
+    R_cam_base = T_base_cam.rotation.T
+    return np.concatenate([R_cam_base @ turn, R_cam_base @ way])
+
+
 class RollingShutter:
-    """Rolling shutter of a camera on wheels. Poses of the map and odometry refer to the middle: ``middle_ns`` after the
-    stamp, the middle of the middle row's exposure."""
+    """Rolling shutter of a camera on wheels. Poses of the map and odometry refer to the middle of the middle row's
+    exposure, ``middle_ns`` after the stamp."""
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: ShutterConfig) -> None:
         self._standing = kernel_camera(camera)
         self._T_base_cam = T_base_cam
-        self._readout_s, exposure_s = shutter_of(camera, config)
-        self._middle_s = 0.5 * (exposure_s + self._readout_s)
+        self._readout_s, _ = shutter_of(camera, config)
+        self._middle_s = middle_s(camera, config)
         self.middle_ns = round(1e9 * self._middle_s)
 
     def exposure(self, odometry: Odometry | None) -> tuple[FloatArray, SE3]:
         """For an image taken at the speed of an odometry reading (without one, at rest): the kernels' array (CAMERA,),
-        and the camera at the stamp (start of the first row) as seen from the middle."""
+        and the camera at the stamp as seen from the middle."""
         if odometry is None or self._T_base_cam is None:
             return self._standing, SE3.identity()
         back = SE2.exp(-odometry.v * self._middle_s, -odometry.omega * self._middle_s)
-        forward, left, _ = self._T_base_cam.translation.tolist()
-        turn = np.array([0.0, 0.0, odometry.omega])
-        way = np.array([odometry.v - odometry.omega * left, odometry.omega * forward, 0.0])
-        R_cam_base = self._T_base_cam.rotation.T
-        motion = np.concatenate([R_cam_base @ turn, R_cam_base @ way]) * self._readout_s
+        motion = camera_twist(self._T_base_cam, odometry) * self._readout_s
         return moving(self._standing, motion), self._T_base_cam.inverse() @ SE3.from_se2(back) @ self._T_base_cam
 
 

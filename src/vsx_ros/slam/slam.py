@@ -20,6 +20,7 @@ from vsx_ros.slam.recount import Recount
 from vsx_ros.slam.snapshot import MapSnapshot, SlamMap, TrackedFeatures, snapshot, tracked_features
 from vsx_ros.slam.start_watch import GiveUp
 from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, TrackingState
+from vsx_ros.slam.track import Track
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
 
@@ -85,6 +86,11 @@ class TrackerAndMapper(ABC):
         while self._mapper.events:
             events.append(self._mapper.events.popleft())
         return sorted(events, key=lambda event: event.stamp_ns)
+
+    def last_track(self) -> tuple[MapView, Track] | None:
+        """The newest frame's track and the map that it was searched in, None if no point was searched; call it from the
+        tracking thread."""
+        return self._front.tracking.last
 
     def record(self) -> dict[str, NDArray[Any]]:
         """The tracking record, for a session that continues; call it from the tracking thread."""
@@ -165,8 +171,8 @@ class ThreadedSlam(TrackerAndMapper):
             self._work.notify()
 
     def tracked_features(self) -> TrackedFeatures | None:
-        """The points searched in the newest frame, None if there were none; call it from the tracking thread."""
-        last = self._front.tracking.last
+        """The points searched in the newest frame, as ``last_track``."""
+        last = self.last_track()
         return None if last is None else tracked_features(self._camera, *last)
 
     def close(self) -> None:

@@ -1,0 +1,130 @@
+"""``vsx calibrate odometry`` and ``mount``, from recorded drives."""
+
+import argparse
+import math
+
+from vsx_ros.arrays import Points3
+from vsx_ros.calibration import odometry
+from vsx_ros.calibration.board import Board, board_poses
+from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_mount
+from vsx_ros.calibration.verdict import Verdict
+from vsx_ros.cli.recorded_drive import camera_of, conclude, recorded_drive
+from vsx_ros.config import MountConfig, SlamConfig
+from vsx_ros.errors import InputError
+from vsx_ros.geometry.mount import mounted
+from vsx_ros.io.recording import Recording
+from vsx_ros.runs.parameters import load
+from vsx_ros.runs.self_calibration import FILE
+from vsx_ros.slam.slam import SequentialSlam
+
+
+def calibrate_odometry(args: argparse.Namespace) -> int:
+    """Factors of distance and turn, from a drive or a run folder."""
+    if (args.input / FILE).exists():
+        return _from_run(args)
+    config, recording = load(args.config, args.set), recorded_drive(args)
+    poses = [reading.T_odom_base for reading in recording.odometry]
+    if args.distance is not None:
+        result = odometry.from_known_way(poses, args.distance)
+    elif args.turns is not None:
+        result = _by_turns(recording, args.turns)
+    else:
+        T_base_cam = mounted(config.robot.mount)
+        if args.board is not None:
+            drive = _seen_from_board(recording, Board.parse(args.board, args.pattern))
+        else:
+            drive, _ = _seen_by_slam(recording, config.slam)
+        result = odometry.from_camera(drive, T_base_cam, metric=args.board is not None)
+    values, sure, known = {}, [], config.robot.odometry
+    for name, before, factor, word, of in (
+        ("linear_scale", known.linear_scale, result.linear, "way", "m of way"),
+        ("angular_scale", known.angular_scale, result.angular, "turn", "rad of turning"),
+    ):
+        if factor is None:
+            values[name] = before
+            print(f"{name:14} {before:.4f}: this drive does not tell")
+            continue
+        values[name], exact = round(before * factor.value, 5), f"known to {100 * factor.sigma:.2f} %"
+        recorded = f"the drive was recorded with {before:.4f}"
+        print(f"{name:14} {values[name]:.4f}: {recorded}; {exact} from {factor.measured:.2f} {of}")
+        sure.append(f"{word} {exact}")
+    return conclude(args.out, "robot.odometry", values, result.verdict, ", ".join(sure))
+
+
+def _from_run(args: argparse.Namespace) -> int:
+    """Use what a run found while driving. Raises ConfigError when its file is damaged."""
+    found = load(args.input / FILE, []).robot.odometry
+    values = {"linear_scale": found.linear_scale, "angular_scale": found.angular_scale}
+    print(*(f"{name:14} {value:.4f}: found while driving" for name, value in values.items()), sep="\n")
+    return conclude(args.out, "robot.odometry", values, Verdict([]), f"found while driving, see {args.input / FILE}")
+
+
+def calibrate_mount_of(args: argparse.Namespace) -> int:
+    """The camera's direction and height, from a straight drive."""
+    config, recording = load(args.config, args.set), recorded_drive(args)
+    before = config.robot.mount
+    drive, points = _seen_by_slam(recording, config.slam)
+    result = calibrate_mount(drive, points, before.forward_m, before.left_m)
+    print(*_mount_lines(result, before), sep="\n")
+    height_m = before.height_m if result.floor is None else round(result.floor.height, 4)
+    values = {"pitch_down_rad": round(result.pitch_down, 5), "yaw_left_rad": round(result.yaw_left, 5)}
+    values |= {"forward_m": before.forward_m, "left_m": before.left_m, "height_m": height_m}
+    sure = f"direction known to {math.degrees(result.direction_sigma):.2f} deg"
+    sure += "" if result.floor is None else f", height to {result.floor.sigma:.3f} m"
+    return conclude(args.out, "robot.mount", values, result.verdict, sure)
+
+
+def _by_turns(recording: Recording, turns: float) -> odometry.OdometryCalibration:
+    """Calibrate between the first and the last picture; the camera measures the turn between them."""
+    first = last = None
+    for frame in recording.frames():
+        first, last = first or frame, frame
+    if first is None or last is None:
+        raise InputError(f"{recording.source} holds no image that could be used; record it again")
+    poses = [r.T_odom_base for r in recording.odometry if first.stamp_ns <= r.stamp_ns <= last.stamp_ns]
+    closing = odometry.closing_turn(camera_of(recording), first.image, last.image)
+    if closing is None:
+        print("the last picture does not show what the first one showed: the turn is taken as you say it")
+    else:
+        print(f"the last picture is turned by {math.degrees(closing):+.2f} deg against the first one")
+    return odometry.from_known_turns(poses, turns, closing)
+
+
+def _seen_from_board(recording: Recording, board: Board) -> list[TrackedPose]:
+    camera, odometry, views = camera_of(recording), [], []
+    for frame in recording.frames():
+        odometry.append(recording.odometry_at(frame.stamp_ns))
+        views.append(board.find(frame.image, quick=True))
+    seen = sum(view is not None for view in views)
+    print(f"the board is wholly in sight in {seen} of {len(views)} pictures")
+    placed = zip(odometry, board_poses(board, camera, views), strict=True)
+    return [TrackedPose(o.T_odom_base, T_board_cam) for o, T_board_cam in placed if o and T_board_cam]
+
+
+def _seen_by_slam(recording: Recording, config: SlamConfig) -> tuple[list[TrackedPose], Points3]:
+    """Track the drive by vision alone, because odometry and mount are to be measured."""
+    slam = SequentialSlam(camera_of(recording), None, config)
+    drive, frames = [], 0
+    for frame in recording.frames():
+        frames += 1
+        result, odometry = slam.track(frame), recording.odometry_at(frame.stamp_ns)
+        if result.state.tracked and result.T_world_cam is not None and odometry is not None:
+            drive.append(TrackedPose(odometry.T_odom_base, result.T_world_cam))
+    print(f"{len(drive)} of {frames} pictures were tracked without odometry")
+    return drive, slam.snapshot().points_world
+
+
+def _mount_lines(result: MountCalibration, before: MountConfig) -> list[str]:
+    def degrees(angle: float) -> str:
+        return f"{math.degrees(angle):+.2f} deg"
+
+    sure = f"known to {math.degrees(result.direction_sigma):.2f} deg from {result.way:.2f} m"
+    lines = [
+        f"pitch_down  {degrees(result.pitch_down)} (was {degrees(before.pitch_down_rad)}), {sure}",
+        f"yaw_left    {degrees(result.yaw_left)} (was {degrees(before.yaw_left_rad)})",
+    ]
+    if result.floor is None:
+        return [*lines, f"height      stays {before.height_m:.3f} m: too little of the floor is seen"]
+    height, sigma_m, pitch_off, roll, points = result.floor
+    floor = f"{points} points; it slopes by {degrees(pitch_off)} ahead and {degrees(roll)} to the left"
+    return [*lines, f"height      {height:.3f} m (was {before.height_m:.3f}), known to {sigma_m:.3f} m from {floor}"]
