@@ -5,9 +5,9 @@ python benchmarks/soak_stack.py [--minutes 60] [--kinds camera base node master 
 Every 20 s there is one fault: the camera is unplugged, silent or loses images; the base is unplugged, silent or
 loses bytes; a node is killed and started again; the master is killed and started again; the disk of the run folder is
 full (a tmpfs, root only). At the end it writes a row: memory growth of each process from two minutes after its start,
-how much of it the map takes there, and the new keyframes since; the errors of the SLAM's pose and of the odometry
-against the emulated truth; tracebacks in the nodes' output; nodes that ended by themselves, with their last words; they
-are started again. The table is made by benchmarks/tables.py.
+how much of it the map takes there, the most that its work took beside that, and the new keyframes since; the errors of
+the SLAM's pose and of the odometry against the emulated truth; tracebacks in the nodes' output; nodes that ended by
+themselves, with their last words; they are started again. The table is made by benchmarks/tables.py.
 """
 
 import argparse
@@ -16,7 +16,7 @@ import math
 import random
 import subprocess
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -29,6 +29,7 @@ from tables import RESULTS, rooms_of
 from vsx_ros.experiments.rows import Store
 
 PERIOD_S, WARM_S = 20.0, 120.0
+REST_LOOKS = 60  # one a second; the least of them is memory at rest: to adjust or store a map takes more for a while
 DISK_MB = 2048  # an hour's map and its record fit; the fault fills the rest
 KINDS = {
     "camera": ("unplugged", "off", "slow"),
@@ -59,15 +60,29 @@ def processes(stack: object) -> Iterator[tuple[str, int]]:
 
 
 class Life(NamedTuple):
-    """A process after its warm-up. map_mb: of its growth, what the map takes there. keyframes: number of new ones since
-    then."""
+    """A process after its warm-up, at rest. map_mb: of its growth, what the map takes there. working_mb: the most that
+    it took beyond that. keyframes: number of new ones since then."""
 
     name: str
     minutes: float
     warm_mb: float
     grown_mb: float
     map_mb: float
+    working_mb: float
     keyframes: int
+
+
+class Look(NamedTuple):
+    """Memory of a process at one moment, what the map takes of it, and the map's keyframes."""
+
+    held_mb: float
+    map_mb: float
+    keyframes: int
+
+    @property
+    def beside_mb(self) -> float:
+        """What is not the map."""
+        return self.held_mb - self.map_mb
 
 
 class Memory:
@@ -76,7 +91,9 @@ class Memory:
     def __init__(self, stack: object) -> None:
         self._stack = stack
         self._since: dict[tuple[str, int], float] = {}
-        self._warm: dict[tuple[str, int], tuple[float, float, int]] = {}
+        self._looks: dict[tuple[str, int], deque[Look]] = {}
+        self._warm: dict[tuple[str, int], Look] = {}
+        self._working_mb = Counter[tuple[str, int]]()
         self._lives: dict[tuple[str, int], Life] = {}
 
     @property
@@ -87,13 +104,21 @@ class Memory:
         for process in processes(self._stack):
             name, pid = process
             warm_s = time.monotonic() - self._since.setdefault(process, time.monotonic()) - WARM_S
-            now = memory_mb(pid), maps.held_mb(name), maps.keyframes
-            if warm_s > 0.0 and now[0]:
-                warm_mb, *_ = first = self._warm.setdefault(process, now)
-                grown_mb, map_mb, keyframes = (round(b - a, 1) for a, b in zip(first, now))
-                self._lives[process] = Life(
-                    name, round(warm_s / 60.0, 1), round(warm_mb, 1), grown_mb, map_mb, keyframes
-                )
+            now = Look(memory_mb(pid), maps.held_mb(name), maps.keyframes)
+            if warm_s <= 0.0 or not now.held_mb:
+                continue
+            looks = self._looks.setdefault(process, deque(maxlen=REST_LOOKS))
+            looks.append(now)
+            if len(looks) < REST_LOOKS:
+                continue
+            rest = min(looks, key=lambda look: look.beside_mb)
+            warm = self._warm.setdefault(process, rest)
+            self._working_mb[process] = max(self._working_mb[process], now.beside_mb - rest.beside_mb)
+            grown_mb, map_mb, keyframes = (round(b - a, 1) for a, b in zip(warm, rest))
+            self._lives[process] = Life(
+                name=name, minutes=round(warm_s / 60.0, 1), warm_mb=round(warm.held_mb, 1), grown_mb=grown_mb,
+                map_mb=map_mb, working_mb=round(self._working_mb[process], 1), keyframes=keyframes,
+            )  # fmt: skip
 
 
 class MapSize:

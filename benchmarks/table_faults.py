@@ -188,13 +188,14 @@ def soaks(rows: Sequence[Row]) -> list[str]:
     lives = [life for row in rows for life in row.result["lives"]]
     if lives:
         head = "| process | lives | the longest, since it was warm | its memory then | grew by | of that the map"
-        lines += ["", f"{head} | keyframes that came |", "|---|---|---|---|---|---|---|"]
+        lines += ["", f"{head} | most at work beside | keyframes that came |", "|---|---|---|---|---|---|---|---|"]
     for name in dict.fromkeys(life["name"] for life in lives):
         of_name = [life for life in lives if life["name"] == name]
         longest = max(of_name, key=lambda life: life["minutes"])
-        of_map = f"{longest['map_mb']:.1f} MB" if "map_mb" in longest else "not measured"
-        grown = f"{longest['warm_mb']:.0f} MB | {longest['grown_mb']:.1f} MB | {of_map} | {longest['keyframes']}"
-        lines.append(f"| {name} | {len(of_name)} | {longest['minutes']:.0f} minutes | {grown} |")
+        of_map, work = (f"{longest[n]:.1f} MB" if n in longest else "not measured" for n in ("map_mb", "working_mb"))
+        grown = f"{longest['warm_mb']:.0f} MB | {longest['grown_mb']:.1f} MB | {of_map} | {work}"
+        told = f"{len(of_name)} | {longest['minutes']:.0f} minutes | {grown} | {longest['keyframes']}"
+        lines.append(f"| {name} | {told} |")
     return lines
 
 
