@@ -66,6 +66,11 @@ class SlamSession:
         self._slam_map = None  # the SLAM's own grows, and what it no longer needs should go
         return slam
 
+    @property
+    def knows_readout(self) -> bool:
+        """Whether the configuration has the camera's readout; else its calibration may."""
+        return self._config.slam.shutter.readout_s >= 0.0
+
     def exposed(self, frame: Frame) -> Frame:
         """A driver's image with the time of its exposure in place of its stamp (config.slam.shutter.latency_s)."""
         return frame._replace(stamp_ns=frame.stamp_ns - round(1e9 * self._config.slam.shutter.latency_s))

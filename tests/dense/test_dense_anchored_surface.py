@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import wall_scene as scene
 
+from vsx_ros.dense.cells import Cells
 from vsx_ros.dense.densify import DenseMap
 from vsx_ros.dense.mapped_ground import AnchoredSurface
 from vsx_ros.dense.planes import Plane, PlaneKind
-from vsx_ros.dense.surface import Cells
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.dense.plane_fits import in_plane_axes

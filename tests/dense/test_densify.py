@@ -6,8 +6,8 @@ import pytest
 import wall_scene as scene
 
 from vsx_ros.config import DenseConfig
+from vsx_ros.dense.cells import CellKind
 from vsx_ros.dense.densify import DenseMap, Densifier
-from vsx_ros.dense.surface import CellKind
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.snapshot import MapSnapshot
 

@@ -7,7 +7,15 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from vsx_ros.calibration.odometry import Factor
-from vsx_ros.calibration.shutter import SeenRows, concluded, next_readout, pose_delay, readout_change, turns
+from vsx_ros.calibration.shutter import (
+    SeenRows,
+    ShutterCalibration,
+    concluded,
+    next_readout,
+    pose_delay,
+    readout_change,
+    turns,
+)
 from vsx_ros.cli.recorded_drive import camera_of, conclude, recorded_drive
 from vsx_ros.config import Config
 from vsx_ros.config.maps import ShutterConfig
@@ -35,26 +43,31 @@ class _Seen(NamedTuple):
 
 def calibrate_shutter(args: argparse.Namespace) -> int:
     """Latency and readout of the camera."""
-    config, recording = load(args.config, args.set), recorded_drive(args)
-    camera, R_base_cam = camera_of(recording), mounted(config.robot.mount).rotation
-    known = shutter_of(camera, config.slam.shutter)
-    shutter = ShutterConfig(readout_s=known.readout_s, exposure_s=known.exposure_s)
-    tried = list[tuple[float, Factor]]()
-    for number in range(ROUNDS):
-        seen = _seen(replace(config, slam=replace(config.slam, shutter=shutter)), recording, number)
-        delay = pose_delay(seen.poses, R_base_cam, recording.odometry)
-        if number > 0:
-            tried.append((shutter.readout_s, readout_change(seen.rows, camera, shutter.readout_s)))
-        latency_s = delay.value + middle_s(camera, shutter)
-        readout_s = next_readout(tried) if tried else shutter.readout_s
-        shutter = replace(shutter, latency_s=latency_s, readout_s=readout_s)
-    found = concluded(delay._replace(value=shutter.latency_s), tried)
+    found, exposure_s = shutter_of_drive(recorded_drive(args), load(args.config, args.set))
     for name, factor in (("latency_s", found.latency), ("readout_s", found.readout)):
         print(f"{name:10} {factor.value:.4f}: known to {1e3 * factor.sigma:.1f} ms from {factor.measured:.0f} images")
-    values = {"readout_s": shutter.readout_s, "exposure_s": shutter.exposure_s, "latency_s": shutter.latency_s}
+    values = {"readout_s": found.readout.value, "exposure_s": exposure_s, "latency_s": found.latency.value}
     sure = f"latency known to {1e3 * found.latency.sigma:.1f} ms, readout to {1e3 * found.readout.sigma:.1f} ms"
     rounded = {name: round(value, 4) for name, value in values.items()}
     return conclude(args.out, "slam.shutter", rounded, found.verdict, sure)
+
+
+def shutter_of_drive(recording: Recording, config: Config) -> tuple[ShutterCalibration, float]:
+    """The calibration, and the exposure [s] that it assumes. Raises InputError when the drive does not tell."""
+    camera, R_base_cam = camera_of(recording), mounted(config.robot.mount).rotation
+    known = shutter_of(camera, config.slam.shutter)
+    shutter = ShutterConfig(readout_s=known.readout_s, exposure_s=known.exposure_s)
+    delay, tried = None, list[tuple[float, Factor]]()
+    for number in range(ROUNDS):
+        seen = _seen(replace(config, slam=replace(config.slam, shutter=shutter)), recording, number)
+        delay = pose_delay(seen.poses, R_base_cam, recording.odometry)
+        delay = delay._replace(value=delay.value + middle_s(camera, shutter))
+        if number > 0:
+            tried.append((shutter.readout_s, readout_change(seen.rows, camera, shutter.readout_s)))
+        readout_s = next_readout(tried) if tried else shutter.readout_s
+        shutter = replace(shutter, latency_s=delay.value, readout_s=readout_s)
+    assert delay is not None
+    return concluded(delay, tried), known.exposure_s
 
 
 def _seen(config: Config, recording: Recording, number: int) -> _Seen:

@@ -8,11 +8,12 @@ import numpy as np
 
 from vsx_ros.arrays import IntArray
 from vsx_ros.config import DenseConfig
+from vsx_ros.dense.cells import Cells
 from vsx_ros.dense.levelling import aligned, gravity
 from vsx_ros.dense.photoconsistency import KeyframeImages
 from vsx_ros.dense.plane_finding import PlaneFinder
 from vsx_ros.dense.planes import Plane, PlaneKind
-from vsx_ros.dense.surface import Cells, Surface, moved
+from vsx_ros.dense.surface import Surface, moved
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.dense.view_choice import Views

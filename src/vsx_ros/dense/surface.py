@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from enum import IntEnum
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3, array_bytes
 from vsx_ros.config import DenseConfig
+from vsx_ros.dense.cells import CellKind, Cells
 from vsx_ros.dense.photoconsistency import Judgement, judge
 from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.dense.region_growing import Contact, enclosed, fill_heights, floor_contact, grow_regions, supported_runs
@@ -24,46 +23,6 @@ _BEHIND_M, _BEHIND_SHARE = 0.15, 0.08  # a point this far behind a cell, and thi
 _GUESSED_SCORE = 0.5  # of cells that were filled in and not measured: between refuted and accepted
 _ALIKE, _LOOKED_THROUGH = (0.75, 0.35), (0.05, 0.30)  # shares of the cells with points, on true planes and on others
 _UNJUDGED = (0.0, -1.0, -1.0, 0, -1)  # Judgement
-
-
-class CellKind(IntEnum):
-    """Why a cell is believed. SEED: map points lie in it. PHOTO: several keyframes show the same picture there.
-    CONTACT: the wall meets the floor below it. ENCLOSED: believed cells surround it."""
-
-    SEED = 0
-    PHOTO = 1
-    CONTACT = 2
-    ENCLOSED = 3
-
-
-class Cells(NamedTuple):
-    """plane (N,): ids of planes. cell (N, 2): right and up, in cells of the plane's grid, whose origin is that of the
-    coordinates (cell i covers [i, i + 1) times its size). centre (N, 3): world [m]. kind (N,): CellKind. score (N,): 0
-    to 1. keyframe (N,): index in the snapshot of the reference keyframe it was judged in. witnesses (N, W): indices of
-    keyframes that show the floor at its foot, for the lowest cells of a wall; -1 for the rest."""
-
-    plane: NDArray[np.int64]
-    cell: NDArray[np.int64]
-    centre: Points3
-    kind: NDArray[np.int64]
-    score: FloatArray
-    keyframe: NDArray[np.int64]
-    witnesses: NDArray[np.int64]
-
-    @staticmethod
-    def concatenated(parts: list[Cells]) -> Cells:
-        """All parts in order."""
-        none = np.zeros(0, np.int64)
-        first = Cells(
-            plane=none,
-            cell=np.zeros((0, 2), np.int64),
-            centre=np.zeros((0, 3)),
-            kind=none,
-            score=np.zeros(0),
-            keyframe=none,
-            witnesses=Contact.none(0).witnesses,
-        )
-        return Cells._make(np.concatenate(columns) for columns in zip(first, *parts))
 
 
 class Surface:

@@ -75,7 +75,7 @@ class SlamInput:
                 camera = images.camera(rospy.wait_for_message(topics.CAMERA_INFO, CameraInfo, timeout=_SILENCE_S))
                 self._used_s = time.monotonic()
                 self._shutter_heard.wait(_SHUTTER_WAIT_S)
-                if self._shutter is None:
+                if self._shutter is None and not self._session.knows_readout:
                     rospy.logwarn("the camera's shutter is not known: its rows are taken to be exposed at once")
                 return replace(camera, shutter=self._shutter)
             except rospy.ROSInterruptException:

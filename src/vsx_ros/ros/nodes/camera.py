@@ -10,7 +10,8 @@ Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N, emulator:SOCKET or r
     ~frame_id (camera_rgb_optical_frame). ~mode (vga): of a Kinect, vga (30 Hz), uyvy (15 Hz) or sxga (1280x1024,
     10 Hz); of v4l:N size, rate and format, e.g. 1280x720@30/mjpeg or 640x480/yuyv. ~lock_exposure (true): a Kinect or
     v4l:N locks exposure and white balance after two seconds; set false if the light differs much from room to room.
-    ~latency_s (0): of v4l:N, from the start of exposure to the driver's stamp."""
+    ~latency_s (0): of v4l:N, from the start of exposure to the driver's stamp, taken off the stamps that it publishes;
+    what is left of it, of any camera, is slam.shutter.latency_s."""
 
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
@@ -33,6 +34,7 @@ class CameraNode:
         self._device = str(rospy.get_param("~device", "kinect"))
         self._frame_id = str(rospy.get_param("~frame_id", headers.own(topics.OPTICAL_FRAME)))
         self._calibration = CameraCalibration(self._device, str(rospy.get_param("~camera_info_url", "")))
+        self._readout_s = config.slam.shutter.readout_s
         self._frames_reported = 0
         self._image_pub = rospy.Publisher(topics.IMAGE, Image, queue_size=5, tcp_nodelay=True)
         self._info_pub = rospy.Publisher(topics.CAMERA_INFO, CameraInfo, queue_size=5, tcp_nodelay=True)
@@ -71,8 +73,8 @@ class CameraNode:
         self._diagnostics.device("stream", status, rate_hz=rate_hz)
         known = self._calibration.known
         remedy = "calibrated" if known else "not calibrated; run 'vsx calibrate camera --live'"
-        if self._told is not None and self._told.shutter is None:
-            remedy += "; its shutter is not known and taken as global, write it into the calibration file"
+        if self._told is not None and self._told.shutter is None and self._readout_s < 0.0:
+            remedy += "; its shutter is not known and taken as global, run 'vsx calibrate shutter'"
         self._diagnostics.set("calibration", OK if known else WARN, remedy)
 
     def close(self) -> None:
