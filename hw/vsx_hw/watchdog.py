@@ -130,9 +130,8 @@ def take_over(port: str, baud: int, data: bytes) -> bool:
     """Open the port of a dead driver and write; True when it worked within two seconds."""
     for _ in range(ATTEMPTS):
         try:
-            transport = SerialTransport(port, baud)
-            transport.write(data)
-            transport.close()
+            with contextlib.closing(SerialTransport(port, baud)) as transport:
+                transport.write(data)
             return True
         except DeviceError:
             time.sleep(PAUSE_S)

@@ -115,7 +115,9 @@ class SlamSession:
     @property
     def T_map_odom(self) -> SE2 | None:
         """The odometry frame in the map; None while unknown. A new map begins as the odometry frame."""
-        where = self.where
+        return self._map_odom(self.where)
+
+    def _map_odom(self, where: LocalizationState) -> SE2 | None:
         if where.T_map_base is None or where.T_odom_base is None:
             return None if self.resumed else SE2()
         return (where.T_map_base @ where.T_odom_base.inverse()).wrapped()
@@ -123,6 +125,7 @@ class SlamSession:
     def base_at(self, odometry: Odometry) -> SE2 | None:
         """T_map_base by a newer reading, even if the camera has been lost for a while; None while the base's place in
         the map is unknown."""
-        where, T_map_odom = self.where, self.T_map_odom
+        where = self.where  # once: another thread replaces it
+        T_map_odom = self._map_odom(where)
         other = where.T_map_base is not None and where.odom_epoch != odometry.odom_epoch
         return None if other or T_map_odom is None else T_map_odom @ odometry.T_odom_base

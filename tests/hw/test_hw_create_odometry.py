@@ -49,6 +49,36 @@ def test_a_power_cycle_is_a_new_base_line():
     assert odometry.update(40_010, 12_010, True, 11 * 15 * MS).x_m > before.x_m
 
 
+HOUR = 3600 * 1000 * MS
+
+
+def test_a_clock_that_is_set_back_does_not_make_a_pushed_robot_believed():
+    odometry = EncoderOdometry()
+    before = [odometry.update(10 * k, 10 * k, True, HOUR + k * 15 * MS) for k in range(10)][-1]
+    still = [odometry.update(90, 90, False, k * 100 * MS) for k in range(10)][-1]
+    pushed = odometry.update(130, 130, False, 1015 * MS)
+    assert (still.trusted, pushed.trusted) == (True, False)
+    assert pushed.x_m == pytest.approx(before.x_m, abs=1e-9)
+
+
+def test_a_clock_that_is_set_back_does_not_move_a_create_1():
+    odometry = DistanceOdometry()
+    odometry.command(0.3, 0.0)
+    before = [odometry.reading(HOUR + k * 20 * MS) for k in range(10)][-1]
+    after = odometry.reading(9 * 20 * MS)
+    assert after.x_m == pytest.approx(before.x_m, abs=1e-9)
+    assert odometry.reading(10 * 20 * MS).x_m == pytest.approx(before.x_m + 0.006, abs=1e-6)
+
+
+def test_a_clock_that_is_set_back_ends_the_doubt_about_a_lost_reading():
+    odometry = DistanceOdometry()
+    odometry.reading(HOUR)
+    odometry.lose()
+    odometry.measure(10, 0, HOUR + 500 * MS)
+    assert odometry.reading(HOUR + 510 * MS).doubt
+    assert not odometry.reading(520 * MS).doubt
+
+
 def test_create_1_shows_the_command_between_readings_and_the_truth_at_them():
     odometry = DistanceOdometry()
     odometry.command(0.2, 0.0)

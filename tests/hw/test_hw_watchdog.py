@@ -15,7 +15,9 @@ from hw_plant import FreeWheels
 from waiting import PATIENCE_S, wait_for
 
 from vsx_hw.bases import BASES, base_emulator
+from vsx_hw.errors import DeviceError
 from vsx_hw.kobuki.protocol import BAUD, WHEEL_BASE_M
+from vsx_hw.transport import SerialTransport
 from vsx_hw.watchdog import Watchdogs, take_over
 
 STOP = BASES["kobuki"].stop_bytes()
@@ -122,6 +124,26 @@ def test_released_watchdogs_do_not_touch_the_port(tmp_path):
         watchdogs.release()
         time.sleep(0.05)
         assert plant.speeds == (0.1, 0.1)
+        assert take_over(port, BAUD, STOP.farewell)
+        wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
+
+
+def test_a_port_that_takes_nothing_at_first_is_tried_again(tmp_path, monkeypatch):
+    """The failed try must not keep the port locked against the next one."""
+    port, written = str(tmp_path / "ttyKOBUKI"), SerialTransport.write
+    failures = iter([DeviceError("no room for more bytes"), DeviceError("again")])
+
+    def write(transport, data):
+        failure = next(failures, None)
+        if failure is not None:
+            kept.append(transport)  # as a traceback does
+            raise failure
+        written(transport, data)
+
+    kept, plant = [], FreeWheels(WHEEL_BASE_M)
+    plant.speeds = (0.1, 0.1)
+    monkeypatch.setattr(SerialTransport, "write", write)
+    with base_emulator("kobuki", plant, port):
         assert take_over(port, BAUD, STOP.farewell)
         wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
 

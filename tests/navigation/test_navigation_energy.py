@@ -56,6 +56,17 @@ def test_a_battery_that_seems_to_fill_while_it_drains_lasts_no_eternity():
     assert 0.0 < meter.left_s < 4 * 7200.0
 
 
+def test_a_clock_that_is_set_back_teaches_nothing_and_sends_nobody_home():
+    keeper = ChargeKeeper(CONFIG)
+    keeper.add(4000 * S, 0.9, charging=False)
+    keeper.add(100 * S, 0.89, charging=False)
+    assert keeper.meter.drain_per_s > 0.0
+    assert keeper.errand(100 * S, DockingState.IDLE, 5.0) is None
+    keeper.add(110 * S, 0.9, charging=True)
+    keeper.add(120 * S, 1.0, charging=False)
+    assert keeper.meter.left_s == pytest.approx(7200.0, rel=0.2)
+
+
 def test_the_base_is_sent_in_time_with_a_reserve_for_the_way():
     keeper = ChargeKeeper(CONFIG)
     sent = {}

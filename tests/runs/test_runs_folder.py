@@ -5,11 +5,15 @@ import pytest
 
 from vsx_ros.config import Config, overridden
 from vsx_ros.errors import InputError, VsxError
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
+from vsx_ros.io.dock_file import dock_file, load_dock, save_dock
 from vsx_ros.io.map_export import read_ply, write_ply
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.runs.folder import FILES, FrameRecord, RunFolder
 from vsx_ros.runs.journal import RunEvent
+from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.world_file import save_world
 
 
 @pytest.fixture
@@ -62,7 +66,11 @@ def test_events_are_ordered_by_time(run):
 def test_a_second_run_leaves_nothing_of_the_first(run):
     run.write_summary({"frames": 1})
     write_ply(run.path / "sparse.ply", np.eye(3))
+    save_dock(SE2(1.0, 2.0, 0.5), dock_file(run.path / "map.yaml"))
+    save_world(generate_world("lab", 1), run.path / "world.yaml")
     again = RunFolder.create(run.path)
+    assert load_dock(dock_file(again.path / "map.yaml")) is None
+    assert not (again.path / "world.yaml").exists()
     assert not any((again.path / name).exists() for name in FILES)
 
 

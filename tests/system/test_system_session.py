@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
+from vsx_ros.control.localization import LocalizationState
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se2 import SE2
@@ -29,6 +30,28 @@ def session_at(T_map_odom: SE2) -> SlamSession:
 
 def test_what_is_met_is_where_the_wheels_say() -> None:
     met = session_at(T_MAP_ODOM).base_at(WHEELS)
+    assert met is not None
+    assert met.as_array() == pytest.approx(np.array([0.5, 5.0, math.pi / 2 + 0.2]))
+
+
+def test_what_is_met_while_the_camera_is_placed_anew_is_in_one_of_both_places() -> None:
+    """The tracking thread replaces the localisation between two looks at it."""
+
+    class Replaced(SlamSession):
+        looks = 0
+
+        @property
+        def where(self) -> LocalizationState:
+            self.looks += 1
+            return first if self.looks == 1 else second
+
+        @where.setter
+        def where(self, _: LocalizationState) -> None:
+            """Both are known."""
+
+    first, second = session_at(T_MAP_ODOM).where, session_at(SE2(-40.0, 7.0, 0.0)).where
+    session = Replaced(mounted(Config().robot.mount), Config())
+    met = session.base_at(WHEELS)
     assert met is not None
     assert met.as_array() == pytest.approx(np.array([0.5, 5.0, math.pi / 2 + 0.2]))
 

@@ -64,13 +64,13 @@ class EncoderOdometry(WheelOdometry):
                 self._gaps += 1
                 self._lost_ns = now_ns
                 left = right = 0.0
-            elif now_ns - self._driven_ns > COASTING_NS:
+            elif not 0 <= now_ns - self._driven_ns <= COASTING_NS:
                 trusted = left == right == 0.0
             else:
                 v, omega = self._move(left, right, now_ns)
             self._checked = self._check.step(now_ns, left, right)
         self._previous = left_ticks, right_ticks, now_ns
-        return self._reading(now_ns, v, omega, LOST if now_ns - self._lost_ns < WINDOW_NS else "", trusted)
+        return self._reading(now_ns, v, omega, LOST if 0 <= now_ns - self._lost_ns < WINDOW_NS else "", trusted)
 
     def _move(self, left: float, right: float, now_ns: int) -> tuple[float, float]:
         """Advance the pose; returns (v, omega), means over a few reports, because reports arrive unevenly."""
@@ -99,7 +99,7 @@ class DistanceOdometry(WheelOdometry):
         self._speeds = (0.0, 0.0)
         self._known = True
         self._gyro_turn: float | None = 0.0  # since the last reading of the distance; None when the gyro was silent
-        self._strange_ns, self._unsure_until_ns = -WINDOW_NS, 0
+        self._strange_ns = self._unsure_ns = -WINDOW_NS
 
     @property
     def gyro_trusted(self) -> bool:
@@ -137,7 +137,7 @@ class DistanceOdometry(WheelOdometry):
         self._measured.advance(distance_mm / 1000.0 * self._linear_scale, self._checked.turn_rad * self._angular_scale)
         self._best = copy(self._measured)
         if not self._known:
-            self._known, self._unsure_until_ns = True, now_ns + WINDOW_NS
+            self._known, self._unsure_ns = True, now_ns
 
     def reading(self, now_ns: int, gyro_rad_s: float | None = None) -> OdometryReading:
         """The pose now; gyro_rad_s is the measured rate where there is one."""
@@ -158,16 +158,17 @@ class DistanceOdometry(WheelOdometry):
             pose.advance(v * dt_s, omega * dt_s)
         self._pose.approach(self._best, CORRECTION_M, CORRECTION_RAD)
         doubt = ""
-        if now_ns - self._strange_ns < WINDOW_NS:
+        if 0 <= now_ns - self._strange_ns < WINDOW_NS:
             doubt = "the gyro turns as the base cannot; the heading is that of the wheels"
-        elif not self._known or now_ns < self._unsure_until_ns:
+        elif not self._known or 0 <= now_ns - self._unsure_ns < WINDOW_NS:
             doubt = LOST
         return self._reading(now_ns, v, omega, doubt)
 
 
 def _since(then_ns: int, now_ns: int) -> float:
-    """Seconds to integrate over, at most 0.1: the motion in a longer pause is not known."""
-    return min((now_ns - then_ns) * 1e-9, 0.1) if then_ns else 0.0
+    """Seconds to integrate over, at most 0.1: the motion in a longer pause is not known. 0 after the host's clock was
+    set back."""
+    return min(max(0.0, (now_ns - then_ns) * 1e-9), 0.1) if then_ns else 0.0
 
 
 class BoardGyro:

@@ -80,7 +80,7 @@ class UsbTransport:
         except usb1.USBError as error:
             raise DeviceNotFound(f"Kinect: {remedy(error)}") from error
         self._transfers: list[Any] = []
-        self._in_flight = 0
+        self._in_flight, self._counting = 0, threading.Lock()
         self.failure = ""
         self._running = threading.Event()
         self._handler: PacketHandler | None = None
@@ -149,11 +149,14 @@ class UsbTransport:
             for _ in range(TRANSFERS):
                 transfer = self._handle.getTransfer(iso_packets=PACKETS)
                 transfer.setIsochronous(VIDEO_ENDPOINT, PACKETS * PACKET_BYTES, callback=self._on_transfer)
-                self._in_flight += 1
                 self._transfers.append(transfer)
-                transfer.submit()
+                self._count(+1)
+                try:
+                    transfer.submit()
+                except usb1.USBError:
+                    self._count(-1)
+                    raise
         except usb1.USBError as error:
-            self._in_flight -= 1
             self.stop_iso()
             raise DeviceError(f"Kinect: {remedy(error)}") from error
 
@@ -171,19 +174,24 @@ class UsbTransport:
                 self.failure = f"Kinect: {remedy(error)}"
         elif status == usb1.TRANSFER_NO_DEVICE:
             self.failure = "Kinect: unplugged; check the cable and the 12 V supply"
-        elif status != usb1.TRANSFER_CANCELLED:
+        elif status not in (usb1.TRANSFER_COMPLETED, usb1.TRANSFER_CANCELLED):
             self.failure = f"Kinect: transfer ended with status {status}; give it a USB port of its own"
-        self._in_flight -= 1
+        self._count(-1)
+
+    def _count(self, change: int) -> None:
+        with self._counting:
+            self._in_flight += change
 
     def stop_iso(self) -> None:
-        """Cancel, and wait for every callback: freeing a transfer in flight crashes."""
+        """Cancel, and wait for every callback: freeing a transfer in flight crashes. A callback may just have submitted
+        its transfer again, so all are cancelled until none is left."""
         self._handler = None
-        for transfer in self._transfers:
-            with contextlib.suppress(usb1.USBError):
-                if transfer.isSubmitted():
-                    transfer.cancel()
         deadline = time.monotonic() + 2.0
         while self._in_flight > 0 and time.monotonic() < deadline and self._running.is_set():
+            for transfer in self._transfers:
+                with contextlib.suppress(usb1.USBError):
+                    if transfer.isSubmitted():
+                        transfer.cancel()
             time.sleep(0.005)
         self._transfers.clear()
         self._in_flight = 0

@@ -60,7 +60,7 @@ def pose_delay(poses: Sequence[StampedPose], R_base_cam: FloatArray, odometry: S
 
     poses: T_ref_cam of the images by vision alone, in order. Raises InputError when the drive turned too little."""
     origin_ns = odometry[0].stamp_ns
-    heading = _heading(odometry, origin_ns)
+    heading = _heading(odometry)
     first_s, second_s, seen = _turns(poses, R_base_cam, origin_ns)
     if len(seen) < MIN_PAIRS:
         raise InputError(f"only {len(seen)} pairs of images were tracked, {MIN_PAIRS} are needed; drive for longer")
@@ -140,9 +140,10 @@ def turns(odometry: Odometry) -> bool:
     return abs(odometry.omega) > TURNS_RAD_S
 
 
-def _heading(odometry: Sequence[Odometry], origin_ns: int) -> CubicSpline:
-    """The heading [rad], not wrapped, over time [s]. A new epoch continues at the reading's turn rate. Between readings
-    a straight line would lag where the base begins to turn: 7 ms at 15 readings a second."""
+def _heading(odometry: Sequence[Odometry]) -> CubicSpline:
+    """The heading [rad], not wrapped, over the time [s] since the first reading. A new epoch continues at the reading's
+    turn rate. Between readings a straight line would lag where the base begins to turn: 7 ms at 15 readings a
+    second."""
     times, headings = [0.0], [0.0]
     for before, now in zip(odometry, odometry[1:]):
         seconds = (now.stamp_ns - before.stamp_ns) * 1e-9

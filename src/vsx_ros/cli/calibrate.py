@@ -14,6 +14,7 @@ from vsx_ros.cli.calibrate_shutter import calibrate_shutter
 from vsx_ros.cli.recorded_drive import good_enough
 from vsx_ros.errors import CalibrationError, ConfigError, InputError, explained
 from vsx_ros.io.bag import open_recording
+from vsx_ros.io.bag_reader import METADATA
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.io.image_encoding import decoded
 from vsx_ros.limits import LOG_BYTES, file_bytes
@@ -73,7 +74,8 @@ def _from_pictures(args: argparse.Namespace, board: Board) -> int:
 
 
 def _is_recording(source: Path) -> bool:
-    return (source / "rgb.txt").exists() or (source.is_file() and source.suffix.lower() not in PICTURES)
+    folder = any((source / name).exists() for name in ("rgb.txt", METADATA))
+    return folder or (source.is_file() and source.suffix.lower() not in PICTURES)
 
 
 def _pictures(source: Path, image_topic: str | None) -> Iterator[tuple[str, GrayImage]]:

@@ -48,6 +48,7 @@ def check_devices(root: Path, environment: Mapping[str, str], speak: bool) -> It
         yield from _permissions(root)
     if speak:
         yield from _spoken_to(ports, kinects)
+    # As runs.parameters.ros_home, which needs packages that this command may find missing.
     home = Path(environment.get("ROS_HOME") or Path(environment.get("HOME", "/")) / ".ros")
     files = sorted((home / "camera_info").glob("*.yaml"))
     if not files:

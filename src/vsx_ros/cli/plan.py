@@ -90,7 +90,9 @@ def _as_dict(plan: Plan, trajectory: Trajectory) -> dict[str, Any]:
 
 def _in_words(plan: Plan, trajectory: Trajectory, config: Config, in_map: bool) -> str:
     path, c = plan.path, plan.path.certificate
-    known = in_map and c.min_clearance_m is not None
+    clearance = "unlimited: open floor, no map was given"
+    if in_map:
+        clearance = "no obstacle near" if c.min_clearance_m is None else f"{c.min_clearance_m:.3f} m"
     limits = f"at most {config.limits.v_m_s:g} m/s and {config.limits.omega_rad_s:g} rad/s"
     view = (
         f"at most {c.curvature_bound_rad_m:.6f} rad/m (phi {config.planner.phi_rad_m:g}), by {c.method}"
@@ -101,7 +103,7 @@ def _in_words(plan: Plan, trajectory: Trajectory, config: Config, in_map: bool) 
         f"length          {path.length_m:.3f} m, {path.reverse_m:.3f} m of it in reverse, {len(path.cusps)} cusps",
         f"change of view  {view}",
         f"end pose        {c.end_error_m:.1e} m and {c.end_error_rad:.1e} rad from the goal",
-        f"clearance       {f'{c.min_clearance_m:.3f} m' if known else 'unlimited: open floor, no map was given'}",
+        f"clearance       {clearance}",
         f"drive           {trajectory.duration_s:.2f} s from rest to rest, {limits}",
     ])  # fmt: skip
 

@@ -148,7 +148,7 @@ class ExplorationConfig(Branch, frozen=True):
     ranker: str = "views"
     decide_s: Annotated[float, Meta(gt=0, le=2)] = 0.2  # live, the permission to drive ends 5 s after a decision
     sensor_range_m: Positive = 3.0
-    sensor_fov_rad: Positive = 1.05
+    sensor_fov_rad: Annotated[float, Meta(gt=0, lt=3.14)] = 1.05
     mean_free_path_m: Positive = 1.0
     init_drive_m: Annotated[float, Meta(gt=0, le=1)] = 0.45
     init_headings: Count = 4  # a quarter turn apart, in which it drives ahead and back to start the map

@@ -110,7 +110,7 @@ class PlaneFinder:
         fresh: dict[Key, _Tile] = {}
         for key, rows in _tiled(points.world[:, : 2 if self._has_floor else 3], 0.5 * self._config.tile_m * self.unit):
             old = self._tiles.get(key)
-            if old is None or _changed(old, points, rows, noise, self._config.min_points):
+            if old is None or _changed(old, points, rows, noise, self._config.min_points, _MOVED_M * self.unit):
                 inside = points.at(rows)
                 rng = np.random.default_rng([self._seed, *(2 * abs(k) + (k < 0) for k in key)])
                 planes = planes_of_tile(inside, self._config, up, self._has_floor, noise, self.unit, rng)
@@ -196,13 +196,13 @@ def _tiled(points: FloatArray, stride: float) -> Iterator[tuple[Key, IntArray]]:
         yield tuple(key), np.sort(rows)
 
 
-def _changed(old: _Tile, points: ObservedPoints, rows: IntArray, noise: Noise, min_points: int) -> bool:
-    """Whether more than a few of the tile's points (rows) are new, removed or moved, or enough new or moved ones for
-    another plane lie on none of the tile's planes."""
+def _changed(old: _Tile, points: ObservedPoints, rows: IntArray, noise: Noise, min_points: int, moved: float) -> bool:
+    """Whether more than a few of the tile's points (rows) are new, removed or moved by more than ``moved``, or enough
+    new or moved ones for another plane lie on none of the tile's planes."""
     ids, world = points.ids[rows], points.world[rows]
     place = np.minimum(np.searchsorted(old.ids, ids), len(old.ids) - 1)
     known = old.ids[place] == ids
-    known[known] = np.abs(old.world[place[known]] - world[known]).max(axis=1, initial=0.0) <= _MOVED_M
+    known[known] = np.abs(old.world[place[known]] - world[known]).max(axis=1, initial=0.0) <= moved
     most = max(len(old.ids), len(ids))
     if most - np.count_nonzero(known) > _CHANGED * most:
         return True

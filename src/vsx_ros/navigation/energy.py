@@ -43,7 +43,8 @@ class EnergyMeter:
             return self._measured_s, self._dropped
         then_ns, fraction = self._begun
         # The voltage falls and rises with the load: a battery that seems to fill while it drains tells nothing.
-        measured_s, dropped = 1e-9 * (self._now[0] - then_ns), max(0.0, fraction - self._now[1])
+        # And a clock that is set back must not shorten what was measured.
+        measured_s, dropped = max(0.0, 1e-9 * (self._now[0] - then_ns)), max(0.0, fraction - self._now[1])
         return self._measured_s + measured_s, self._dropped + dropped
 
     @property

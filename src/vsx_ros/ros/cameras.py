@@ -20,6 +20,7 @@ from vsx_ros.geometry.camera import KINECT_SHUTTER, PinholeCamera, nominal_camer
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.registry import Registry
 from vsx_ros.ros.topic_drivers import TopicCamera
+from vsx_ros.runs.parameters import ros_home
 
 
 class Camera(Protocol):
@@ -142,8 +143,7 @@ class CameraCalibration:
             return _path(self._url)
         if self._device.startswith("emulator:"):
             return Path(self._device.partition(":")[2] + ".yaml")
-        home = Path(os.environ.get("ROS_HOME", Path.home() / ".ros"))
-        return home / "camera_info" / f"rgb_{source.serial}.yaml"
+        return ros_home() / "camera_info" / f"rgb_{source.serial}.yaml"
 
     def _read(self, source: Camera, width: int, height: int) -> PinholeCamera:
         try:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import threading
 import time
 
 import rospy
@@ -30,6 +31,7 @@ _STATUS_S, _WAY_S = 1.0, 30.0  # between repetitions of the status; between ques
 _SOON_S = 1800.0  # the way is asked for when the battery lasts no longer
 _ANSWER_S = 5.0  # of the exploration and of the planner
 _ODOMETRY_S = 0.5  # as for the follower
+_GONE_S = 3.0  # an exploration that says nothing for so long has ended: it repeats its status each second
 _FAR_M = 1e4  # larger than any building
 _CHARGES = BatteryState.POWER_SUPPLY_STATUS_CHARGING, BatteryState.POWER_SUPPLY_STATUS_FULL
 
@@ -126,12 +128,13 @@ class ExplorationPause:
     it had not driven yet when it was paused."""
 
     def __init__(self) -> None:
-        self._state, self._paused = "", False
+        self._state, self._heard_s = "", -math.inf
+        self._paused, self._changes = False, threading.Lock()
         self.began_here = False
         subscribe(topics.EXPLORE_STATUS, String, self._on_status, queue_size=1)
 
     def _on_status(self, msg: String) -> None:
-        self._state = str(json_object(msg, "state")["state"])
+        self._state, self._heard_s = str(json_object(msg, "state")["state"]), time.monotonic()
 
     @property
     def starts(self) -> bool:
@@ -139,15 +142,22 @@ class ExplorationPause:
         return self._state == MissionState.STARTING.value
 
     def begin(self) -> None:
-        """Pause. A mission that the operator has paused stays his."""
-        self.began_here = self.starts
-        if self._state not in ("", MissionState.PAUSED.value, MissionState.DONE.value):
-            self._paused = self._asked(topics.EXPLORE_PAUSE)
+        """Pause. A mission that the operator has paused stays his. Raises InputError if it is there and does not pause:
+        two would drive at once."""
+        with self._changes:
+            self.began_here = self.starts
+            if self._state in ("", MissionState.PAUSED.value, MissionState.DONE.value):
+                return
+            if self._asked(topics.EXPLORE_PAUSE):
+                self._paused = True
+            elif time.monotonic() - self._heard_s < _GONE_S:
+                raise InputError("the exploration does not pause; end it with 'vsx stop', then ask again")
 
     def end(self) -> None:
         """Go on, if this has paused it."""
-        if self._paused:
-            self._paused = not self._asked(topics.EXPLORE_RESUME)
+        with self._changes:
+            if self._paused:
+                self._paused = not self._asked(topics.EXPLORE_RESUME)
 
     def _asked(self, service: str) -> bool:
         try:

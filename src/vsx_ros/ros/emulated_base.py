@@ -122,6 +122,9 @@ def dock_pose(text: str) -> SE2 | None:
         return None
     try:
         x, y, degrees = (float(word) for word in text.split(","))
+        finite = math.isfinite(x + y + degrees)
     except ValueError:
-        raise ConfigError(f"~dock is {text!r}; write X,Y,DEG, e.g. 1.5,-2,90") from None
+        finite = False
+    if not finite:
+        raise ConfigError(f"~dock is {text!r}; write X,Y,DEG, e.g. 1.5,-2,90")
     return SE2(x, y, math.radians(degrees))

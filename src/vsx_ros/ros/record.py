@@ -81,12 +81,15 @@ class BagWriter:
 
     def close(self) -> Path:
         """Finish and return the bag's path. An empty bag is deleted."""
-        with suppress(queue.Full):
-            self._queue.put(None, timeout=_STUCK_S)
-        seen = -1
+        told, seen = False, -1
         while self._thread.is_alive() and seen != self.bytes:
             seen = self.bytes
-            self._thread.join(_STUCK_S)
+            if not told:
+                with suppress(queue.Full):
+                    self._queue.put(None, timeout=_STUCK_S)
+                    told = True
+            if told:
+                self._thread.join(_STUCK_S)
         if self._thread.is_alive():
             self.failure = self.failure or f"it took nothing for {_STUCK_S:g} s"
             return self._active
@@ -113,8 +116,8 @@ class BagWriter:
             self.bytes += len(message.data) + _OVERHEAD_BYTES
         try:
             self._writer.close()
-        except OSError as error:
-            self.failure = self.failure or str(error)
+        except Exception as error:  # a bag without its index must not get its final name
+            self.failure = self.failure or str(error) or repr(error)
 
     def _connection(self, message: Serialized) -> object:
         """The connection for this topic and publisher, made at its first message."""

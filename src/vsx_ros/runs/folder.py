@@ -33,7 +33,8 @@ from vsx_ros.runs.versions import installed_versions
 FILES = (
     "summary.json", "config.yaml", "trajectory.txt", "trajectory_final.txt", "odometry.txt", "groundtruth.txt",
     "map.pgm", "map.yaml", "sparse.ply", "dense.ply", "planes.json", "events.jsonl", "frames.csv", "report.html",
-    "map.vsxmap", "moments.jsonl", "map_zones.yaml", "map_rooms.json", "map_rooms.pgm", "odometry_calibration.yaml",
+    "map.vsxmap", "moments.jsonl", "map_zones.yaml", "map_rooms.json", "map_rooms.pgm", "map_dock.yaml",
+    "world.yaml", "world_resumed.yaml", "odometry_calibration.yaml",
 )  # fmt: skip
 _RUNS = Path("runs")
 _FRAME_COLUMNS_ONCE = 6  # older versions stored no u2_frames

@@ -73,7 +73,7 @@ def _bound(kind: Any) -> str:
 
 
 def ros_home() -> Path:
-    """The ROS folder for files of this machine."""
+    """The ROS folder for files of this machine: $ROS_HOME, if set and not empty, else ~/.ros."""
     return Path(os.environ.get("ROS_HOME") or Path.home() / ".ros")
 
 
