@@ -4,7 +4,7 @@ import pytest
 from test_exploration_mission import SECOND, euclid, mapping_mission, situation
 
 from vsx_ros.config import Config, overridden
-from vsx_ros.exploration.decision import Action, MissionState, NavigationState
+from vsx_ros.exploration.decision import DOCK, Action, MissionState, NavigationState
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.user_goals import GoalState, UserGoals
 from vsx_ros.geometry.se2 import SE2
@@ -105,6 +105,20 @@ def test_a_pause_within_a_hold_stays_a_pause_and_resumes_where_it_was():
     assert [event.state for event in mission.drain_events()] == ["paused"], "told once"
     assert mission.decide(4 * SECOND, situation()).reason == "paused"
     mission.resume(5 * SECOND)
+    assert mission.state is MissionState.MAPPING
+
+
+def test_who_paused_resumes_and_nobody_for_another():
+    mission = mapping_mission()
+    mission.pause(2 * SECOND, DOCK)
+    assert mission.decide(2 * SECOND, situation()).reason == "paused by the dock"
+    mission.pause(3 * SECOND)
+    mission.resume(4 * SECOND, DOCK)
+    assert mission.decide(4 * SECOND, situation()).reason == "paused"
+    mission.pause(5 * SECOND, DOCK)
+    mission.resume(6 * SECOND)
+    assert mission.decide(6 * SECOND, situation()).action is Action.WAIT, "it charges"
+    mission.resume(7 * SECOND, DOCK)
     assert mission.state is MissionState.MAPPING
 
 

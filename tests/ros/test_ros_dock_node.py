@@ -32,6 +32,7 @@ from vsx_ros.ros import (
     docking,
     driving,
     energy_messages,
+    exploration_pause,
     headers,
     situation,
     threads,
@@ -52,6 +53,7 @@ class Wires:
         self.now_ns = lambda: 0
         self.said: dict[str, Any] = {}
         self.asked: list[str] = []
+        self.paused = self.refuses = self.silent = False
         self.served: dict[str, Callable[[Any], Any]] = {}
         self.steps: dict[str, Callable[[], None]] = {}
         self._hearers: dict[str, list[Callable[[Any], None]]] = {}
@@ -66,7 +68,7 @@ class Wires:
         monkeypatch.setattr(threads, "every", lambda _, name, step: self.steps.update({name: step}))
         monkeypatch.setattr(headers, "now_ns", lambda: self.now_ns())
         clock = SimpleNamespace(monotonic=lambda: 1e-9 * self.now_ns())
-        for module in (situation, docking, driving):
+        for module in (situation, docking, driving, exploration_pause):
             monkeypatch.setattr(module, "time", clock)
         monkeypatch.setattr(calls, "service", self._ask)
 
@@ -83,7 +85,16 @@ class Wires:
         if service == topics.MAKE_PLAN:
             start, goal = words[1:3]
             return GetPlanResponse(Path(poses=[start, goal]))
+        if self.refuses:
+            return SimpleNamespace(success=False)
+        if service in (topics.EXPLORE_PAUSE, topics.EXPLORE_RESUME):
+            self.explore(paused=service == topics.EXPLORE_PAUSE)
         return SimpleNamespace(success=True)
+
+    def explore(self, paused: bool) -> None:
+        self.paused = paused
+        facts = {"state": "paused" if paused else "mapping", "paused_by": ["the dock"] * paused}
+        self.say(topics.EXPLORE_STATUS, json.dumps(facts))
 
     def status(self) -> dict[str, Any]:
         return dict(json.loads(self.said[topics.DOCK_STATUS].data))
@@ -136,6 +147,8 @@ class WiredRobot(DockingRobot):
                 self.states_seen.append(state)
         if self.now_ns - self._battery_ns >= BATTERY_NS:
             self._battery_ns = self.now_ns
+            if not self.wires.silent:
+                self.wires.explore(self.wires.paused)
             say(topics.BATTERY, energy_messages.battery(reading.battery, moved.stamp_ns))
             self.wires.steps["battery"]()
         sent_ns, command = self._command
@@ -157,7 +170,7 @@ def wires(monkeypatch: pytest.MonkeyPatch) -> Wires:
 
 def robot_on(wires: Wires, monkeypatch: pytest.MonkeyPatch, **docking_options: Any) -> WiredRobot:
     robot = WiredRobot(wires, monkeypatch, Config(docking=DockingConfig(**docking_options)))
-    wires.say(topics.EXPLORE_STATUS, json.dumps({"state": "mapping"}))
+    wires.explore(paused=False)
     wires.say(topics.DOCK_POSE, convert.pose_stamped(topics.MAP_FRAME, 1, SEAT))
     return robot
 
@@ -199,6 +212,36 @@ def test_a_user_docks_and_undocks_it_and_teleop_ends_a_docking(wires, monkeypatc
     assert wires.served[topics.DOCK_LEAVE](None).success
     robot.until("undocked", 20.0)
     assert wires.asked.count(topics.EXPLORE_PAUSE) == wires.asked.count(topics.EXPLORE_RESUME) == 2
+
+
+def test_an_exploration_that_does_not_pause_is_not_docked_under(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    robot.wait(0.5)
+    wires.refuses = True
+    answer = wires.served[topics.DOCK_START](SimpleNamespace(load_namespace=""))
+    assert not answer.success
+    assert "does not pause" in answer.message
+    assert wires.status()["state"] == "idle"
+    wires.silent = True
+    robot.wait(4.0)
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success, "it has ended"
+
+
+def test_an_exploration_that_begins_anew_is_paused_again_and_a_new_dock_node_lets_it_go(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    robot.wait(0.5)
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.until("docked", 90.0)
+    wires.explore(paused=False)
+    robot.wait(2.5)
+    assert wires.paused
+    robot.node = dock.DockNode(Config(docking=DockingConfig(return_to_charge=False)))
+    wires.explore(paused=True)
+    robot.wait(2.5)
+    assert wires.paused, "it charges still"
+    assert wires.served[topics.DOCK_LEAVE](None).success
+    robot.until("undocked", 20.0)
+    assert not wires.paused
 
 
 def test_without_a_dock_or_with_nonsense_it_says_why(wires, monkeypatch):

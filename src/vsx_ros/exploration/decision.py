@@ -162,6 +162,9 @@ class MissionLog:
 _MOST = 1e9  # seconds or metres of a run
 
 
+OPERATOR, DOCK = "the operator", "the dock"  # who pauses a mission
+
+
 class SavedMission(NamedTuple):
     """looked_from: poses in the map from which the camera has looked. blacklist: failed goals in the map, the remaining
     time in which they are not tried [s], and how often they failed. trail: the driven path, relative to the last pose

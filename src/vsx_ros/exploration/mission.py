@@ -8,13 +8,14 @@
             +--- STARTING: in a map made before --> RECOVERING
             +--- MAPPING: home, out of reach, a hazard that stays; any state: stop --> DONE
 
-From any state the operator may pause it (PAUSED), hold the wheels (HELD: emergency stop, teleop) or send the robot
-elsewhere (USER GOAL); it then resumes in the earlier state, and nothing is blamed. ``decide`` is called a few
-times per second with what is known and returns one action. Every change of state and every choice is an event with its
-reason."""
+From any state operator or dock may pause it (PAUSED), the operator hold the wheels (HELD: emergency stop, teleop) or
+send the robot elsewhere (USER GOAL); it then resumes in the earlier state, and nothing is blamed. ``decide`` is called
+a few times per second and returns one action. Every change of state and every choice is an event with its reason."""
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import (
+    DOCK,
+    OPERATOR,
     SECOND_NS,
     Action,
     Decision,
@@ -51,7 +52,7 @@ class Mission:
         self._start_drives = StartDrives(exploration)
         self._tour = ViewTour(config, self._log, self._home, self._trail, self.view_selector)
         self._recovery = Recovery(exploration, config.robot.radius_m, planner.phi_rad_m)
-        self._after_pause = MissionState.STARTING
+        self._after_pause, self.paused_by = MissionState.STARTING, set[str]()  # and who has not yet resumed it
         self._stay_at_user_goal = exploration.stay_at_user_goal
         self.claim = OperatorClaim(self._log)
 
@@ -71,29 +72,31 @@ class Mission:
 
     # Requests of the operator -------------------------------------------------------------------------------
 
-    def pause(self, now_ns: int) -> None:
-        """Stand still until resume."""
+    def pause(self, now_ns: int, by: str = OPERATOR) -> None:
+        """Stand still until all who paused have resumed."""
+        self.paused_by.add(by)
         if self.state not in (MissionState.DONE, MissionState.PAUSED):
             if self.state not in _YIELDING:
                 self._after_pause = self.state
             self._tour.forget_drive()
-            self._log.enter(now_ns, MissionState.PAUSED, "paused by the operator")
+            self._log.enter(now_ns, MissionState.PAUSED, f"paused by {by}")
 
-    def resume(self, now_ns: int) -> None:
-        """Continue after a pause."""
-        if self.state is MissionState.PAUSED:
-            self._log.enter(now_ns, self._after_pause, "resumed by the operator")
+    def resume(self, now_ns: int, by: str = OPERATOR) -> None:
+        """Continue after a pause, unless another one holds."""
+        self.paused_by.discard(by)
+        if self.state is MissionState.PAUSED and not self.paused_by:
+            self._log.enter(now_ns, self._after_pause, f"resumed by {by}")
 
-    def stop(self, now_ns: int) -> None:
+    def stop(self, now_ns: int, by: str = OPERATOR) -> None:
         """End the mission here."""
-        self._log.finish(now_ns, Outcome.STOPPED, "stopped by the operator")
+        self._log.finish(now_ns, Outcome.STOPPED, f"stopped by {by}")
 
-    def home(self, now_ns: int) -> None:
+    def home(self, now_ns: int, by: str = OPERATOR) -> None:
         """Drive back to where the exploration began, then end. No effect once the mission has ended."""
         if self.state is not MissionState.DONE:
             self._home.asked = True
             self._tour.forget_goal()
-            self._log.note(now_ns, "returning home on request")
+            self._log.note(now_ns, f"returning home on request of {by}")
 
     # An interruption ----------------------------------------------------------------------------------------
 
@@ -101,15 +104,13 @@ class Mission:
         """What another session needs to continue from here."""
         trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
         looked_from, blacklist = list(self.view_selector.looked_from), self.view_selector.blacklist.left(now_ns)
-        paused, over = self.state is MissionState.PAUSED, self.state is MissionState.DONE
-        going_home, home = self._home.asked and not over, self._home.pose
-        return SavedMission(looked_from, blacklist, trail, going_home=going_home, home=home, paused=paused)
+        going_home, paused = self._home.asked and self.state is not MissionState.DONE, OPERATOR in self.paused_by
+        return SavedMission(looked_from, blacklist, trail, going_home=going_home, home=self._home.pose, paused=paused)
 
     def restore(self, now_ns: int, saved: SavedMission, T_odom_base: SE2) -> None:
         """Continue in the map of an earlier session, at the end of its trail; first the camera must recognise the map.
-        If the mission was paused, before or meanwhile, it waits for ``resume``. If it was stopped meanwhile, it stays
-        ended, but takes over the saved data."""
-        paused = saved.paused or self.state is MissionState.PAUSED
+        If it was paused, before or meanwhile, it waits for ``resume``; if stopped meanwhile, it only takes the data."""
+        pausers = self.paused_by | ({OPERATOR} if saved.paused else set())
         self.view_selector.looked_from = list(saved.looked_from)
         self._home.pose, self._home.asked = saved.home, saved.going_home or self._home.asked
         self.view_selector.blacklist.restore(now_ns, saved.blacklist)
@@ -118,8 +119,8 @@ class Mission:
         if self.state is MissionState.DONE:
             return
         self._look_for_a_place(now_ns, "resumed: looking for a place of the known map")
-        if paused:
-            self.pause(now_ns)
+        for by in pausers:
+            self.pause(now_ns, by)
 
     # The decision --------------------------------------------------------------------------------------------
 
@@ -139,7 +140,8 @@ class Mission:
         active = situation.navigation is NavigationState.ACTIVE
         if self.state is MissionState.PAUSED:
             claim = self.claim.of(now_ns, situation)
-            reason = "paused" if claim is None else f"paused; {claim[1]}"
+            told = "paused" if OPERATOR in self.paused_by else f"paused by {DOCK}"
+            reason = told if claim is None else f"{told}; {claim[1]}"
             if claim is not None and self._log.reason != reason:
                 self._log.note(now_ns, reason)
             return self._log.answer(Action.CANCEL if active else Action.WAIT, reason)
@@ -183,6 +185,7 @@ class Mission:
         reason = ended if of_user else "the operator has let go of the wheels"
         self._log.wait_until_ns = now_ns + BRAKE_NS
         if of_user and self._stay_at_user_goal:
+            self.paused_by.add(OPERATOR)
             self._log.enter(now_ns, MissionState.PAUSED, f"{reason}; staying here until resumed")
             return self._log.answer(Action.WAIT, self._log.reason)
         if self._after_pause is MissionState.RECOVERING:

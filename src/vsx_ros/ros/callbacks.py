@@ -109,10 +109,15 @@ def offer_text(name: str, act: Callable[[str], str]) -> None:
 
 def offer_trigger(name: str, act: Callable[[], str]) -> None:
     """Offer a service without arguments. ``act`` returns the answer's message, or raises VsxError or DeviceError."""
+    offer_trigger_by(name, lambda _: act())
 
-    def answer(_: TriggerRequest) -> TriggerResponse:
+
+def offer_trigger_by(name: str, act: Callable[[str], str]) -> None:
+    """The same; ``act`` is told the name of the node that asks."""
+
+    def answer(request: TriggerRequest) -> TriggerResponse:
         try:
-            return TriggerResponse(True, act())
+            return TriggerResponse(True, act(getattr(request, "_connection_header", {}).get("callerid", "")))
         except (VsxError, DeviceError) as error:
             return TriggerResponse(False, str(error))
 

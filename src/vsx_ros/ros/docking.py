@@ -2,7 +2,6 @@
 
 import json
 import math
-import threading
 import time
 
 import rospy
@@ -10,11 +9,10 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.srv import GetPlan
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool, String, UInt8, UInt8MultiArray
-from std_srvs.srv import Trigger
 
 from vsx_ros.config import DockingConfig
 from vsx_ros.errors import InputError
-from vsx_ros.exploration.decision import MissionState, NavigationState
+from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.limits import json_tree
 from vsx_ros.navigation.dock_light import DockSight
@@ -23,15 +21,15 @@ from vsx_ros.navigation.docking_state import DockingSeen, DockingState
 from vsx_ros.navigation.energy import ChargeKeeper, Errand
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import calls, convert, headers, topics
-from vsx_ros.ros.callbacks import hear_operator_hold, json_object, subscribe
+from vsx_ros.ros.callbacks import hear_operator_hold, subscribe
+from vsx_ros.ros.exploration_pause import ExplorationPause
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.situation import LocalizationSubscriber
 
 _STATUS_S, _WAY_S = 1.0, 30.0  # between repetitions of the status; between questions for the way
 _SOON_S = 1800.0  # the way is asked for when the battery lasts no longer
-_ANSWER_S = 5.0  # of the exploration and of the planner
+_ANSWER_S = 5.0  # of the planner
 _ODOMETRY_S = 0.5  # as for the follower
-_GONE_S = 3.0  # an exploration that says nothing for so long has ended: it repeats its status each second
 _FAR_M = 1e4  # larger than any building
 _CHARGES = BatteryState.POWER_SUPPLY_STATUS_CHARGING, BatteryState.POWER_SUPPLY_STATUS_FULL
 
@@ -123,50 +121,6 @@ class HeardDock:
         )  # fmt: skip
 
 
-class ExplorationPause:
-    """Subscribers: explore/status. Pauses the exploration, if there is one, and lets it go on afterwards. began_here:
-    it had not driven yet when it was paused."""
-
-    def __init__(self) -> None:
-        self._state, self._heard_s = "", -math.inf
-        self._paused, self._changes = False, threading.Lock()
-        self.began_here = False
-        subscribe(topics.EXPLORE_STATUS, String, self._on_status, queue_size=1)
-
-    def _on_status(self, msg: String) -> None:
-        self._state, self._heard_s = str(json_object(msg, "state")["state"]), time.monotonic()
-
-    @property
-    def starts(self) -> bool:
-        """Whether an exploration is about to drive ahead for its first time."""
-        return self._state == MissionState.STARTING.value
-
-    def begin(self) -> None:
-        """Pause. A mission that the operator has paused stays his. Raises InputError if it is there and does not pause:
-        two would drive at once."""
-        with self._changes:
-            self.began_here = self.starts
-            if self._state in ("", MissionState.PAUSED.value, MissionState.DONE.value):
-                return
-            if self._asked(topics.EXPLORE_PAUSE):
-                self._paused = True
-            elif time.monotonic() - self._heard_s < _GONE_S:
-                raise InputError("the exploration does not pause; end it with 'vsx stop', then ask again")
-
-    def end(self) -> None:
-        """Go on, if this has paused it."""
-        with self._changes:
-            if self._paused:
-                self._paused = not self._asked(topics.EXPLORE_RESUME)
-
-    def _asked(self, service: str) -> bool:
-        try:
-            return bool(calls.service(service, Trigger, within_s=_ANSWER_S).success)
-        except (rospy.ROSException, rospy.ServiceException) as error:
-            rospy.logwarn("%s: %s", service, error)
-            return False
-
-
 class WayToDock:
     """The length of the way to the dock, by the planner, asked now and then."""
 
@@ -192,19 +146,20 @@ class WayToDock:
 
 
 class Errands:
-    """What is to be done without a user's asking."""
+    """What is to be done without a user's asking. pause: of the exploration."""
 
-    def __init__(self, config: DockingConfig, heard: HeardDock, keeper: ChargeKeeper, pause: ExplorationPause) -> None:
-        self._config, self._heard, self._keeper, self._pause = config, heard, keeper, pause
+    def __init__(self, config: DockingConfig, heard: HeardDock, keeper: ChargeKeeper) -> None:
+        self._config, self._heard, self._keeper, self.pause = config, heard, keeper, ExplorationPause()
         self._way = WayToDock()
 
     def due(self, now_ns: int, state: DockingState) -> Errand | None:
         """What the battery wants; an exploration that begins on the dock leaves it first. state: of the docking."""
+        self.pause.keep()
         heard, errand, reason = self._heard, None, ""
         if state is DockingState.DOCKED and not heard.docked:
             state = DockingState.IDLE  # somebody has taken it off
-        if heard.docked and self._pause.starts and state is DockingState.IDLE:
-            self._pause.begin()
+        if heard.docked and self.pause.starts and state is DockingState.IDLE:
+            self.pause.begin()
             errand, reason = Errand.UNDOCK, "the exploration begins on the dock"
         elif self._config.return_to_charge and heard.seat is not None and heard.hold is None:
             left_s = self._keeper.meter.left_s

@@ -98,6 +98,7 @@ class MissionTopics:
         status = {
             "state": decision.state,
             "reason": decision.reason,
+            "paused_by": sorted(self._mission.paused_by),
             "outcome": outcome.name if outcome else None,
             "navigation": navigation.value,
             "goal": [goal.x, goal.y, goal.theta] if goal is not None else None,

@@ -10,8 +10,8 @@ Services: dock/start (AddDiagnostics, a standard type that takes a text: JSON {}
 Actions: client of move_base, for the way to the dock.
 Parameters: ~config (tree of 'vsx config', branch docking), ~seed (int, 0).
 
-The exploration is paused before docking, and goes on after undocking if it was paused by that; one that begins on the
-dock leaves it first. Bumpers, cliffs and emergency stop act as always; whoever takes the wheels ends the docking."""
+The exploration is paused from docking to undocking; one that begins on the dock leaves it first. Bumpers, cliffs and
+emergency stop act as always; whoever takes the wheels ends the docking."""
 
 import math
 import threading
@@ -28,7 +28,7 @@ from vsx_ros.navigation.energy import ChargeKeeper, Errand
 from vsx_ros.robot import STOP
 from vsx_ros.ros import convert, headers, node, threads, topics
 from vsx_ros.ros.callbacks import offer_text, offer_trigger
-from vsx_ros.ros.docking import DockStatus, Errands, ExplorationPause, HeardDock, wanted_dock
+from vsx_ros.ros.docking import DockStatus, Errands, HeardDock, wanted_dock
 from vsx_ros.ros.driving import PERIOD_S, Lease
 from vsx_ros.ros.mission_output import GoalSender
 
@@ -42,10 +42,9 @@ class DockNode:
         self._lock = threading.Lock()
         self._docking = Docking(config.docking, int(rospy.get_param("~seed", 0)))
         self._keeper = ChargeKeeper(config.docking)
-        self._heard, self._goals, self._pause = HeardDock(self._keeper), GoalSender(), ExplorationPause()
-        self._errands = Errands(config.docking, self._heard, self._keeper, self._pause)
-        self._status, self._busy = DockStatus(), False
-        self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
+        self._heard, self._goals = HeardDock(self._keeper), GoalSender()
+        self._errands = Errands(config.docking, self._heard, self._keeper)
+        self._status, self._busy, self._lease = DockStatus(), False, Lease(topics.NAVIGATION_LEASE, rospy.get_name())
         self._command_pub = rospy.Publisher(topics.COMMAND_NAVI, Twist, queue_size=1, tcp_nodelay=True)
         offer_text(topics.DOCK_START, self._start)
         offer_trigger(topics.DOCK_LEAVE, self._leave)
@@ -59,7 +58,7 @@ class DockNode:
         if seat is None:
             raise InputError("no dock is known in this map: give its place with 'vsx dock --at', or drive onto it once")
         light = dock_light(kind)
-        self._pause.begin()
+        self._errands.pause.begin()
         with self._lock:
             self._docking.dock(headers.now_ns(), kind, light.dock_at(seat))
         return "driving to the dock"
@@ -68,7 +67,7 @@ class DockNode:
         if not self._heard.docked:
             raise InputError("the base is not on its dock")
         with self._lock:  # a new exploration drives ahead
-            self._docking.undock(headers.now_ns(), math.pi if self._pause.began_here else 0.0)
+            self._docking.undock(headers.now_ns(), math.pi if self._errands.pause.began_here else 0.0)
         return "leaving the dock backwards"
 
     def _cancel(self, reason: str) -> str:
@@ -90,7 +89,7 @@ class DockNode:
                 self._command_pub.publish(convert.twist(STOP))
             self._status.publish(self._docking, self._heard, self._keeper.meter.left_s)
         if ended and self._docking.state in (DockingState.UNDOCKED, DockingState.FAILED):
-            self._pause.end()
+            self._errands.pause.end()
 
     def _drive(self, now_ns: int) -> None:
         self._lease.promise(_DECIDE_WITHIN_S)

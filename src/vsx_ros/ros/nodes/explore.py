@@ -12,24 +12,22 @@ Parameters: ~config (tree of 'vsx config'), ~run_dir (folder of the run, where t
     session that resumes it; auto: the one of the launch file; none)."""
 
 import threading
-from collections.abc import Callable
-from functools import partial
 
 import rospy
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import BatteryState
 
 from vsx_ros.config import Config
-from vsx_ros.errors import InputError
-from vsx_ros.exploration.decision import Action, MissionState
+from vsx_ros.exploration.decision import Action
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.planner import Planner
 from vsx_ros.ros import energy_messages, headers, node, threads, topics
-from vsx_ros.ros.callbacks import offer_trigger, subscribe
+from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.driving import PERIOD_S, Lease, LeaseWatch
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.mission_output import GoalSender, MissionTopics, MissionWriter
+from vsx_ros.ros.mission_requests import MissionRequests
 from vsx_ros.ros.situation import HeardSituation
 
 _DECIDE_WITHIN_S = 5.0
@@ -55,13 +53,7 @@ class ExploreNode:
         if config.docking.return_to_charge:
             subscribe(topics.DOCK_POSE, PoseStamped, self._on_dock, queue_size=1)
         subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
-        for name, request, answer in (
-            (topics.EXPLORE_PAUSE, self._mission.pause, "the robot stands until the exploration is resumed"),
-            (topics.EXPLORE_RESUME, self._mission.resume, "the exploration goes on"),
-            (topics.EXPLORE_STOP, self._mission.stop, "the exploration ends here"),
-            (topics.EXPLORE_HOME, self._mission.home, "the robot drives home, then the exploration ends"),
-        ):
-            offer_trigger(name, partial(self._request, request, answer))
+        MissionRequests(self._mission, self._lock)
         self._writer = MissionWriter(self._mission, self._lock, self._heard.where, self._topics)
         threads.every(PERIOD_S, "lease", self._lease.keep)
         threads.every(config.exploration.decide_s, "mission", self._decide)
@@ -74,16 +66,8 @@ class ExploreNode:
         if empty and not self._battery_empty:
             rospy.logwarn("battery at %.1f V is nearly empty: going home", msg.voltage)
             with self._lock:
-                self._mission.home(headers.now_ns())
+                self._mission.home(headers.now_ns(), "the battery")
         self._battery_empty = self._battery_empty or empty
-
-    def _request(self, request: Callable[[int], None], answer: str) -> str:
-        with self._lock:
-            if self._mission.outcome is not None:
-                raise InputError(f"the exploration is over: {self._mission.outcome.value}")
-            request(headers.now_ns())
-            held = self._mission.state is MissionState.HELD
-            return f"{answer}, when the operator lets go of the wheels" if held else answer
 
     def _decide(self) -> None:
         self._lease.promise(_DECIDE_WITHIN_S)
