@@ -13,7 +13,7 @@ class FrozenImageDetector:
 
     Compares each image with the previous one, every eighth row, bit by bit. Noise makes the images of a working camera
     differ, even in a static scene. A covered lens gives identical black images and counts as frozen. This works at
-    standstill too. Drivers have no odometry; ``ros/slam_input.py`` adds that check."""
+    standstill too, without odometry."""
 
     def __init__(self) -> None:
         self._rows: NDArray[np.uint8] = np.empty(0, np.uint8)

@@ -18,6 +18,7 @@ SILENCE_NS = 1_000_000_000  # without odometry: 30 to 50 readings are missing
 # In a silence the base may have restarted. If not, it can hardly have been faster than before and after the silence.
 _FASTER, _SILENT_M, _SILENT_RAD = 1.5, 0.3, 0.5
 _ORIGIN_M, _ORIGIN_RAD = 0.001, 0.001  # a restarted base reports 0; rounding in messages is less
+UNSURE_HEADING_RAD2 = 1.0  # in odometry messages: from this variance on, the heading counts as unknown
 EMERGENCY_STOP = "emergency stop"
 _JITTER_M = 0.002  # between two poses
 _CARRIED_NS = 200_000_000  # 10 readings: at full speed, changes of speed cause an error of 1 cm in that time

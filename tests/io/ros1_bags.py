@@ -34,12 +34,13 @@ def info(fx=30.0, width=32, model="plumb_bob", D=(0.1, 0, 0, 0, 0), rectified_fx
     return T[INFO](header(1), 24, width, model, np.array(D, float), K, np.eye(3).ravel(), P, 0, 0, roi)
 
 
-def odometry(stamp_ns, x):
+def odometry(stamp_ns, x, heading_variance=0.0):
     point, quaternion = T["geometry_msgs/msg/Point"](x, 0.0, 0.0), T["geometry_msgs/msg/Quaternion"](0, 0, 0, 1.0)
     pose = T["geometry_msgs/msg/Pose"](point, quaternion)
     vector = T["geometry_msgs/msg/Vector3"]
     twist = T[TWIST](vector(0.2, 0, 0), vector(0, 0, 0.1))
-    with_covariance = T["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36))
+    covariance = np.diag([0.0, 0.0, 0.0, 0.0, 0.0, heading_variance]).ravel()
+    with_covariance = T["geometry_msgs/msg/PoseWithCovariance"](pose, covariance)
     return T[ODOM](
         header(stamp_ns), "base", with_covariance, T["geometry_msgs/msg/TwistWithCovariance"](twist, np.zeros(36))
     )

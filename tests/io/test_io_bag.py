@@ -39,6 +39,13 @@ def test_odometry_is_interpolated_within_and_absent_far_outside(drive):
     assert recording.odometry_at(5 * 10**9) is None
 
 
+def test_odometry_that_its_driver_does_not_trust_is_not_trusted(tmp_path):
+    messages = [("/odom", odometry(k * 10**8, 0.0, variance)) for k, variance in enumerate((0.01, 1.0, 1e3))]
+    messages += [("/camera/rgb/image_raw", image(5))]
+    readings = open_recording(write(tmp_path / "doubt.bag", messages)).odometry
+    assert [reading.trusted for reading in readings] == [True, False, False]
+
+
 @pytest.mark.parametrize("compression", [Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4])
 def test_compressed_bags_and_images(tmp_path, compression):
     messages = [("/c/image/compressed", compressed(i * 10**7 + 1)) for i in range(3)]

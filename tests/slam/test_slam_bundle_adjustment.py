@@ -16,7 +16,7 @@ from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster, adjoint, odometry_factor
 from vsx_ros.slam.gauge import size_kept
 from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
-from vsx_ros.slam.loop_correction import is_metric
+from vsx_ros.slam.loop_correction import scale_is_observed
 from vsx_ros.slam.map import Map
 
 MOUNT = mount_pose(-0.09, 0.02, 0.31, 0.1, 0.05)
@@ -173,7 +173,7 @@ def test_no_wheels_and_no_floor_in_a_map_that_began_without_them():
     assert (world.is_metric(0), world.is_metric(1)) == (True, False)
     assert adjuster().by_odometry(world, indices[-1]) is None
     assert adjuster()._floor(world, [0, 1, *indices]).frames.tolist() == [0, 1]
-    assert not is_metric(world, world.keyframes[indices[-1]])
+    assert not scale_is_observed(world, world.keyframes[indices[-1]])
     world.join(1, into=0)
     assert adjuster().by_odometry(world, indices[-1]) is not None
 

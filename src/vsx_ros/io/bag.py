@@ -15,7 +15,7 @@ from vsx_ros.io.bag_reader import METADATA, Messages, messages
 from vsx_ros.io.calibration_file import camera_from_info, shutter_from_topic
 from vsx_ros.io.image_encoding import GrayImages, decoded
 from vsx_ros.io.recording import Recording, open_folder, with_speeds
-from vsx_ros.robot import Frame, Odometry, OdometryEpochs
+from vsx_ros.robot import UNSURE_HEADING_RAD2, Frame, Odometry, OdometryEpochs
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 SHUTTER = "std_msgs/msg/Float64MultiArray"  # of the camera node
@@ -138,7 +138,8 @@ def _odometry(bag: Messages, topic: str) -> list[Odometry]:
         with_twist = message.__msgtype__ == ODOMETRY
         pose = message.pose if message.__msgtype__ == POSE else message.pose.pose
         v, omega = (message.twist.twist.linear.x, message.twist.twist.angular.z) if with_twist else (0.0, 0.0)
-        reading = Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega)
+        trusted = not with_twist or float(message.pose.covariance[35]) < UNSURE_HEADING_RAD2
+        reading = Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega, trusted)
         if not with_twist and readings:
             reading = with_speeds(reading, readings[-1])
         if not np.isfinite(reading.v + reading.omega):

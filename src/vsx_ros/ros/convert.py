@@ -21,7 +21,7 @@ from vsx_ros.geometry.mount import mount_pose, mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.robot import Odometry, VelocityCommand
+from vsx_ros.robot import UNSURE_HEADING_RAD2, Odometry, VelocityCommand
 from vsx_ros.ros import topics
 from vsx_ros.ros.headers import header, own
 from vsx_ros.slam.state import TrackingState
@@ -37,7 +37,6 @@ _LEVELS = {
     TrackingState.DUBIOUS: DiagnosticStatus.WARN,
     TrackingState.LOST: DiagnosticStatus.ERROR,
 }
-UNSURE_HEADING_RAD2 = 1.0  # from this variance on, the heading counts as unknown
 UNKNOWN_VARIANCE = 1e10
 """For quantities that a planar robot cannot know (z, roll, pitch). Huge, because 0 would mean certainty."""
 

@@ -11,9 +11,8 @@ from diagnostic_msgs.srv import AddDiagnostics
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.navigation.docking_state import DockingState
-from vsx_ros.ros import calls, operator_command, topics
+from vsx_ros.ros import operator_command, topics
 from vsx_ros.ros.callbacks import json_object, subscribe
 from vsx_ros.runs.process import DONE, FAILED, Progress
 
@@ -54,14 +53,8 @@ def undock() -> int:
 
 
 def _asked(service: str, kind: type[Any], *arguments: object) -> str:
-    try:
-        answer = calls.service(service, kind, *arguments, within_s=_ANSWER_S)
-    except (rospy.ROSException, rospy.ServiceException) as error:
-        name = rospy.resolve_name(service)
-        raise ConfigError(f"nobody offers {name} ({error}); start the robot first: 'vsx explore'") from error
-    if not answer.success:
-        raise InputError(str(answer.message))
-    return str(answer.message)
+    remedy = "start the robot first: 'vsx explore'"
+    return operator_command.asked(service, kind, *arguments, within_s=_ANSWER_S, remedy=remedy)
 
 
 def _pursued(ask: Callable[[], str], wanted: DockingState) -> int:

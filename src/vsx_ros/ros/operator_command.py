@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import ParamSpec
+from typing import Any, ParamSpec
 
 import rosgraph
 import rospy
@@ -15,8 +15,8 @@ from nav_msgs.msg import Odometry
 from std_srvs.srv import SetBool, Trigger
 
 from vsx_hw.errors import DeviceError, DeviceTimeout
-from vsx_ros.errors import ConfigError, MapFileError
-from vsx_ros.ros import calls, logs, topics
+from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.ros import calls, convert, logs, topics
 from vsx_ros.ros.environment import DEFAULT_MASTER, export_ros_address
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs.process import DONE
@@ -25,7 +25,6 @@ P = ParamSpec("P")
 
 _LEAVE_S = 3.0  # to unregister from the master
 _STOP_S, _STAND_S = 6.0, 2.0  # for the answer to the emergency stop; then for the base to stand still
-_STANDING_M_S, _STANDING_RAD_S = 0.01, 0.02  # as in vsx_ros.robot
 _OFFERED_S, _SAVED_S = 5.0, 120.0  # The map of a large building is 120 MB, and its disk may be slow
 
 
@@ -60,6 +59,17 @@ def command(work: Callable[P, int]) -> Callable[P, int]:
     return joining
 
 
+def asked(service: str, kind: type[Any], *arguments: object, within_s: float, remedy: str) -> str:
+    """What a service answers. Raises ConfigError with the remedy if nobody offers it, InputError if it refuses."""
+    try:
+        answer = calls.service(service, kind, *arguments, within_s=within_s)
+    except (rospy.ROSException, rospy.ServiceException) as error:
+        raise ConfigError(f"nobody offers {rospy.resolve_name(service)} ({error}); {remedy}") from error
+    if not answer.success:
+        raise InputError(str(answer.message))
+    return str(answer.message)
+
+
 @command
 def stop(*, release: bool) -> int:
     """The emergency stop of ``vsx stop``: set or release it. After setting it, check that the wheels stand. Raises
@@ -92,30 +102,31 @@ def _see_it_stand() -> None:
     deadline_s = time.monotonic() + _STAND_S
     while (left_s := deadline_s - time.monotonic()) > 0.0:
         try:
-            twist = rospy.wait_for_message(topics.ODOM, Odometry, timeout=left_s).twist.twist
+            seen = convert.odometry(rospy.wait_for_message(topics.ODOM, Odometry, timeout=left_s))
         except rospy.ROSException:
             break
-        if abs(twist.linear.x) < _STANDING_M_S and abs(twist.angular.z) < _STANDING_RAD_S:
+        except InputError as error:
+            said = str(error)
+            continue
+        if seen.stands:
             return
-        said = f"its odometry says {twist.linear.x:.2f} m/s, {twist.angular.z:.2f} rad/s"
+        said = f"its odometry says {seen.v:.2f} m/s, {seen.omega:.2f} rad/s"
     raise DeviceError(f"the base took the emergency stop, but {said}; look at it, and use its power button if it rolls")
 
 
 @command
 def save_map(out: Path | None) -> int:
     """``vsx map save`` of a running robot: vslam saves its map. out: the file, or None for the node's default. Raises
-    ConfigError if vslam does not run, MapFileError if the map cannot be saved."""
+    ConfigError if vslam does not run, InputError if the map cannot be saved."""
     join("save_map")
-    try:
+    with contextlib.suppress(rospy.ROSException):  # told below
         rospy.wait_for_service(topics.SAVE_MAP, timeout=_OFFERED_S)
-        rospy.set_param(topics.SAVE_MAP_TO, str(out.resolve()) if out is not None else "")
-        answer = calls.service(topics.SAVE_MAP, Trigger, within_s=_SAVED_S)
-    except (rospy.ROSException, rospy.ServiceException) as error:
-        name = rospy.resolve_name(topics.SAVE_MAP)
-        raise ConfigError(
-            f"nobody offers {name} ({error}); start the robot, or save the map of a run: 'vsx map save RUN'"
-        ) from error
-    if not answer.success:
-        raise MapFileError(answer.message)
-    sys.stdout.write(f"{answer.message}\n")
+    usual = rospy.get_param(topics.SAVE_MAP_TO, "")
+    remedy = "start the robot, or save the map of a run: 'vsx map save RUN'"
+    try:
+        if out is not None:
+            rospy.set_param(topics.SAVE_MAP_TO, str(out.resolve()))
+        sys.stdout.write(f"{asked(topics.SAVE_MAP, Trigger, within_s=_SAVED_S, remedy=remedy)}\n")
+    finally:
+        rospy.set_param(topics.SAVE_MAP_TO, usual)  # who calls the service himself gets what he is used to
     return DONE

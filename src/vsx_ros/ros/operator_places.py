@@ -7,13 +7,13 @@ import rospy
 from diagnostic_msgs.srv import AddDiagnostics
 from std_msgs.msg import String
 
-from vsx_ros.errors import ConfigError, InputError
-from vsx_ros.ros import calls, topics
+from vsx_ros.errors import ConfigError
+from vsx_ros.ros import topics
 from vsx_ros.ros.callbacks import json_object
-from vsx_ros.ros.operator_command import command, join
+from vsx_ros.ros.operator_command import asked, command, join
 from vsx_ros.runs.process import DONE
 
-_WITHIN_S = 5.0
+_WITHIN_S, _REMEDY = 5.0, "start the robot, or give a saved map with --map"
 
 
 def change_zones(change: str) -> int:
@@ -30,14 +30,7 @@ def name_room(naming: str) -> int:
 @command
 def _told(service: str, text: str) -> int:
     join("places")
-    try:
-        answer = calls.service(service, AddDiagnostics, text, within_s=_WITHIN_S)
-    except (rospy.ROSException, rospy.ServiceException) as error:
-        name = rospy.resolve_name(service)
-        raise ConfigError(f"nobody offers {name} ({error}); start the robot, or give a saved map with --map") from error
-    if not answer.success:
-        raise InputError(str(answer.message))
-    sys.stdout.write(f"{answer.message}\n")
+    sys.stdout.write(f"{asked(service, AddDiagnostics, text, within_s=_WITHIN_S, remedy=_REMEDY)}\n")
     return DONE
 
 
@@ -52,7 +45,7 @@ def heard(topic: str) -> dict[str, Any]:
             found.update(json_object(rospy.wait_for_message(topic, String, timeout=_WITHIN_S)))
         except rospy.ROSException as error:
             name = rospy.resolve_name(topic)
-            raise ConfigError(f"nobody tells {name}; start the robot, or give a saved map with --map") from error
+            raise ConfigError(f"nobody tells {name}; {_REMEDY}") from error
         return DONE
 
     listen()

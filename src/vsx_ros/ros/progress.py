@@ -12,9 +12,8 @@ _CUT = "..."
 def progress_line(
     monitor: Monitor, coverage: float | None, elapsed_s: float, limit_s: float | None, missing: Iterable[str] = ()
 ) -> str:
-    """State and reason first, cut to fit; then what is known, the distance driven, the time, and the
-    time left if that is known. missing: nodes that are
-    known to lack their device."""
+    """State and reason first, cut to fit; then what is known, the distance driven, the time, and the time left if that
+    is known. missing: nodes that are known to lack their device."""
     status = monitor.status
     area = monitor.grid.known_area_m2 if monitor.grid is not None else 0.0
     covered = f"{100 * coverage:.0f} % covered" if coverage is not None else f"{area:.1f} m2 known"

@@ -116,7 +116,7 @@ class SlamMaps:
             self.driven = self._session.ground.state()
 
     def write_beside(self, slam_map: SlamMap | None, map_file: Path) -> None:
-        """Write zones and rooms beside a map. Raises MapFileError."""
+        """Write zones, rooms and dock beside a map. Raises MapFileError."""
         with self._zones.lock:
             write_places(self._session.ground, slam_map, map_file)
         self._rooms.write(map_file)

@@ -27,7 +27,7 @@ from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingResult
 
 State: TypeAlias = Mapping[str, NDArray[Any]]
-WriteBeside: TypeAlias = Callable[[SlamMap | None, Path], None]  # writes zones and rooms beside a map's file
+WriteBeside: TypeAlias = Callable[[SlamMap | None, Path], None]  # writes zones, rooms and dock beside it
 _REST = 4.0  # Pause after writing, as a multiple of the writing time: the map of a 40 m x 25 m building has 120 MB
 
 
@@ -73,7 +73,7 @@ class SlamRun:
             self._keeper.note(slam, result.stamp_ns)
 
     def save_map(self, slam: ThreadedSlam | None, write_beside: WriteBeside) -> str:
-        """Save the map, its zones and rooms as they are now, while the SLAM goes on; returns the path. Raises
+        """Save the map, its zones, rooms and dock as they are now, while the SLAM goes on; returns the path. Raises
         InputError or MapFileError."""
         slam_map = slam.slam_map() if slam is not None else None
         if slam_map is None:

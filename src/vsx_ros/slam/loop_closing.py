@@ -11,7 +11,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import METRIC, KeyFrame, MapView, Unit, unit_of
 from vsx_ros.slam.local_map import nearest_keyframes, path_lengths
-from vsx_ros.slam.loop_correction import LoopClosure, is_metric, same_points
+from vsx_ros.slam.loop_correction import LoopClosure, same_points, scale_is_observed
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.place_recognition import PlaceRecognizer, Recognition
 from vsx_ros.slam.tracker import Tracker
@@ -116,7 +116,7 @@ class LoopDetector:
         """The closure with its scale factor (1 by odometry, else from depths of shared points); None if unclear."""
         newest, track = world.keyframes[index], seen.track
         factor = 1.0
-        if not is_metric(world, newest, world.keyframes[seen.keyframe]):
+        if not scale_is_observed(world, newest, world.keyframes[seen.keyframe]):
             mine, known = same_points(newest, track.rows, track.uv, track.level)
             if len(mine) < SCALE_PAIRS:
                 return None

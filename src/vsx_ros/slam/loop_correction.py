@@ -127,7 +127,8 @@ def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) ->
     if older.map_id == newer.map_id:
         way = path_lengths(world.view().centres)
         length = way[last.newer] - way[last.older]
-        moved = optimize_pose_graph(world, newer.map_id, closures, free_scale=not is_metric(world, older, newer))
+        free_scale = not scale_is_observed(world, older, newer)
+        moved = optimize_pose_graph(world, newer.map_id, closures, free_scale=free_scale)
         unit = unit_of(world.keyframes, last.newer, last.older).word
         kind, what = "loop closed", f"after {length:.1f} {unit}, {moved:.3f} {unit} off"
     else:
@@ -184,6 +185,6 @@ def same_points(keyframe: KeyFrame, rows: IntArray, uv: Pixels, level: IntArray)
     return observed.rows[near[same]], rows[same]
 
 
-def is_metric(world: Map, *keyframes: KeyFrame) -> bool:
+def scale_is_observed(world: Map, *keyframes: KeyFrame) -> bool:
     """Whether odometry determines the scale of the map around the keyframes."""
     return all(unit_of(world.keyframes, keyframe.id) == METRIC for keyframe in keyframes)

@@ -120,7 +120,7 @@ def cull_redundant(world: Map, among: list[int], config: CullingConfig) -> list[
     newest = set(world.living[-config.keep_newest :])
     culled = []
     for k in sorted(set(among) - held - newest):
-        if world.keyframes[k].alive and is_redundant(world, k, config) and not _ties_its_epoch(world, k):
+        if world.keyframes[k].alive and is_redundant(world, k, config) and not _ties_its_neighbours(world, k):
             world.cull_keyframe(k)
             culled.append(k)
     return culled
@@ -142,7 +142,7 @@ def is_redundant(world: Map, index: int, config: CullingConfig) -> bool:
     return bool(enough >= config.seen_ratio * len(seen.rows))
 
 
-def _ties_its_epoch(world: Map, index: int) -> bool:
+def _ties_its_neighbours(world: Map, index: int) -> bool:
     """Whether the keyframes before and after it share too few points to stay connected by images without it."""
     before, after = world.predecessor(index), world.successor(index)
     if before is None or after is None:
