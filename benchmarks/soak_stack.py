@@ -12,6 +12,7 @@ themselves, with their last words; they are started again. The table is made by 
 
 import argparse
 import contextlib
+import json
 import math
 import random
 import subprocess
@@ -189,6 +190,31 @@ class Truth:
         self.errors[name].append(math.hypot(pose.x - x, pose.y - y))
 
 
+class Contacts:
+    """What the robot was about when its body touched something. told: a sentence for each contact."""
+
+    def __init__(self, stack: object) -> None:
+        import rospy
+        from std_msgs.msg import String
+
+        from vsx_ros.ros import topics
+
+        self._plant, self._count, self._about = stack.plant, stack.plant.body.collisions, ""
+        self.told: list[str] = []
+        rospy.Subscriber(f"/{topics.EXPLORE_STATUS}", String, self._hear)
+
+    def _hear(self, msg: object) -> None:
+        status = json.loads(msg.data)
+        self._about = f"{status['state']}: {status['reason']}"
+
+    def look(self, when: str) -> None:
+        """Note new contacts."""
+        count, self._count = self._count, self._plant.body.collisions
+        if self._count > count:
+            self.told.append(f"{when}: {self._about}, at {self._plant.state.T_world_base}")
+            print(self.told[-1], flush=True)
+
+
 class Faults:
     """One fault at a time, of one to some seconds."""
 
@@ -253,10 +279,12 @@ def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dic
     end_s = time.monotonic() + 60.0 * minutes
     happened: Counter[str] = Counter()
     died: list[str] = []
+    contacts, last = Contacts(stack), ""
     while time.monotonic() < end_s:
         due_s = time.monotonic() + PERIOD_S
         while time.monotonic() < due_s:
             memory.look(maps)
+            contacts.look(f"after {minutes + (time.monotonic() - end_s) / 60:.1f} minutes, last fault {last or 'none'}")
             time.sleep(1.0)
         for name in sorted(set(stack.dead()) & set(stack.nodes)):
             died.append(f"{name}: {stack.last_words(name)}")
@@ -264,7 +292,8 @@ def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dic
         if stack.mission_is_over():
             stack.another_mission()
         if kinds:
-            happened[faults.one_of(kinds)] += 1
+            last = faults.one_of(kinds)
+            happened[last] += 1
             print(f"{(end_s - time.monotonic()) / 60:.0f} minutes left, {dict(happened)}", *memory.lives, flush=True)
             print(*died, sep="\n", flush=True)
     memory.look(maps)
@@ -273,6 +302,7 @@ def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dic
         "tracebacks": tracebacks(stack),
         "died_by_themselves": [*died, *(f"{name}: {stack.last_words(name)}" for name in stack.dead())],
         "collisions": stack.plant.body.collisions,
+        "contacts": contacts.told,
         "path_m": round(stack.plant.state.path_length_m, 1),
         "keyframes": maps.keyframes,
         "lives": [life._asdict() for life in memory.lives],

@@ -3,6 +3,7 @@
 import dataclasses
 import os
 import signal
+import struct
 import time
 from types import SimpleNamespace
 from typing import Any
@@ -114,6 +115,17 @@ def test_when_nobody_asks_any_more_it_ends_without_words(capfd: pytest.CaptureFi
     child = beside._child
     beside._requests.send((dataclasses.replace(seen(3), images=()), dict(enumerate(seen(3).images))))
     del beside  # and with it who would hear the answer
+    assert child.wait(PATIENCE_S) == 0
+    assert capfd.readouterr() == ("", "")
+
+
+def test_when_who_asks_dies_in_the_middle_of_a_question_it_ends_without_words(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    beside = DenseProcess(CAMERA, MOUNT, DenseConfig(), 1)
+    child = beside._child
+    os.write(beside._requests.fileno(), struct.pack("!i", 1000) + b"half of it")
+    del beside
     assert child.wait(PATIENCE_S) == 0
     assert capfd.readouterr() == ("", "")
 

@@ -72,7 +72,8 @@ class DenseProcess:
 
 
 def serve(requests: Connection, answers: Connection) -> None:
-    """Receive the settings, then answer requests. Raises EOFError or BrokenPipeError when the parent has gone."""
+    """Receive the settings, then answer requests. Raises EOFError or OSError when the parent has gone, also in the
+    middle of a request."""
     camera, T_base_cam, config, seed = requests.recv()
     densifier = Densifier(camera, T_base_cam, config, seed)
     warm_up("surfaces")
@@ -95,7 +96,7 @@ def main() -> None:
     os.nice(_NICE)
     memory.return_freed_memory()
     cv2.setNumThreads(1)
-    with contextlib.suppress(EOFError, BrokenPipeError):
+    with contextlib.suppress(EOFError, OSError):
         serve(*(Connection(int(descriptor)) for descriptor in sys.argv[1:]))
 
 
