@@ -1,6 +1,7 @@
 """``vsx explore``: a map from a robot that explores. What takes long to import is imported beside the fork server."""
 
 import argparse
+import sys
 
 from vsx_ros.cli.compiled import DRIVE, compile_kernels
 from vsx_ros.errors import ConfigError
@@ -8,7 +9,7 @@ from vsx_ros.runs.parameters import load
 from vsx_ros.runs.start import check_files
 from vsx_ros.runs.world import check_world
 from vsx_ros.sim.hard_things import named_things
-from vsx_ros.sim.mitsuba_variant import mitsuba
+from vsx_ros.sim.mitsuba_variant import SLOWLY, is_fast, mitsuba
 
 
 def explore(args: argparse.Namespace) -> int:
@@ -24,8 +25,8 @@ def explore(args: argparse.Namespace) -> int:
         check_world(args.world)
     named_things(args.hard, "--with")
     check_files(args)
-    if args.eye == "mitsuba":
-        mitsuba()
+    if args.eye == "mitsuba" and not is_fast(mitsuba()):
+        print(f"vsx: {SLOWLY}", file=sys.stderr)
     if args.fast:
         from vsx_ros.runs.lockstep import explore_fast
 

@@ -1,6 +1,6 @@
 """A scene as a path tracer takes it: triangles with textures, what they are made of, and lamps that have a size.
 
-Light is in the units of ``Picture``: a white sheet under irradiance E has the value E, which is pi times its radiance."""
+Light is in the units of ``Picture``: a white sheet under irradiance E has the value E, pi times its radiance."""
 
 from collections.abc import Iterator
 from typing import Literal, NamedTuple, TypeAlias
@@ -90,7 +90,8 @@ def lighting_of(scene: AnyScene) -> Lighting:
     for lamp in scene.lights.lamps:
         if lamp.strength > 0.0:
             hangs = ceiling - _UNDER_CEILING_M < lamp.z < ceiling
-            lamps.append(LitLamp("panel" if hangs else "point", np.array([lamp.x, lamp.y, lamp.z]), down, lamp.strength))
+            place = np.array([lamp.x, lamp.y, lamp.z])
+            lamps.append(LitLamp("panel" if hangs else "point", place, down, lamp.strength))
     return Lighting(lamps, 0.0 if lamps else scene.lights.ambient, 0.0)
 
 

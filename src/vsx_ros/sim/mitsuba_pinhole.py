@@ -1,4 +1,4 @@
-"""The lens for the variant of Mitsuba that takes no rays from outside: pictures of an ideal pinhole, bent by the lens."""
+"""The lens for the variant of Mitsuba that takes no rays from outside: an ideal pinhole, bent by the lens."""
 
 import math
 from typing import Any
@@ -35,7 +35,7 @@ class Pinhole:
         how: samples, seed, ambient radiance."""
         samples, seed, ambient = how
         total, passes = np.zeros((*self._x.shape, 3)), len(R)
-        rests = bool((R == R[0, 0]).all() and (t == t[0, 0]).all())
+        rests = not (np.ptp(R, axis=(0, 1)).any() or np.ptp(t, axis=(0, 1)).any())
         tall = self._x.shape[0] if rests else _BAND * TILE
         for s in range(passes):
             for k, first in enumerate(range(0, self._x.shape[0], tall)):

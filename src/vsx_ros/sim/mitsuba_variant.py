@@ -1,7 +1,7 @@
 """Mitsuba 3, an optional package, in a variant that works on this machine.
 
-Its fast variant compiles with LLVM; some versions of libLLVM end the process without a word. So each is tried in a child
-process first."""
+Its fast variant compiles with LLVM; some versions of libLLVM end the process without a word. So each is tried in a
+child process first."""
 
 import importlib.util
 import os
@@ -16,6 +16,7 @@ from vsx_ros.errors import ConfigError
 
 FAST, PLAIN = "llvm_ad_rgb", "scalar_rgb"
 _LIBRARY = "DRJIT_LIBLLVM_PATH"
+SLOWLY = f"Mitsuba draws slowly, as no libLLVM works here; install libllvm19, or name one in {_LIBRARY}"
 _TRIED_S = 120.0  # at most, on a busy machine
 _PLACES = "/usr/lib/*-linux-gnu/libLLVM*.so*", "/usr/lib/llvm-*/lib/libLLVM*.so*"
 _PROBE = """
@@ -60,10 +61,6 @@ def _working() -> tuple[str, str]:
             raise ConfigError(f"{_LIBRARY} {given}: Mitsuba does not work with this libLLVM ({failure}); {remedy}")
     if failure := _failure(PLAIN, ""):
         raise ConfigError(f"Mitsuba is installed but draws nothing: {failure}; pip install -U 'vsx_ros[mitsuba]'")
-    print(
-        f"vsx: Mitsuba draws slowly, as no libLLVM works here; install libllvm19, or name one in {_LIBRARY}",
-        file=sys.stderr,
-    )
     return PLAIN, ""
 
 

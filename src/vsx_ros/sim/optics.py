@@ -47,8 +47,8 @@ def scene_of(world: EmulatedWorld, movers: Sequence[Mover] = ()) -> AnyScene:
 
 
 def optics_of(scene: AnyScene, camera: PinholeCamera, threads: int, samples: int, paths: int = 0) -> Optics:
-    """The optics for a scene. samples: rays a pixel, in a scene of triangles. paths: a pixel, by Mitsuba instead. Raises
-    ConfigError when Mitsuba is asked for and does not work."""
+    """The optics for a scene. samples: rays a pixel, in a scene of triangles. paths: a pixel, by Mitsuba instead.
+    Raises ConfigError when Mitsuba is asked for and does not work."""
     if isinstance(scene, MeshScene):
         mesh = MeshRenderer(scene, camera, threads, 1 if paths else samples)
         return MitsubaRenderer(scene, camera, mesh, paths) if paths else mesh
