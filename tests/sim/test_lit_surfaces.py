@@ -43,7 +43,7 @@ def test_a_picture_hangs_upright_and_has_its_colours() -> None:
 def test_lamps_under_the_ceiling_are_panels_and_bounced_light_stands_for_the_ambient() -> None:
     lamps = [Light(x=2.0, y=2.0, z=2.4, strength=1.0), Light(x=1.0, y=0.4, z=1.4, strength=2.0)]
     with_lamps = lighting_of(scene_of(plain_room(lights=lamps)))
-    assert [(lamp.kind, lamp.strength) for lamp in with_lamps.lamps] == [("panel", 1.0), ("point", 2.0)]
+    assert [(lamp.kind, lamp.strength) for lamp in with_lamps.lamps] == [("panel", 2.0), ("point", 2.0)]
     assert with_lamps.ambient == 0.0
     assert lighting_of(scene_of(plain_room())).ambient == 1.0
 

@@ -15,6 +15,7 @@ from vsx_ros.sim.reflectors import Reflector
 
 AnyScene: TypeAlias = DrawnWorld | MeshScene
 PANEL_M = 0.6  # side of a lamp's panel
+_DOWNWARDS = 2.0  # a panel sends as much light downwards as a point does, which by cosine is twice as much head on
 _UNDER_CEILING_M = 0.5  # lamps that hang nearer to the ceiling are panels
 _MIRROR_LEAST = 0.5  # share of light that a mirror reflects; less is gloss
 _MEASURED_M = 2.0  # distance at which a lamp of a Gazebo world is as bright as it says
@@ -91,7 +92,8 @@ def lighting_of(scene: AnyScene) -> Lighting:
         if lamp.strength > 0.0:
             hangs = ceiling - _UNDER_CEILING_M < lamp.z < ceiling
             place = np.array([lamp.x, lamp.y, lamp.z])
-            lamps.append(LitLamp("panel" if hangs else "point", place, down, lamp.strength))
+            strength = lamp.strength * (_DOWNWARDS if hangs else 1.0)
+            lamps.append(LitLamp("panel" if hangs else "point", place, down, strength))
     return Lighting(lamps, 0.0 if lamps else scene.lights.ambient, 0.0)
 
 

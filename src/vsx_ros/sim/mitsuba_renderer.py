@@ -74,8 +74,9 @@ class MitsubaRenderer:
         """Mitsuba's scene of this moment; the same one while nothing moves and the light stays."""
         scene = self._scene
         if isinstance(scene, MeshScene) or scene.movers is None:
-            if self._lit[0] is not scene:
-                self._lit = scene, self._scenes.lit(lighting_of(scene))
+            light = scene if isinstance(scene, MeshScene) else scene.lights
+            if self._lit[0] is not light:
+                self._lit = light, self._scenes.lit(lighting_of(scene))
             return self._lit[1]
         return self._scenes.lit(lighting_of(scene), moving_surfaces(scene, scene.moved(states)))
 
