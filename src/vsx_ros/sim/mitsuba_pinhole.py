@@ -72,5 +72,5 @@ class Pinhole:
         fov = 2.0 * math.degrees(math.atan(0.5 * width / self._focal))
         return self._mi.load_dict({
             "type": "perspective", "to_world": self._mi.ScalarTransform4f(T), "fov": fov, "fov_axis": "x",
-            "near_clip": 0.01, "far_clip": 1e4, "film": film, "sampler": {"type": "independent"},
+            "near_clip": 0.01, "far_clip": 1e4, "film": film, "sampler": {"type": "multijitter"},
         })  # fmt: skip

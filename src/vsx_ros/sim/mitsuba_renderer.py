@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import Float32Array, FloatArray
+from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.kernels.sim.mesh_scene import MeshScene
@@ -27,15 +27,17 @@ _STEP = 0.7548776662, 0.5698402910  # of a low-discrepancy sequence inside the p
 
 
 class MitsubaRenderer:
-    """Images of a scene: the same methods as ``Renderer``. samples: paths a pixel. seen_by: draws depth and ident. The
-    noise of the paths follows from the stamp given to ``enlighten``."""
+    """Images of a scene: the same methods as ``Renderer``. samples: paths a pixel, at least. seen_by: draws depth and
+    ident. The noise of the paths follows from the stamp given to ``enlighten``."""
 
     def __init__(self, scene: AnyScene, camera: PinholeCamera, seen_by: Renderer | MeshRenderer, samples: int) -> None:
         """Raises ConfigError when Mitsuba is missing or does not work, or cannot draw this light or lens."""
-        self.camera, self._scene, self._seen_by, self._samples = camera, scene, seen_by, samples
+        self.camera, self._scene, self._seen_by = camera, scene, seen_by
         if isinstance(scene, DrawnWorld) and scene.at(0).lights.sun > 0.0:
             raise ConfigError("the eye mitsuba draws no patches of sunlight; choose another light of the world")
         self._mi = mitsuba()
+        self._sampler = self._mi.load_dict({"type": "multijitter", "sample_count": samples})
+        self._samples = int(self._sampler.sample_count())  # perhaps a few more
         self._scenes = MitsubaScenes(self._mi, still_surfaces(scene))
         self._lit: tuple[Any, Any] = None, None
         self._seed = 0
@@ -85,40 +87,41 @@ class MitsubaRenderer:
         if self._pinhole is not None:
             return self._pinhole.colours(scene, R, t, (self._samples, self._seed, ambient))
         height, width = self.camera.height, self.camera.width
-        total, at_once = np.zeros((height, width, 3)), max(1, MOST_RAYS // (height * width))
-        for first in range(0, self._samples, at_once):
-            some = range(first, min(first + at_once, self._samples))
-            rays = [self._rays(R, t, k) for k in some]
-            origins, directions = (np.concatenate(parts, axis=1) for parts in zip(*rays))
-            colours = self._traced(scene, origins, directions, self._seed + first, ambient)
-            total += colours.reshape(3, len(some), height, width).sum(axis=1).transpose(1, 2, 0)
-        return total / self._samples
+        colours, at_once = np.zeros((height, width, 3)), max(1, MOST_RAYS // (width * self._samples))
+        for first in range(0, height, at_once):
+            rows = np.arange(first, min(first + at_once, height))
+            paths = self._traced(scene, *self._rays(R, t, rows), self._seed + first, ambient)
+            colours[rows] = paths.reshape(3, len(rows), width, self._samples).mean(axis=3).transpose(1, 2, 0)
+        return colours
 
-    def _rays(self, R: FloatArray, t: FloatArray, sample: int) -> tuple[Float32Array, Float32Array]:
-        """(3, H W) origins and directions of the sample of each pixel, from the pose of its row and moment."""
-        height, width, sub_frame = self.camera.height, self.camera.width, sample * len(R) // self._samples
-        jx, jy = ((sample * step + 0.5) % 1.0 - 0.5 for step in _STEP)
+    def _rays(self, R: FloatArray, t: FloatArray, rows: IntArray) -> tuple[Float32Array, Float32Array]:
+        """(3, N) origins and directions of all samples of the pixels of some rows, sample by sample of each pixel, from
+        the pose of the row and the sample's moment."""
+        samples, width = np.arange(self._samples), self.camera.width
+        jx, jy = (((samples * step + 0.5) % 1.0 - 0.5).astype(np.float32) for step in _STEP)
         x, y = (
-            rays[1 : height + 1, 1 : width + 1]
-            + jx * (rays[1 : height + 1, 2 : width + 2] - rays[1 : height + 1, 1 : width + 1])
-            + jy * (rays[2 : height + 2, 1 : width + 1] - rays[1 : height + 1, 1 : width + 1])
+            rays[rows + 1, 1 : width + 1, None]
+            + jx * (rays[rows + 1, 2 : width + 2] - rays[rows + 1, 1 : width + 1])[..., None]
+            + jy * (rays[rows + 2, 1 : width + 1] - rays[rows + 1, 1 : width + 1])[..., None]
             for rays in (self._rx, self._ry)
         )
-        above, share = np.divmod(np.arange(height) / TILE, 1.0)
-        b = above.astype(int)
-        turns = (R[sub_frame, b] + share[:, None, None] * (R[sub_frame, b + 1] - R[sub_frame, b])).astype(np.float32)
-        places = (t[sub_frame, b] + share[:, None] * (t[sub_frame, b + 1] - t[sub_frame, b])).astype(np.float32)
-        directions = np.stack([turns[:, i, 0, None] * x + turns[:, i, 1, None] * y + turns[:, i, 2, None]
-                               for i in range(3)])  # fmt: skip
+        sub_frames, above = samples * len(R) // self._samples, rows // TILE
+        share = (rows / TILE - above)[:, None]
+        b, s = above[:, None], sub_frames[None]
+        turns = (R[s, b] + share[..., None, None] * (R[s, b + 1] - R[s, b])).astype(np.float32)[:, None]
+        places = (t[s, b] + share[..., None] * (t[s, b + 1] - t[s, b])).astype(np.float32)[:, None]
+        lines = [turns[..., i, 0] * x + turns[..., i, 1] * y + turns[..., i, 2] for i in range(3)]
+        directions = np.stack(lines).reshape(3, -1)
         directions /= np.linalg.norm(directions, axis=0)
-        return np.repeat(places.T, width, axis=1), np.ascontiguousarray(directions.reshape(3, -1), np.float32)
+        origins = np.broadcast_to(places, (*x.shape, 3)).reshape(-1, 3).T
+        return np.ascontiguousarray(origins), directions
 
     def _traced(
         self, scene: Any, origins: Float32Array, directions: Float32Array, seed: int, ambient: float
     ) -> NDArray[np.float32]:
-        """(3, N) radiance along the rays (3, N)."""
-        mi = self._mi
-        sampler = mi.load_dict({"type": "independent"})
+        """(3, N) radiance along the rays (3, N). The samples of a pixel share out lamps and directions among them."""
+        mi, sampler = self._mi, self._sampler
+        sampler.set_samples_per_wavefront(self._samples)
         sampler.seed(seed, origins.shape[1])
         rays = mi.RayDifferential3f(mi.Ray3f(mi.Point3f(origins), mi.Vector3f(directions)))
         light, _, reflectance = scene.integrator().sample(scene, sampler, rays)
