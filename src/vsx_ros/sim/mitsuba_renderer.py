@@ -16,6 +16,7 @@ from vsx_ros.kernels.sim.raycast_shade import TILE
 from vsx_ros.sim.drawn_world import DrawnWorld
 from vsx_ros.sim.lit_surfaces import AnyScene, lighting_of, moving_surfaces, still_surfaces
 from vsx_ros.sim.mesh_renderer import MeshRenderer
+from vsx_ros.sim.mitsuba_lamps import favour
 from vsx_ros.sim.mitsuba_pinhole import Pinhole
 from vsx_ros.sim.mitsuba_scene import MitsubaScenes
 from vsx_ros.sim.mitsuba_variant import is_fast, mitsuba
@@ -23,6 +24,7 @@ from vsx_ros.sim.renderer import Picture, Renderer, ray_tables
 from vsx_ros.sim.scene import GREY
 
 MOST_RAYS = 1 << 22  # at once, for memory
+_PILOT_STEP = 16  # pixels between the rays that find out which lamps matter
 _STEP = 0.7548776662, 0.5698402910  # of a low-discrepancy sequence inside the pixel
 
 
@@ -87,6 +89,10 @@ class MitsubaRenderer:
         if self._pinhole is not None:
             return self._pinhole.colours(scene, R, t, (self._samples, self._seed, ambient))
         height, width = self.camera.height, self.camera.width
+        few = self._rays(R[:1], t[:1], np.arange(0, height, _PILOT_STEP))
+        favour(
+            self._mi, scene, lighting_of(self._scene).lamps, *(part[:, :: _PILOT_STEP * self._samples] for part in few)
+        )
         colours, at_once = np.zeros((height, width, 3)), max(1, MOST_RAYS // (width * self._samples))
         for first in range(0, height, at_once):
             rows = np.arange(first, min(first + at_once, height))

@@ -9,7 +9,7 @@ import numpy as np
 from vsx_ros.arrays import Float32Array
 from vsx_ros.sim.lit_surfaces import PANEL_M, Lighting, LitLamp, Surface
 
-BOUNCES = 8  # segments of a path, at most
+BOUNCES = 5  # segments of a path, at most
 _GLOSS_ALPHA = 0.08  # roughness of a polished floor
 _MATT_IOR, _MOST_IOR = 1.05, 6.0  # bounds of a coat's index of refraction
 
@@ -29,7 +29,8 @@ class MitsubaScenes:
         tree["integrator"] = {"type": "aov", "aovs": "reflectance:albedo", "path": path}
         tree |= {f"moving{k}": self._shape(surface) for k, surface in enumerate(moving)}
         tree |= {f"lamp{k}": self._lamp(lamp) for k, lamp in enumerate(lighting.lamps)}
-        tree["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": lighting.sky / math.pi}}
+        sky = {"type": "rgb", "value": lighting.sky / math.pi}
+        tree["sky"] = {"type": "constant", "radiance": sky, "sampling_weight": 1.0 if lighting.sky else 0.0}
         return self._mi.load_dict(tree)
 
     def _shape(self, surface: Surface) -> Any:
