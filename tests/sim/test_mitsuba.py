@@ -74,7 +74,7 @@ def test_rows_are_seen_from_where_the_camera_was_then() -> None:
 
     def left_of_box(settings: object) -> FloatArray:
         picture: Picture = camera_in(plain_room(boxes=[BOX]), settings).picture(0, turning)  # type: ignore[arg-type]
-        rows = picture.radiance[62:74]
+        rows = picture.radiance[62:72]
         return np.asarray([np.argmin(np.gradient(row[:80])) for row in rows], float)
 
     shutter = {"readout_ns": 100_000_000}

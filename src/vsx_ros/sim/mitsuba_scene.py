@@ -29,8 +29,8 @@ class MitsubaScenes:
         tree["integrator"] = {"type": "aov", "aovs": "reflectance:albedo", "path": path}
         tree |= {f"moving{k}": self._shape(surface) for k, surface in enumerate(moving)}
         tree |= {f"lamp{k}": self._lamp(lamp) for k, lamp in enumerate(lighting.lamps)}
-        sky = {"type": "rgb", "value": lighting.sky / math.pi}
-        tree["sky"] = {"type": "constant", "radiance": sky, "sampling_weight": 1.0 if lighting.sky else 0.0}
+        if lighting.sky or not lighting.lamps:  # Mitsuba needs something that shines
+            tree["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": lighting.sky / math.pi}}
         return self._mi.load_dict(tree)
 
     def _shape(self, surface: Surface) -> Any:
