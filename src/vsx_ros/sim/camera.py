@@ -18,7 +18,8 @@ from vsx_ros.geometry.mount import mounted
 from vsx_ros.kernels.sim.raycast_pixels import expose
 from vsx_ros.sim.body import NonNegative, Positive
 from vsx_ros.sim.drawn_world import DrawnWorld
-from vsx_ros.sim.optics import AnyScene, optics_of
+from vsx_ros.sim.lit_surfaces import AnyScene
+from vsx_ros.sim.optics import optics_of
 from vsx_ros.sim.renderer import Picture, lit
 from vsx_ros.sim.smear import Smear
 
