@@ -77,7 +77,7 @@ def test_rows_are_seen_from_where_the_camera_was_then() -> None:
         rows = picture.radiance[62:72]
         return np.asarray([np.argmin(np.gradient(row[:80])) for row in rows], float)
 
-    shutter = {"readout_ns": 100_000_000}
+    shutter = {"readout_ns": 50_000_000}
     ours, theirs = (left_of_box(replace(settings, **shutter)) for settings in (RASTER, MITSUBA))
     assert np.abs(ours - theirs).max() <= 1.0
 

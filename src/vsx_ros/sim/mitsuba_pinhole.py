@@ -13,7 +13,6 @@ from vsx_ros.kernels.sim.raycast_shade import TILE
 
 MOST_TIMES = 3.0  # as wide or high as the image that the pinhole's picture may be
 _MARGIN_PX = 2
-_BAND = 4  # rows of tiles that are drawn from one pose
 
 
 class Pinhole:
@@ -36,13 +35,13 @@ class Pinhole:
         samples, seed, ambient = how
         total, passes = np.zeros((*self._x.shape, 3)), len(R)
         rests = not (np.ptp(R, axis=(0, 1)).any() or np.ptp(t, axis=(0, 1)).any())
-        tall = self._x.shape[0] if rests else _BAND * TILE
+        tall = self._x.shape[0] if rests else TILE
         for s in range(passes):
             for k, first in enumerate(range(0, self._x.shape[0], tall)):
                 rows = slice(first, min(first + tall, self._x.shape[0]))
-                border = min((rows.start + rows.stop) // (2 * TILE), R.shape[1] - 1)
+                pose = _middle(R[s], t[s], first // TILE)
                 share = (s + 1) * samples // passes - s * samples // passes
-                drawn = self._band(scene, rows, (R[s, border], t[s, border]), (share, seed + 64 * s + k, ambient))
+                drawn = self._band(scene, rows, pose, (share, seed + 64 * s + k, ambient))
                 total[rows] += share * drawn
         return total / samples
 
@@ -74,3 +73,9 @@ class Pinhole:
             "type": "perspective", "to_world": self._mi.ScalarTransform4f(T), "fov": fov, "fov_axis": "x",
             "near_clip": 0.01, "far_clip": 1e4, "film": film, "sampler": {"type": "multijitter"},
         })  # fmt: skip
+
+
+def _middle(R: FloatArray, t: FloatArray, b: int) -> tuple[FloatArray, FloatArray]:
+    """The pose between those at the borders b and b + 1."""
+    U, _, Vt = np.linalg.svd(R[b] + R[b + 1])
+    return U @ Vt, 0.5 * (t[b] + t[b + 1])
