@@ -139,6 +139,7 @@ def record(
     """Drive the course from the world's start pose, with the robot as ``prepare`` leaves it. Raises RuntimeError when
     the robot touches something."""
     robot = EmulatedRobot(world, seed, config)
+    prepare(robot)
     seen, truth = [], []
 
     def step(wanted: VelocityCommand) -> None:
