@@ -46,5 +46,5 @@ setup(
         "charset-normalizer>=3",
         "Pillow>=10",
     ],
-    extras_require={"sweep": ["distributed>=2024.1"]},
+    extras_require={"sweep": ["distributed>=2024.1"], "mitsuba": ["mitsuba>=3.6"]},
 )

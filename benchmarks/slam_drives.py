@@ -132,9 +132,14 @@ def command(start: SE2, leg: Leg, pose: SE2) -> VelocityCommand | None:
     return VelocityCommand(v, v * (curvature - STEER_LATERAL * aside - STEER_HEADING * heading))
 
 
-def record(world: World, seed: int, legs: list[Leg], config: SimulationConfig = EMULATION) -> Drive:
-    """Drive the course from the world's start pose. Raises RuntimeError when the robot touches something."""
+def record(
+    world: World, seed: int, legs: list[Leg], config: SimulationConfig = EMULATION,
+    prepare: Callable[[EmulatedRobot], None] = lambda robot: None,
+) -> Drive:  # fmt: skip
+    """Drive the course from the world's start pose, with the robot as ``prepare`` leaves it. Raises RuntimeError when
+    the robot touches something."""
     robot = EmulatedRobot(world, seed, config)
+    prepare(robot)
     seen, truth = [], []
 
     def step(wanted: VelocityCommand) -> None:

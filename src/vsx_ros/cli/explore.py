@@ -1,6 +1,7 @@
 """``vsx explore``: a map from a robot that explores. What takes long to import is imported beside the fork server."""
 
 import argparse
+import sys
 
 from vsx_ros.cli.compiled import DRIVE, compile_kernels
 from vsx_ros.errors import ConfigError
@@ -8,6 +9,7 @@ from vsx_ros.runs.parameters import load
 from vsx_ros.runs.start import check_files
 from vsx_ros.runs.world import check_world
 from vsx_ros.sim.hard_things import named_things
+from vsx_ros.sim.mitsuba_variant import SLOWLY, is_fast, mitsuba
 
 
 def explore(args: argparse.Namespace) -> int:
@@ -23,6 +25,8 @@ def explore(args: argparse.Namespace) -> int:
         check_world(args.world)
     named_things(args.hard, "--with")
     check_files(args)
+    if args.eye == "mitsuba" and not is_fast(mitsuba()):
+        print(f"vsx: {SLOWLY}", file=sys.stderr)
     if args.fast:
         from vsx_ros.runs.lockstep import explore_fast
 
@@ -48,6 +52,8 @@ def _refuse_wires(args: argparse.Namespace) -> None:
         if getattr(args, name) is not None and args.world is None and args.resume is None and not args.fast:
             option = f"--{name.replace('_', '-')} {getattr(args, name)}"
             raise ConfigError(f"{option} is for an emulated world; give --world, or leave it out")
+    if args.eye is not None and not args.fast:
+        raise ConfigError(f"--eye {args.eye} draws in lock-step alone; add --fast, or leave it out")
     if args.hard and args.world is None and not args.fast:
         raise ConfigError(f"--with {args.hard[0]} is for an emulated world; give --world, or leave it out")
     wires = "base", "port", "camera", "rate", "dock", "battery_pace"

@@ -50,6 +50,8 @@ def explore(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> N
     zones = "zones to begin with (YAML), in the coordinates of the map; a new one begins where the robot stands"
     add("--zones", metavar="FILE", help=zones)
     add("--fast", action="store_true", help="one process, lock-step, no ROS, deterministic")
+    eye = "with --fast, what draws the images: raster (default), or mitsuba, with light that bounces: 5 images a second"
+    add("--eye", choices=("raster", "mitsuba"), metavar="raster|mitsuba", help=eye)
     add("--view", action="store_true", help="serve the live view, for a browser on this machine")
     add("--headless", action="store_true", help="open no browser")
     add("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<world>)")

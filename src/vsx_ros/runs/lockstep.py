@@ -26,7 +26,7 @@ from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.runs.start import begin
 from vsx_ros.sim.emulated_world import EmulatedWorld
-from vsx_ros.sim.robot import EmulatedRobot, Observation, SimulationConfig
+from vsx_ros.sim.robot import RASTER, EmulatedRobot, Observation, simulation_of
 from vsx_ros.sim.world import Start
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingState
@@ -42,10 +42,11 @@ class FastRun:
 
     def __init__(
         self, world: EmulatedWorld, seed: int, planner: str, config: Config, before: PreviousSessions | None = None,
-        slam_map: SlamMap | None = None, folder: RunFolder | None = None,
+        slam_map: SlamMap | None = None, folder: RunFolder | None = None, eye: str = RASTER,
     ) -> None:  # fmt: skip
         """before: an interrupted run to resume, in the same world with the same seed; the robot starts where it stood
-        at the end. slam_map: a map to continue. folder: where to store the state for a later resume."""
+        at the end. slam_map: a map to continue. folder: where to store the state for a later resume. eye: as of
+        ``simulation_of``."""
         self.world, self._config = world, config
         self.continued: Path | None = None  # a map's file; the rooms beside it keep their names
         # Compares maps with the world; the position of a loaded map in the world is unknown.
@@ -54,7 +55,7 @@ class FastRun:
         if self._truth_before is not None:
             x, y, theta = self._truth_before.T_world_base
             world = world.starting_at(Start(x=x, y=y, theta_rad=theta))
-        self.robot = EmulatedRobot(world, seed, SimulationConfig(threads=2), config.robot)
+        self.robot = EmulatedRobot(world, seed, simulation_of(eye), config.robot)
         mount = self.robot.T_base_cam_given
         saved = before.system if before is not None else None
         self.system = ExplorationSystem(self.robot.camera_given, mount, config, seed, planner, saved, slam_map)
@@ -220,7 +221,7 @@ def explore_fast(args: argparse.Namespace) -> int:
     slam_map = None
     if args.load_map:  # the file may be gone by now; the checkpoint holds the newer map
         slam_map = load_slam_map(Path(args.load_map)) if before is None else before.saved.slam_map
-    run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder)
+    run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder, args.eye)
     run.continued = rooms_known(folder, args.load_map or "")
     if before is None:
         map_file = Path(args.load_map) if args.load_map else None

@@ -27,10 +27,11 @@ from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.world_file import load_world, save_world
 from vsx_ros.slam.state import TrackingState
 
-DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov"}
+DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov",
+            "eye": "raster"}  # fmt: skip
 REMEMBERED = (
     "world", "seed", "base", "port", "camera", "rate", "planner", "time", "until", "fast", "load_map", "zones", "room",
-    "dock", "battery_pace",
+    "dock", "battery_pace", "eye",
 )  # fmt: skip
 
 
@@ -106,7 +107,8 @@ def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
 def _refuse_other_options(args: argparse.Namespace, folder: RunFolder) -> None:
     """Raises ConfigError for an option that was chosen when the run began, InputError if that cannot be read."""
     folder.read_config()
-    fixed = ("world", "seed", "base", "planner", "phi", "load_map", "room", "zones", "config", "set", "out", "models")
+    fixed = ("world", "seed", "base", "planner", "phi", "load_map", "room", "zones", "config", "set", "out", "models",
+             "eye")  # fmt: skip
     contradicting = [name.replace("_", "-") for name in fixed if getattr(args, name) not in (None, [])]
     contradicting += ["with"] if args.hard else []
     if contradicting:

@@ -4,7 +4,7 @@ curve and automatic exposure."""
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -18,7 +18,8 @@ from vsx_ros.geometry.mount import mounted
 from vsx_ros.kernels.sim.raycast_pixels import expose
 from vsx_ros.sim.body import NonNegative, Positive
 from vsx_ros.sim.drawn_world import DrawnWorld
-from vsx_ros.sim.optics import AnyScene, optics_of
+from vsx_ros.sim.lit_surfaces import AnyScene
+from vsx_ros.sim.optics import optics_of
 from vsx_ros.sim.renderer import Picture, lit
 from vsx_ros.sim.smear import Smear
 
@@ -44,8 +45,9 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     """A Kinect's colour camera: rolling shutter of 26 ms, indoor exposure, noise of its small pixels. lens: may be
     replaced by any other. readout_off_ns, exposure_off_ns: how much longer these take than the stack is told. yaw,
     place: of the mount on the floor plan. dropped_share: of the images; delay_ns: until they arrive. smeared_share: of
-    the lens. samples: rays a pixel in Gazebo worlds. In a world with lighting, automatic exposure reaches most_gain,
-    and the noise grows with all gain above amplified_from, as the light no longer does."""
+    the lens. samples: rays a pixel in Gazebo worlds. eye: what draws; mitsuba traces mitsuba_samples paths a pixel, in
+    fifty times the time. In a world with lighting, automatic exposure reaches most_gain, and the noise grows with all
+    gain above amplified_from, as the light no longer does."""
 
     lens: PinholeCamera = KINECT
     readout_ns: Annotated[int, Meta(ge=0)] = 26_000_000
@@ -71,6 +73,8 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     delay_ns: Annotated[int, Meta(ge=0)] = 0
     smeared_share: Annotated[float, Meta(ge=0, le=0.9)] = 0.0
     samples: Annotated[int, Meta(ge=1, le=16)] = 4
+    eye: Literal["raster", "mitsuba"] = "raster"
+    mitsuba_samples: Annotated[int, Meta(ge=1, le=4096)] = 16
 
 
 def perturbed_calibration(camera: PinholeCamera, settings: CameraSettings, rng: np.random.Generator) -> PinholeCamera:
@@ -111,7 +115,8 @@ class EmulatedCamera:
         )
         self._vibration_phases = rng.uniform(0.0, 2.0 * math.pi, len(VIBRATION_WAVES_PER_M))
         self._settings = settings
-        self._renderer = optics_of(scene, camera, threads, settings.samples)
+        paths = settings.mitsuba_samples if settings.eye == "mitsuba" else 0
+        self._renderer = optics_of(scene, camera, threads, settings.samples, paths)
         changing = isinstance(scene, DrawnWorld) and scene.changing is not None
         self._sensor = Sensor(camera, settings, rng, amplifies=changing)
         smeared = settings.smeared_share

@@ -4,6 +4,7 @@ reflects."""
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
 from msgspec.structs import replace
 
 from vsx_ros.arrays import FloatArray, IntArray
@@ -13,7 +14,7 @@ from vsx_ros.sim.light_map import Lights
 from vsx_ros.sim.moving import Mover
 from vsx_ros.sim.moving_quads import DrawnMovers, Moved
 from vsx_ros.sim.reflectors import Reflector, reflectors_of
-from vsx_ros.sim.scene import compile_scene, steady_lights
+from vsx_ros.sim.scene import compile_scene, glows, quads, steady_lights
 from vsx_ros.sim.world import World
 
 
@@ -27,13 +28,15 @@ class Seen(NamedTuple):
 
 class DrawnWorld(NamedTuple):
     """scene: the quads of the world, then those of its movers, in the light of a moment; lights: this light; changing:
-    None if all lamps burn steadily; reflectors: the surfaces that need a second look."""
+    None if all lamps burn steadily; reflectors: the surfaces that need a second look; glowing: quads that are bright
+    whatever the lamps do."""
 
     scene: Scene
     lights: Lights = Lights()  # noqa: B008 (immutable)
     changing: ChangingLight | None = None
     movers: DrawnMovers | None = None
     reflectors: Sequence[Reflector] = ()
+    glowing: IntArray = np.zeros(0, np.int64)
 
     def at(self, stamp_ns: int) -> "DrawnWorld":
         """The same world in the light of that moment."""
@@ -59,8 +62,9 @@ class DrawnWorld(NamedTuple):
 def draw(world: World, movers: Sequence[Mover] = ()) -> DrawnWorld:
     """Takes about a second, two if the light changes. Raises ConfigError for a world that is too large to be drawn."""
     drawn = DrawnMovers(movers) if movers else None
-    quads, materials = ([], {}) if drawn is None else (drawn.quads, drawn.materials)
-    scene = compile_scene(replace(world, materials=world.materials | materials), quads, node_spacing_m(world))
+    moving, materials = ([], {}) if drawn is None else (drawn.quads, drawn.materials)
+    scene = compile_scene(replace(world, materials=world.materials | materials), moving, node_spacing_m(world))
     changing = None if world.lighting is None else ChangingLight(world, world.lighting, scene)
     reflectors = reflectors_of(world)
-    return DrawnWorld(scene, steady_lights(world), changing=changing, movers=drawn, reflectors=reflectors)
+    glowing = np.array([k for k, quad in enumerate(quads(world)) if glows(quad, world)], np.int64)
+    return DrawnWorld(scene, steady_lights(world), changing, drawn, reflectors, glowing)

@@ -28,7 +28,9 @@ def compile_mesh(world: MeshWorld) -> MeshScene:
     textures, linear = seen.textures, np.square(seen.colours)
     logs = np.vstack([textures.logs, np.zeros((1, 2), np.int32)])[seen.pictures]  # the last row: without a picture
     holes, hole_places = _holes(seen)
-    light, frame = _baked(world)
+    lamps = np.array([_lamp_row(lamp) for lamp in world.lamps], float).reshape(-1, 13)
+    light, frame, usual = _baked(world, lamps)
+    lamps[:, 7] *= usual
     return MeshScene(
         corners=seen.corners.reshape(-1, 9),
         uv=seen.uv.reshape(-1, 6),
@@ -44,6 +46,8 @@ def compile_mesh(world: MeshWorld) -> MeshScene:
         light=light,
         light_frame=frame,
         sky=USUAL_LIGHT * world.sky,
+        lamps=lamps,
+        ambient=usual * world.ambient,
     )
 
 
@@ -94,12 +98,11 @@ def _even_directions(n: int) -> FloatArray:
     return np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
 
 
-def _baked(world: MeshWorld) -> tuple[Float32Array, FloatArray]:
-    """Irradiance (Z, Y, X, 6) at the nodes of a lattice, and its frame; scaled so that rooms are lit as rooms are."""
+def _baked(world: MeshWorld, lamps: FloatArray) -> tuple[Float32Array, FloatArray, float]:
+    """Irradiance (Z, Y, X, 6) at the nodes of a lattice, its frame, and the factor that lights rooms as rooms are."""
     frame, shape = _lattice(world)
     solid: BoolArray = np.zeros(shape, np.bool_)
     fill_cells(world.parts.seen.corners.reshape(-1, 9), frame, solid)
-    lamps = np.array([_lamp_row(lamp) for lamp in world.lamps], float).reshape(-1, 13)
     light = np.zeros((*shape, 6), np.float32)
     bake(solid, frame, _even_directions(SKY_RAYS), REACH_M / frame[3], world.ambient, lamps, light)
     free = ~solid
@@ -109,5 +112,6 @@ def _baked(world: MeshWorld) -> tuple[Float32Array, FloatArray]:
     heights = frame[2] + frame[3] * np.arange(shape[0])
     low = (heights > 0.1) & (heights < 1.5)
     usual = float(np.median(light[low][free[low]])) if free[low].any() else 0.0
-    light *= np.float32(USUAL_LIGHT / max(usual, 1e-3))
-    return light, frame
+    factor = USUAL_LIGHT / max(usual, 1e-3)
+    light *= np.float32(factor)
+    return light, frame, factor

@@ -29,7 +29,7 @@ class Moved(NamedTuple):
 
 
 class DrawnMovers:
-    """The movers of a world as quads, which are the last ones of its scene."""
+    """The movers of a world as quads, which are the last ones of its scene. part_of (Q,): the rigid part of each."""
 
     def __init__(self, movers: Sequence[Mover]) -> None:
         parts = [
@@ -41,7 +41,7 @@ class DrawnMovers:
         self.materials = {name: material for mover in movers for name, material in mover.materials.items()}
         sizes = [len(part) for part in parts]
         self._movers, self._ends = movers, np.cumsum([0, *sizes])
-        self._part_of = np.repeat(np.arange(len(parts)), sizes)
+        self.part_of = np.repeat(np.arange(len(parts)), sizes)
         self._middles = np.array([quad.corner + 0.5 * (quad.edge_u + quad.edge_v) for quad in self.quads])
         normals = np.array([np.cross(quad.edge_v, quad.edge_u) for quad in self.quads])
         self._normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
@@ -50,7 +50,7 @@ class DrawnMovers:
         """Where they are for the states (S, B, K) of all movers, one after another, and how the lights fall on them."""
         flat = states.reshape(-1, states.shape[-1])
         R, t = (part.reshape(*states.shape[:2], *part.shape[1:]) for part in _frames(self._poses(flat)))
-        R0, t0 = R[0, 0, self._part_of], t[0, 0, self._part_of]
+        R0, t0 = R[0, 0, self.part_of], t[0, 0, self.part_of]
         middles = (R0 @ self._middles[..., None])[..., 0] + t0
         return Moved(R, t, lights.on(Nodes(middles, (R0 @ self._normals[..., None])[..., 0])))
 

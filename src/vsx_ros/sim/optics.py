@@ -1,26 +1,27 @@
 """The front door to both kinds of emulated worlds: what is drawn of a world, and the optics that draw it."""
 
 from collections.abc import Sequence
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.kernels.sim.mesh_scene import MeshScene
-from vsx_ros.sim.drawn_world import DrawnWorld, draw
+from vsx_ros.sim.drawn_world import draw
 from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.sim.lit_surfaces import AnyScene
 from vsx_ros.sim.mesh_renderer import MeshRenderer
 from vsx_ros.sim.mesh_scene import compile_mesh
 from vsx_ros.sim.mesh_world import MeshWorld
+from vsx_ros.sim.mitsuba_renderer import MitsubaRenderer
 from vsx_ros.sim.moving import Mover
 from vsx_ros.sim.reflections import ShinyRenderer
 from vsx_ros.sim.renderer import Picture, Renderer
 from vsx_ros.sim.world import World
 
-AnyScene: TypeAlias = DrawnWorld | MeshScene
-
 
 class Optics(Protocol):
-    """Draws a scene: ``Renderer`` for quads, ``MeshRenderer`` for triangles. Their docstrings say more."""
+    """Draws a scene: ``Renderer`` for quads, ``MeshRenderer`` for triangles, ``MitsubaRenderer`` for both. Their
+    docstrings say more."""
 
     @property
     def border_rows(self) -> FloatArray: ...  # noqa: D102 (see Renderer)
@@ -45,8 +46,11 @@ def scene_of(world: EmulatedWorld, movers: Sequence[Mover] = ()) -> AnyScene:
     return draw(world, movers)
 
 
-def optics_of(scene: AnyScene, camera: PinholeCamera, threads: int, samples: int) -> Optics:
-    """The optics for a scene. samples: rays a pixel, in a scene of triangles."""
+def optics_of(scene: AnyScene, camera: PinholeCamera, threads: int, samples: int, paths: int = 0) -> Optics:
+    """The optics for a scene. samples: rays a pixel, in a scene of triangles. paths: a pixel, by Mitsuba instead.
+    Raises ConfigError when Mitsuba is asked for and does not work."""
     if isinstance(scene, MeshScene):
-        return MeshRenderer(scene, camera, threads, samples)
-    return (ShinyRenderer if scene.reflectors else Renderer)(scene, camera, threads)
+        mesh = MeshRenderer(scene, camera, threads, 1 if paths else samples)
+        return MitsubaRenderer(scene, camera, mesh, paths) if paths else mesh
+    flat = (ShinyRenderer if scene.reflectors else Renderer)(scene, camera, threads)
+    return MitsubaRenderer(scene, camera, flat, paths) if paths else flat

@@ -15,6 +15,7 @@ from vsx_ros.sim.body import Body, BodySettings, Contacts
 from vsx_ros.sim.camera import CameraSettings, EmulatedCamera
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.hard_settings import body_in, camera_in
+from vsx_ros.sim.mitsuba_variant import mitsuba
 from vsx_ros.sim.movers import movers_of
 from vsx_ros.sim.moving import Moving
 from vsx_ros.sim.optics import scene_of
@@ -29,6 +30,22 @@ class SimulationConfig(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     threads: Annotated[int, Meta(ge=1, le=64)] = 1
     body: BodySettings = BodySettings()
     camera: CameraSettings = CameraSettings()
+
+
+RASTER = "raster"
+_LOCK_STEP = SimulationConfig(threads=2)
+_MITSUBA_RATE_HZ = 5.0  # an image takes seconds
+
+
+def simulation_of(eye: str) -> SimulationConfig:
+    """The emulated robot in lock-step with this eye. Raises ConfigError if there is none of that name, or it does not
+    work here."""
+    if eye == RASTER:
+        return _LOCK_STEP
+    if eye != "mitsuba":
+        raise ConfigError(f"there is no eye {eye!r:.60}; choose raster or mitsuba")
+    mitsuba()
+    return replace(_LOCK_STEP, frame_rate_hz=_MITSUBA_RATE_HZ, camera=replace(_LOCK_STEP.camera, eye="mitsuba"))
 
 
 class Observation(NamedTuple):

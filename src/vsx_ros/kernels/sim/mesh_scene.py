@@ -19,7 +19,8 @@ class MeshScene(NamedTuple):
     levels (P, 12): where each mip level begins in texels, whose bytes are r, g, b, grey, as the square root of the
     reflectance. holes: alpha of the pictures with holes; hole_places (M, 3): begin, log2 of width and height, or -1.
     light (Z, Y, X, 6): irradiance of faces towards +x, -x, +y, -y, +z, -z at the nodes of a lattice; light_frame (4,):
-    its origin and spacing [m]. sky: radiance where nothing is hit."""
+    its origin and spacing [m]. sky: radiance where nothing is hit. lamps (L, 13), as of ``bake``, and ambient: what the
+    light was baked from, in its units."""
 
     corners: Float32Array
     uv: Float32Array
@@ -35,6 +36,8 @@ class MeshScene(NamedTuple):
     light: Float32Array
     light_frame: FloatArray
     sky: float
+    lamps: FloatArray
+    ambient: float
 
 
 class Rays(NamedTuple):
