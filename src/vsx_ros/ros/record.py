@@ -36,10 +36,8 @@ _TOPICS = (
 )  # fmt: skip
 _NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
 _CAMERA_WAIT_S = 20.0  # for the first image; then recording begins all the same
-_WARN_AFTER_S = 3.0  # without a message
-_TICK_S = 0.1  # so that Ctrl-C takes effect at once
-_JPEG_QUALITY = 90  # of 100
-_ENCODING = {"png": [cv2.IMWRITE_PNG_COMPRESSION, 1], "jpeg": [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]}
+_WARN_AFTER_S, _TICK_S = 3.0, 0.1  # without a message; so that Ctrl-C takes effect at once
+_ENCODING = {"png": [cv2.IMWRITE_PNG_COMPRESSION, 1], "jpeg": [cv2.IMWRITE_JPEG_QUALITY, 90]}  # of 9 and of 100
 _WAITING = 500  # Messages that may wait for the disk: 150 MB of raw images
 _STUCK_S = 30.0  # After this long without progress, stop waiting for the disk
 _OVERHEAD_BYTES = 64  # of a record's header and index, about
@@ -84,11 +82,10 @@ class BagWriter:
         told, seen = False, -1
         while self._thread.is_alive() and seen != self.bytes:
             seen = self.bytes
-            if not told:
-                with suppress(queue.Full):
+            with suppress(queue.Full):
+                if not told:
                     self._queue.put(None, timeout=_STUCK_S)
-                    told = True
-            if told:
+                told = True
                 self._thread.join(_STUCK_S)
         if self._thread.is_alive():
             self.failure = self.failure or f"it took nothing for {_STUCK_S:g} s"
