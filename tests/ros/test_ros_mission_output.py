@@ -100,7 +100,7 @@ class Session:
         selector = SimpleNamespace(ranking=ranking, time_left=SimpleNamespace(at=lambda _: None))
         saved = SavedMission([], [], [], going_home=False, home=None)
         mission: Any = SimpleNamespace(
-            outcome=None, view_selector=selector, to_save=lambda *_: saved, restore=lambda *_: None
+            paused_by=set(), outcome=None, view_selector=selector, to_save=lambda *_: saved, restore=lambda *_: None
         )
         where: Any = SimpleNamespace(at=lambda _: SimpleNamespace(T_odom_base=SE2()))
         self.topics = MissionTopics(mission, 0.5)

@@ -82,11 +82,8 @@ def pose(text: str) -> tuple[float, float, float]:
     """X,Y,DEG as metres and radians."""
     try:
         x, y, degrees = (float(word) for word in text.split(","))
-        finite = math.isfinite(x + y + degrees)
     except ValueError:
-        finite = False
-    if not finite:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a pose; write X,Y,DEG, e.g. 1.5,-2,90")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a pose; write X,Y,DEG, e.g. 1.5,-2,90") from None
     return x, y, math.radians(degrees)
 
 

@@ -139,7 +139,7 @@ def _odometry(bag: Messages, topic: str) -> list[Odometry]:
         pose = message.pose if message.__msgtype__ == POSE else message.pose.pose
         v, omega = (message.twist.twist.linear.x, message.twist.twist.angular.z) if with_twist else (0.0, 0.0)
         trusted = not with_twist or float(message.pose.covariance[35]) < UNSURE_HEADING_RAD2
-        reading = Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega, trusted)
+        reading = Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega, trusted=trusted)
         if not with_twist and readings:
             reading = with_speeds(reading, readings[-1])
         if not np.isfinite(reading.v + reading.omega):

@@ -67,4 +67,6 @@ def draw(world: World, movers: Sequence[Mover] = ()) -> DrawnWorld:
     changing = None if world.lighting is None else ChangingLight(world, world.lighting, scene)
     reflectors = reflectors_of(world)
     glowing = np.array([k for k, quad in enumerate(quads(world)) if glows(quad, world)], np.int64)
-    return DrawnWorld(scene, steady_lights(world), changing, drawn, reflectors, glowing)
+    return DrawnWorld(
+        scene, steady_lights(world), changing=changing, movers=drawn, reflectors=reflectors, glowing=glowing
+    )

@@ -144,7 +144,8 @@ def _meshes(scene: MeshScene) -> Iterator[Surface]:
         if begin >= 0:
             alpha = scene.holes[begin : begin + (1 << lw + lh)].reshape(1 << lh, 1 << lw).astype(np.float32) / 255.0
         faces = np.arange(len(corners)).reshape(-1, 3)
-        yield Surface(corners, uv, faces, np.asarray(picture * colour, np.float32), alpha, both_sides=True)
+        shown = np.asarray(picture * colour, np.float32)
+        yield Surface(corners, uv, faces, picture=shown, alpha=alpha, both_sides=True)
 
 
 def _gazebo_lamp(row: FloatArray) -> LitLamp:
@@ -153,4 +154,5 @@ def _gazebo_lamp(row: FloatArray) -> LitLamp:
         return LitLamp("directional", row[1:4], row[4:7], float(row[7]))
     fade = 1.0 / max(row[9] + row[10] * _MEASURED_M + row[11] * _MEASURED_M**2, 0.25)
     strength = float(row[7] * fade * _MEASURED_M**2)
-    return LitLamp("spot" if row[0] == 1.0 else "point", row[1:4], row[4:7], strength, float(np.arccos(row[12])))
+    kind: Literal["spot", "point"] = "spot" if row[0] == 1.0 else "point"
+    return LitLamp(kind, place=row[1:4], direction=row[4:7], strength=strength, cutoff_rad=float(np.arccos(row[12])))

@@ -69,7 +69,7 @@ class RunFolderNode:
                 self._config, ["roslaunch"], world=name, seed=seed, base=base, port=port, planner=planner, fast=False,
                 camera=rospy.get_param("camera/device", "ros"), rate=rospy.get_param("emulator/rate_hz", None),
                 load_map=load_map or None, zones=zones or None, room=rospy.get_param("vslam/room", "") or None,
-                dock=rospy.get_param("emulator/dock", "") or None, time=None, until=None,
+                dock=rospy.get_param("emulator/dock", "") or None, time=None, until=None, eye="raster",
                 battery_pace=rospy.get_param("emulator/battery_pace", None), hard={} if world is None else world.hard,
             )  # fmt: skip
             if world is not None:
