@@ -32,7 +32,8 @@ class ExplorationPause:
     def _on_status(self, msg: String) -> None:
         status = json_object(msg, "state")
         self._state, self._heard_s = str(status["state"]), time.monotonic()
-        self._paused = DOCK in status.get("paused_by", ())
+        pausers = status.get("paused_by")
+        self._paused = isinstance(pausers, list) and DOCK in pausers
         self._wanted = self._paused if self._wanted is None else self._wanted
 
     @property
