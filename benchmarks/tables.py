@@ -82,7 +82,11 @@ ROOMS: dict[str, tuple[str, ...]] = {
         *(f"src/vsx_ros/{room}" for room in ("config", "geometry", "kernels", "sim", "slam", "vision")),
         *(f"benchmarks/{file}" for file in ("light", "slam_accuracy", "slam_drives")),
     ),
-    "soak_stack": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/soak_stack", "benchmarks/exploring_robot"),
+    "soak_stack": (
+        "src/vsx_ros",
+        "hw/vsx_hw",
+        *(f"benchmarks/{file}" for file in ("soak_stack", "soak_memory", "exploring_robot")),
+    ),
 }
 """The code that the rows of a file judge: folders, and files without their .py."""
 

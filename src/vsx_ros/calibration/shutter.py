@@ -30,6 +30,7 @@ TURNS_RAD_S = 0.1  # a frame that turns less tells nothing about the readout
 MIN_POINTS = 30
 LEAST_SHARE = 0.3  # of a readout's error that the points do not hide, whatever two rounds seem to say
 STEP_PX, STEP = 2.0, 1e-4  # residuals beyond are outliers; of a numerical derivative
+LEAST_PX = 1e-3  # least sigma of what an image asks for
 MODEL_S = 0.0005  # error of a readout by the lens and the speeds, however many images are used
 GOOD_S, USABLE_S = 0.003, 0.008  # 0.1 deg and 0.3 deg at 0.6 rad/s
 POSSIBLE_READOUT_S = 0.1  # no camera for robots reads out slower
@@ -95,16 +96,10 @@ def readout_change(frames: Sequence[SeenRows], camera: PinholeCamera, readout_s:
         raise InputError(
             f"only {len(rows)} images were tracked in turns, {MIN_FRAMES} are needed; turn to both sides while driving"
         )
-    change, weight = rows.T
-    weight = np.minimum(weight, 4.0 * np.median(weight))
-    mean = float(np.median(change))
-    for _ in range(10):
-        off = np.abs(change - mean)
-        scale = 1.4826 * float(np.median(off)) + 1e-9
-        used = weight * np.maximum(0.0, 1.0 - (off / scale / 4.685) ** 2) ** 2
-        mean = float(used @ change / used.sum())
-    sigma = math.sqrt(float((used**2) @ (change - mean) ** 2)) / float(used.sum())
-    return Factor(mean, math.hypot(sigma, MODEL_S), float(len(rows)))
+    change, root = rows[:, 0], np.sqrt(rows[:, 1])
+    prior = np.zeros(1), np.array([POSSIBLE_READOUT_S])
+    x, covariance = robust_fit(root[:, None], root * change, *prior, LEAST_PX)
+    return Factor(float(x[0]), math.hypot(math.sqrt(covariance[0, 0]), MODEL_S), float(len(rows)))
 
 
 def next_readout(tried: Sequence[tuple[float, Factor]]) -> float:
@@ -169,7 +164,7 @@ def _turns(
 
 
 def _of_frame(frame: SeenRows, camera: PinholeCamera, readout_s: float) -> tuple[float, float] | None:
-    """The change of the readout [s] that one frame asks for beside its pose, and its information [1/s^2]."""
+    """The change of the readout [s] that one frame asks for beside its pose, and its information [px^2/s^2]."""
     share = (frame.uv[:, 1] + 0.5) / camera.height - 0.5
 
     def predicted(readout: float, step: FloatArray) -> Pixels:

@@ -57,17 +57,16 @@ def shutter_of_drive(recording: Recording, config: Config) -> tuple[ShutterCalib
     camera, R_base_cam = camera_of(recording), mounted(config.robot.mount).rotation
     known = shutter_of(camera, config.slam.shutter)
     shutter = ShutterConfig(readout_s=known.readout_s, exposure_s=known.exposure_s)
-    delay, tried = None, list[tuple[float, Factor]]()
+    latency, tried = Factor(0.0, 0.0, 0.0), list[tuple[float, Factor]]()
     for number in range(ROUNDS):
         seen = _seen(replace(config, slam=replace(config.slam, shutter=shutter)), recording, number)
         delay = pose_delay(seen.poses, R_base_cam, recording.odometry)
-        delay = delay._replace(value=delay.value + middle_s(camera, shutter))
+        latency = delay._replace(value=delay.value + middle_s(camera, shutter))
         if number > 0:
             tried.append((shutter.readout_s, readout_change(seen.rows, camera, shutter.readout_s)))
         readout_s = next_readout(tried) if tried else shutter.readout_s
-        shutter = replace(shutter, latency_s=delay.value, readout_s=readout_s)
-    assert delay is not None
-    return concluded(delay, tried), known.exposure_s
+        shutter = replace(shutter, latency_s=latency.value, readout_s=readout_s)
+    return concluded(latency, tried), known.exposure_s
 
 
 def _seen(config: Config, recording: Recording, number: int) -> _Seen:
