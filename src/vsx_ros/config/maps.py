@@ -176,8 +176,8 @@ class GroundMapConfig(Branch, frozen=True):
     resolution_m: Positive = 0.05
     obstacle_min_height_m: NonNegative = 0.06
     obstacle_max_height_m: Positive = 0.60
-    clear_max_height_m: Positive = 0.40
-    max_range_m: Positive = 4.5
+    clear_max_height_m: Positive = 0.42
+    max_range_m: Positive = 6.0
     start_clear_m: NonNegative = 0.7
     # An unseen gap in a straight wall up to wall_gap_m is wall, too. Points (or a few points) are noise when this many
     # times more keyframes looked through their place.
@@ -228,7 +228,7 @@ class DenseConfig(Branch, frozen=True):
     min_parallax_deg: Positive = 2.0
     max_parallax_deg: Positive = 30.0
     min_range_m: Positive = 0.4
-    max_range_m: Positive = 4.5
+    max_range_m: Positive = 6.0
     max_incidence_deg: Annotated[float, Meta(gt=0, lt=90)] = 80.0
     contact_contrast: NonNegative = 5.0
     contact_step: Positive = 1.2
