@@ -21,7 +21,7 @@ from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.vision.pyramid import layout
 
-_STORE_WIDTH_PX = 320  # images are stored at about this width: a cell at 4.5 m is 5 px wide
+_STORE_WIDTH_PX = 320  # images are stored at about this width: a cell at 6 m is 4 px wide
 _RIVAL_DEPTHS = np.array([0.65, 0.8, 1.2, 1.5])  # times the cell's depth; as good there, a cell is not believed
 _ENOUGH_PARALLAX_DEG, _APART_DEG = 8.0, 1.0  # more is no better; views closer than this count as one
 _HOPELESS_ZNCC = 0.5  # below this correlation with the first view, no other is computed

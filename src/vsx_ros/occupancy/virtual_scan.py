@@ -15,7 +15,7 @@ from vsx_ros.kernels.occupancy import ground_map as kernels
 from vsx_ros.kernels.occupancy.ground_map import PolarScans, Surfaces
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 
-N_BEARINGS = 720  # half a degree each: 4 cm at 4.5 m, less than a cell
+N_BEARINGS = 720  # half a degree each: 5 cm at 6 m, a cell
 _MAX_GAP_BINS, _MAX_GAP_M = 20, 0.15
 """Bearings between two rays take the shorter range, but only as far out as the rays are this close to each other."""
 _PIXEL_NOISE_RAD = 0.0012  # 0.6 pixels at a focal length of 500: how well a bearing to a point is known
