@@ -10,6 +10,7 @@ from noise to noise, do not. Surfaces are made of all keyframes at once, so the 
 """
 
 import argparse
+import sys
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from seeds import seed_range
 from vsx_ros.config import Config
 from vsx_ros.dense.densify import Densifier
 from vsx_ros.dense.mapped_ground import AnchoredSurface, MappedGround
-from vsx_ros.evaluation.map_quality import map_quality, observable_cells, obstacle_quality, seen_faces, viewing_cells
+from vsx_ros.evaluation.map_quality import obstacle_quality, seen_faces
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.runs.lockstep import FastRun
 from vsx_ros.runs.parameters import load
@@ -43,12 +44,9 @@ class Judge:
     """Maps of the keyframes of one run, with other settings."""
 
     def __init__(self, run: FastRun, seed: int) -> None:
-        self._run, self._seed, config = run, seed, Config()
-        ground, self._start = config.ground_map, run.world.start_pose
+        self._run, self._seed, ground = run, seed, Config().ground_map
         band = ground.obstacle_min_height_m, ground.obstacle_max_height_m
         self._truth = ground_truth_grid(run.world, ground.resolution_m, *band)
-        viewers = viewing_cells(self._truth, self._start, config.robot.radius_m)
-        self._observable = observable_cells(self._truth, viewers, config.exploration.sensor_range_m)
 
     def judged(self, config: Config) -> Judged:
         """The map that these settings would make now."""
@@ -59,10 +57,15 @@ class Judge:
         ground.restore(self._run.system.ground.state())
         ground.dense = AnchoredSurface.of(dense, snapshot, config.dense.cell_m)
         grid = ground.grid(snapshot)
-        faces = seen_faces(self._truth, [SE3.from_se2(self._start) @ T for T in snapshot.T_world_cams])
-        whole = map_quality(grid, self._truth, self._observable, self._start)
-        at_faces = obstacle_quality(grid, self._truth, faces, self._start)
-        shares = whole.coverage_correct, at_faces.surface_free, at_faces.free_inside, at_faces.f1
+        start = self._run.world.start_pose
+        faces = seen_faces(self._truth, [SE3.from_se2(start) @ T for T in snapshot.T_world_cams])
+        at_faces = obstacle_quality(grid, self._truth, faces, start)
+        shares = (
+            self._run.judge.quality(grid).coverage_correct,
+            at_faces.surface_free,
+            at_faces.free_inside,
+            at_faces.f1,
+        )
         return Judged(*(share or 0.0 for share in shares))
 
 
@@ -79,10 +82,15 @@ def watched(judge: Judge, run: FastRun, due_m: list[float], configs: list[Config
     return watch
 
 
+def metres(text: str) -> list[float]:
+    """``12,24,36``; for argparse."""
+    return sorted(float(word) for word in text.split(","))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=seed_range, default=range(20, 24), metavar="A-B")
-    parser.add_argument("--metres", type=lambda text: [float(word) for word in text.split(",")], default=[12, 24, 36])
+    parser.add_argument("--metres", type=metres, default=[12, 24, 36])
     parser.add_argument("--set", action="append", required=True, dest="settings", metavar="NAME=VALUE")
     args = parser.parse_args()
     settings = [[], *([word] for word in args.settings), *([args.settings] if len(args.settings) > 1 else [])]
@@ -91,6 +99,8 @@ def main() -> None:
         print(f"lab {seed}", flush=True)
         run = FastRun(open_world("lab", seed), seed, "fov", Config())
         run.run(TIME_S, watched(Judge(run, seed), run, list(args.metres), configs, out))
+    if not out:
+        sys.exit("no run drove as far as the first of --metres; give fewer")
     values = np.array(out)
     print(f"mean of {len(out)} maps, and differences to it [%]: {', '.join(Judged._fields)}")
     for k, words in enumerate(settings):
