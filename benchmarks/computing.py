@@ -74,7 +74,7 @@ def main() -> None:
             run.run(args.time)
             rankings += ranked[1:]  # the first one loads compiled code
             plans += planned[1:]
-            track_ms += run.record.track_ms
+            track_ms += [frame.track_ms for frame in run.record.frames]
     print(f"{len(track_ms)} frames: {spread(np.array(track_ms))}")
     told("rankings", rankings, ("ranking_ms", "ranking_ms_m2"), args.share)
     told("plans", plans, ("plan_ms", "plan_ms_m"), args.share)

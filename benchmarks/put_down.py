@@ -79,7 +79,7 @@ class Watch:
             self.hard += self._speed > GENTLE_M_S
         odometry = run.system.odometry
         self._touched, self._speed = body.collisions, abs(odometry.v)
-        if self.started_s is None and run.record.results[-1].state.tracked:
+        if self.started_s is None and run.record.frames[-1].state.tracked:
             self.started_s, self.started_m = 1e-9 * now_ns, body.path_length_m
         enough = self._enough(now_ns)
         self.reached |= enough is not None

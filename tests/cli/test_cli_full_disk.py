@@ -82,7 +82,7 @@ def test_a_run_folder_that_was_deleted_is_made_anew(tmp_path: Path, monkeypatch,
     step = lockstep.FastRun._step
 
     def step_and_delete(run, frame, odometry):
-        if len(run.record.results) == 20:
+        if len(run.record.frames) == 20:
             shutil.rmtree(out)
         return step(run, frame, odometry)
 

@@ -84,7 +84,7 @@ def test_a_signal_ends_a_replay_with_what_there_is(number, drive, tmp_path, monk
 
     def press_at_frame_40(record, *frame):
         add_frame(record, *frame)
-        if len(record.results) == 40:
+        if len(record.frames) == 40:
             os.kill(os.getpid(), number)
 
     monkeypatch.setattr(RunRecord, "add_frame", press_at_frame_40)

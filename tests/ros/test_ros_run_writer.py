@@ -23,7 +23,7 @@ from vsx_ros.ros import logs, slam_run
 from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.runs import session
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.journal import RunEvent
+from vsx_ros.runs.journal import FrameLine, RunEvent
 from vsx_ros.runs.moments import Moments
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.sim.generate import generate_world
@@ -62,12 +62,12 @@ def test_what_was_kept_is_there_for_the_next_session(driven, tmp_path: Path) -> 
     record = RunWriter(robot.T_base_cam_given, folder, before).record
     assert before is not None
     assert len(before.saved.slam_map.view.living) == len(slam.slam_map().view.living)
-    assert [result.stamp_ns for result in record.results] == [result.stamp_ns for result, _ in frames[:-5]]
-    assert record.u2_frames == [5.0] * (len(frames) - 5)
+    assert [frame.stamp_ns for frame in record.frames] == [result.stamp_ns for result, _ in frames[:-5]]
+    assert [frame.u2_frames for frame in record.frames] == [5.0] * (len(frames) - 5)
     assert record.events == [RunEvent(result.stamp_ns, "slam", "lost", "why") for result, _ in frames[:-5]]
     assert record.odom_epoch == 0
     far = Odometry(frames[-1][1].stamp_ns, SE2(50.0, 0.0, 0.0), odom_epoch=1)  # odometry that restarted is no break
-    record.add_frame(frames[-1][0], far, 0.01, None)
+    record.add_frame(FrameLine.of(frames[-1][0], far, 10.0, None))
     assert record.summary(slam.statistics()).breaks == 0
 
 
@@ -112,11 +112,10 @@ def test_the_end_leaves_the_results(driven, tmp_path: Path) -> None:
     robot, slam, frames = driven
     writer = RunWriter(robot.T_base_cam_given)
     for result, odometry in frames:
-        writer.record.add_odometry(odometry)
         writer.frame(result, odometry, 0.01, 5.0, [])
     assert not writer.note(slam, frames[-1][0].stamp_ns, now=True), "it has nowhere to keep it"
     assert writer.finish(RunFolder(tmp_path), slam) == ""
-    assert len((tmp_path / "odometry.txt").read_text().splitlines()) >= len(frames)
+    assert len((tmp_path / "odometry.txt").read_text().splitlines()) == len(frames) + 1
     assert len((tmp_path / "frames.csv").read_text().splitlines()) == len(frames) + 1
     assert (tmp_path / "summary.json").exists()
     assert not (tmp_path / "map.pgm").exists()

@@ -17,6 +17,7 @@ from vsx_ros.io.map_export import write_planes, write_ply
 from vsx_ros.io.recording import Recording
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import FrameLine
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.process import STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import RunRecord
@@ -27,7 +28,7 @@ from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.snapshot import SlamMap, snapshot
-from vsx_ros.slam.state import TrackingResult, TrackingState
+from vsx_ros.slam.state import TrackingState
 
 _MAX_RATE = 100.0  # images a second, more than these cameras give
 
@@ -47,11 +48,11 @@ def replay(args: argparse.Namespace) -> int:
     keeper = RunWriter(T_base_cam, folder, config=config.runs, resumable=False)
     record, stopped = keeper.record, _track_all(session, slam, recording, keeper)
     continued = str(args.load_map.resolve()) if args.load_map else None
-    ending = record.results[-1].state if record.results else TrackingState.NOT_INITIALISED
+    ending = record.frames[-1].state if record.frames else TrackingState.NOT_INITIALISED
     code = STOPPED if stopped else replay_code(ending)
     facts = {"seed": args.seed, "continued_map": continued, "ended_well": ended_well(code)}
     if stopped:
-        facts["stop_reason"] = f"stopped by the operator after {len(record.results)} of {recording.frame_count} frames"
+        facts["stop_reason"] = f"stopped by the operator after {len(record.frames)} of {recording.frame_count} frames"
     finished = finished_map(slam.slam_map(), config, args.seed) if args.map else None
     grid = finished.grid([pose.T for pose in record.estimate()]) if finished is not None else None
     note = finished.note or None if finished is not None else None
@@ -86,8 +87,6 @@ def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> tup
 
 def _track_all(session: SlamSession, slam: SequentialSlam, recording: Recording, keeper: RunWriter) -> bool:
     """Track every frame with its odometry; on a terminal, show a progress line. Returns whether Ctrl-C was pressed."""
-    for reading in recording.odometry:
-        keeper.record.add_odometry(reading)
     progress = Progress(sys.stderr, plain=False)
     with interruptible() as stopped:
         for number, frame in enumerate(map(session.exposed, recording.frames()), start=1):
@@ -108,29 +107,29 @@ def _track_all(session: SlamSession, slam: SequentialSlam, recording: Recording,
 
 
 def _summary(slam: SequentialSlam, recording: Recording, record: RunRecord) -> Summary:
-    results = record.results
+    frames = record.frames
     kind: AlignmentKind | None = "yaw" if recording.odometry else None
     poses = record.estimate(), record.final(slam.slam_map())
     summary = with_accuracy(record.summary(slam.statistics()), *poses, recording.ground_truth, kind)
     if kind is None:
         summary = summary.with_values(u2_metres=None)
     return summary.with_values(
-        duration_s=(results[-1].stamp_ns - results[0].stamp_ns) * 1e-9 if results else 0.0,
-        stop_reason=_stop_reason(results),
+        duration_s=(frames[-1].stamp_ns - frames[0].stamp_ns) * 1e-9 if frames else 0.0,
+        stop_reason=_stop_reason(frames),
         world=recording.source.name,
     )
 
 
-def _stop_reason(results: Sequence[TrackingResult]) -> str:
+def _stop_reason(frames: Sequence[FrameLine]) -> str:
     """How the recording ended, in words."""
-    if not results:
+    if not frames:
         return "the recording holds no image that could be used"
-    last = results[-1]
+    last = frames[-1]
     if last.state is TrackingState.NOT_INITIALISED:
         return f"the map was never started: {last.reason}"
     if last.state is TrackingState.LOST:
-        tracked = max((i for i, r in enumerate(results) if r.state.tracked), default=-1)
-        return f"lost for good from frame {tracked + 2} of {len(results)}: {results[tracked + 1].reason}"
+        tracked = max((i for i, r in enumerate(frames) if r.state.tracked), default=-1)
+        return f"lost for good from frame {tracked + 2} of {len(frames)}: {frames[tracked + 1].reason}"
     return "the recording was tracked to its end"
 
 

@@ -35,7 +35,7 @@ class SlamInput:
     camera/rgb/camera_info, camera/rgb/shutter, odom, mobile_base/hazards."""
 
     def __init__(self, run: SlamRun, status: SlamStatus) -> None:
-        self._run, self._session = run, run.session
+        self._session = run.session
         self._sync, self._frames = SensorSync(), images.Frames()
         self._odometry: Odometry | None = None
         self._status = status
@@ -56,7 +56,6 @@ class SlamInput:
         if self._odometry is None and not self._session.resumed:
             self._session.ground.start = odometry.T_odom_base  # the map frame starts equal to the odometry frame
         self._odometry = odometry
-        self._run.odometry(odometry)
         self._sync.add_odometry(odometry)
 
     def _on_hazards(self, msg: UInt8) -> None:

@@ -56,11 +56,6 @@ class SlamRun:
         self._keeper = RunWriter(T_base_cam, self._folder, before, logs.log_errors, _REST, config.runs)
         self.first_epoch = 1 + self._keeper.record.odom_epoch
 
-    def odometry(self, odometry: Odometry) -> None:
-        """Store a reading; any thread."""
-        if self._folder is not None:
-            self._keeper.record.add_odometry(odometry)
-
     def see(self, frame: Frame, grid: OccupancyGrid | None) -> None:
         """Note the newest image and ground map; from the tracking thread."""
         self._keeper.see(frame, grid)
@@ -105,9 +100,9 @@ class SlamRun:
     def _write_results(self, slam: ThreadedSlam, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
         if self._folder is None:
             return
-        results = self._keeper.record.results
-        if results:
-            self._keeper.note(slam, results[-1].stamp_ns, now=True)
+        frames = self._keeper.record.frames
+        if frames:
+            self._keeper.note(slam, frames[-1].stamp_ns, now=True)
         folder, known = self._folder, self._known_odometry
         more = [lambda: write_self_calibration(folder.path, self.session.calibration, known)]
         if said := self._keeper.finish(folder, slam, None, surface, grid, *more):

@@ -57,7 +57,7 @@ def _known(lines: list[Line], config: Config, facts: dict[str, Any]) -> KnownRun
     )  # fmt: skip
     return KnownRun(
         summary=summary.as_dict(), events=sorted(record.told(), key=lambda event: event.stamp_ns),
-        frames=record.frames(), estimate=record.estimate(), truth=truth, has_odometry=has_odometry,
+        frames=record.frame_records(), estimate=record.estimate(), truth=truth, has_odometry=has_odometry,
     )  # fmt: skip
 
 

@@ -120,7 +120,7 @@ class FastRun:
             right = self.judge.quality(self.system.grid).coverage_correct or 0.0
             enough = right >= share
             due_ns = now_ns if enough else now_ns + _JUDGED_EVERY_NS
-            return f"{100 * share:g} % is known" if enough and self.record.results[-1].state.tracked else None
+            return f"{100 * share:g} % is known" if enough and self.record.frames[-1].state.tracked else None
 
         return watch
 
@@ -150,7 +150,6 @@ class FastRun:
         self.truth.append(StampedPose(frame.stamp_ns, truth.T_world_cam))
         if step.follow_error_m is not None:
             self._errors_m.append(step.follow_error_m)
-        self.record.add_odometry(odometry)
         told = slam.statistics().u2_frames, slam.drain_events(), self.system.mission.drain_events()
         base, camera = truth.T_world_base, flat(truth.T_world_cam)
         truly = TruthLine(frame.stamp_ns, camera, (base.x, base.y, base.theta), self.collisions)
@@ -161,7 +160,7 @@ class FastRun:
         return step.command
 
     def _progress(self, now_ns: int) -> str:
-        last, mission = self.record.results[-1], self.system.mission
+        last, mission = self.record.frames[-1], self.system.mission
         area = self.system.grid.known_area_m2 if self.system.grid else 0.0
         left = "  " + left_words(mission.view_selector.time_left.at(now_ns))
         return (
@@ -175,8 +174,8 @@ class FastRun:
             return STOPPED
         if self.system.mission.outcome is not None:
             return EXIT_CODES[self.system.mission.outcome]
-        results = self.record.results
-        return LOST if results and results[-1].state is TrackingState.LOST else DONE
+        frames = self.record.frames
+        return LOST if frames and frames[-1].state is TrackingState.LOST else DONE
 
     def summary(self, reason: str, **facts: str | int | None) -> Summary:
         """The numbers of the run. reason: why it ended; facts: further entries."""

@@ -169,11 +169,11 @@ class RunWriter:
     ) -> None:  # fmt: skip
         """Store a frame, U2 after it, and the events of SLAM and mission. more: other lines for the journal."""
         record, told = self.record, len(self.record.events)
-        record.add_frame(result, odometry, track_s, u2_frames)
+        line = FrameLine.of(result, odometry, 1e3 * track_s, u2_frames)
+        record.add_frame(line)
         record.events += [RunEvent(event.stamp_ns, "slam", event.kind, event.reason) for event in events]
         record.events += [RunEvent(event.stamp_ns, "mission", event.state, event.reason) for event in mission]
         if self._journal is not None:
-            line = FrameLine.of(result, odometry, 1e3 * track_s, u2_frames)
             with self._kept():
                 self._journal.add(*record.events[told:], line, *more)
 

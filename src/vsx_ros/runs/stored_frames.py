@@ -1,0 +1,40 @@
+"""The frames of a run in little memory: an hour of objects would be 100 MB, an hour of packed rows is 8."""
+
+from array import array
+from collections.abc import Sequence
+from typing import overload
+
+from msgspec import convert, msgpack, structs
+
+from vsx_ros.runs.journal import FrameLine
+
+_PACK, _UNPACK = msgpack.Encoder(), msgpack.Decoder(list)
+_NAMES = FrameLine.__struct_fields__
+
+
+class StoredFrames(Sequence[FrameLine]):
+    """Frames in order. One thread may add them while others read."""
+
+    def __init__(self) -> None:
+        self._rows, self._begins = bytearray(), array("q")
+
+    def append(self, frame: FrameLine) -> None:
+        """Store a frame."""
+        begin = len(self._rows)
+        self._rows += _PACK.encode(structs.astuple(frame))
+        self._begins.append(begin)
+
+    def __len__(self) -> int:
+        return len(self._begins)
+
+    @overload
+    def __getitem__(self, index: int) -> FrameLine: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[FrameLine]: ...
+    def __getitem__(self, index: int | slice) -> FrameLine | list[FrameLine]:
+        """One frame, or some; each call makes new ones."""
+        if isinstance(index, slice):
+            return [self[k] for k in range(len(self))[index]]
+        k = range(len(self))[index]
+        end = self._begins[k + 1] if k + 1 < len(self) else len(self._rows)
+        return convert(dict(zip(_NAMES, _UNPACK.decode(self._rows[self._begins[k] : end]))), FrameLine)
