@@ -20,6 +20,7 @@ MIB = 2**20  # bytes
 TEXT_BYTES = 16 * MIB  # Parameters, worlds, calibrations: a building's world has a quarter of a MiB
 LOG_BYTES = 1024 * MIB  # Files that grow with a run: trajectories, journals, lists of images
 DATA_BYTES = 8192 * MIB  # Maps and point clouds
+FAR_M = 1e4  # larger than any building: no place is farther away
 YAML_DEPTH, YAML_NODES = 64, 300_000  # several times those of the largest file here
 YAML_TEXT, YAML_NUMBER = MIB, 8192
 """Most characters of a value in quotes, and of one without. The latter may be a number (1:59:59 takes quadratic time)

@@ -23,6 +23,7 @@ COASTING_NS = 500_000_000
 """After a stop the wheels roll on for a moment; later counts come from someone who pushes the robot."""
 
 RANGE_DEG_S = 150.0  # of the ADXRS613
+_MIDDLE = 512.0  # counts at rest of a perfect gyro
 RANGE_FACTOR = 1.35  # see above
 ENOUGH_SAMPLES, MOST_SAMPLES = 50, 1000  # of a standing robot: to know the offset; at most in its mean
 HEALTHY_OFFSET = (425.0, 575.0)  # of 1023 counts, around the middle of the range
@@ -201,7 +202,7 @@ class BoardGyro:
         return -math.radians((counts - self.offset) / self.offset * RANGE_DEG_S * RANGE_FACTOR)
 
 
-def counts_of(rate_rad_s: float, offset: float = 512.0) -> int:
+def counts_of(rate_rad_s: float) -> int:
     """The converter's value for a rate; saturates."""
     turned = math.degrees(rate_rad_s) / (RANGE_DEG_S * RANGE_FACTOR)
-    return max(0, min(1023, round(offset * (1.0 - turned))))
+    return max(0, min(1023, round(_MIDDLE * (1.0 - turned))))

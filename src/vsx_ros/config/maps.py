@@ -171,7 +171,9 @@ class SlamConfig(Branch, frozen=True):
 
 
 class GroundMapConfig(Branch, frozen=True):
-    """The 2-D map (paper 5.2)."""
+    """The 2-D map (paper 5.2). A ray proves the ground free where it is at most clear_max_height_m high: as high as the
+    robot (TurtleBot 2). An unseen gap in a straight wall up to wall_gap_m is wall, too. Points (or a few points) are
+    noise when this many times more keyframes looked through their place."""
 
     resolution_m: Positive = 0.05
     obstacle_min_height_m: NonNegative = 0.06
@@ -179,9 +181,6 @@ class GroundMapConfig(Branch, frozen=True):
     clear_max_height_m: Positive = 0.42
     max_range_m: Positive = 6.0
     start_clear_m: NonNegative = 0.7
-    # A ray proves the ground free where it is at most clear_max_height_m high: as high as the robot (TurtleBot 2).
-    # An unseen gap in a straight wall up to wall_gap_m is wall, too. Points (or a few points) are noise when this many
-    # times more keyframes looked through their place.
     wall_gap_m: Positive = 1.0
     overruled_ratio: Positive = 1.0
     few_overruled_ratio: Positive = 0.25

@@ -177,17 +177,12 @@ class Localization:
             slam_age_s=self.slam_age_s(now_ns), stuck=stuck, ahead=self._ahead,
         )  # fmt: skip
 
-    def pose(self, stamp_ns: int | None = None) -> SE2 | None:
-        """T_world_base at an instant, or the newest known; None before the first SLAM pose.
-
-        Up to 0.2 s beyond the last odometry it is extrapolated at constant twist. Without any odometry it is the last
+    def pose(self) -> SE2 | None:
+        """The newest known T_world_base: at the last odometry, or without any the last SLAM pose. None before the first
         SLAM pose."""
         if not self._odometry:
             return self._slam_pose
-        odometry = odometry_at(self._odometry, self._odometry[-1].stamp_ns if stamp_ns is None else stamp_ns)
-        if self._anchor is None or odometry is None:
-            return None
-        return self._carried(odometry.T_odom_base)
+        return None if self._anchor is None else self._carried(self._odometry[-1].T_odom_base)
 
     def slam_age_s(self, now_ns: int) -> float:
         """Time since the image of the last SLAM pose [s]; infinite before the first."""

@@ -16,6 +16,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 
 _TURN_RAD = 0.2  # between poses of the trail on a bend; spacing / _TURN_RAD converts radians to metres
 SPOT_TURN = SE2(0.0, 0.0, math.pi / 4.0)  # If all arcs are blocked: a turning round body touches nothing new
+_TRAIL_M = 5.0  # longest
 _SAMPLES = 8  # number of checked places on the arc, every 5 cm
 _ARCS, _TURNS = 4, round(2.0 * math.pi / SPOT_TURN.theta)  # turns: once around
 _MOST_STEPS = 40  # back: for a robot that does not move, or whose steps are all cut short
@@ -27,9 +28,9 @@ class Trail:
     """The driven ground, which is surely free, by odometry: poses at least spacing_m [m] or a turn on the spot apart,
     oldest first. Driving back along it shortens it."""
 
-    def __init__(self, spacing_m: float, length_m: float = 5.0) -> None:
+    def __init__(self, spacing_m: float) -> None:
         self._spacing_m = spacing_m
-        self._capacity = max(2, int(length_m / spacing_m))
+        self._capacity = max(2, int(_TRAIL_M / spacing_m))
         self.poses: list[SE2] = []
         self._epoch: int | None = None
 

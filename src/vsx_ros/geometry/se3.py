@@ -160,10 +160,10 @@ class SE3:
         return SE3(rotation_from_quaternion(*quaternion), np.asarray(translation, float))
 
     @staticmethod
-    def from_se2(T: SE2, height: float = 0.0) -> SE3:
-        """A pose on the floor as a pose in space, at the given height [m]."""
+    def from_se2(T: SE2) -> SE3:
+        """A pose on the floor as a pose in space, at height 0."""
         c, s = math.cos(T.theta), math.sin(T.theta)
-        return SE3._of(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([T.x, T.y, height], float))
+        return SE3._of(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([T.x, T.y, 0.0], float))
 
     def to_se2(self) -> SE2:
         """Drop height, roll and pitch: x, y and the heading of the x axis."""

@@ -8,11 +8,10 @@ import yaml
 from vsx_ros.errors import MapFileError, explained
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.atomic import write_text
-from vsx_ros.limits import file_text, yaml_tree
+from vsx_ros.limits import FAR_M, file_text, yaml_tree
 
 _VERSION = 1
 _HEADER = "# Where the base stands when it charges, in the coordinates of the map beside this file.\n"
-_FAR_M = 1e4  # larger than any building
 _TURN_RAD = 2.0 * math.pi
 
 
@@ -45,7 +44,7 @@ def load_dock(path: Path) -> SE2 | None:
         values = [tree["docked"].get(name) for name in ("x_m", "y_m", "heading_rad")]
         if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
             raise ValueError("'docked' needs the numbers x_m, y_m and heading_rad")
-        if not all(abs(value) <= most for value, most in zip(values, (_FAR_M, _FAR_M, _TURN_RAD))):  # none is NaN
+        if not all(abs(value) <= most for value, most in zip(values, (FAR_M, FAR_M, _TURN_RAD))):  # none is NaN
             x, y, heading = (f"{value!r:.20}" for value in values)
             raise ValueError(f"({x}, {y}) m with the heading {heading} rad lies in no building")
         return SE2(*map(float, values))

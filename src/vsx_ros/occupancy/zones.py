@@ -18,12 +18,11 @@ from vsx_ros.arrays import IntArray
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.limits import json_tree
+from vsx_ros.limits import FAR_M, json_tree
 from vsx_ros.occupancy.anchored_poses import AnchoredPoses
 
 MAX_ZONES, MAX_CORNERS, MAX_NAME = 100, 200, 40  # a drawing by hand has a few dozen corners
 OUTSIDE = "only here"  # what the ground outside all zones of the kind ONLY is called
-_FAR_M = 1e4  # larger than any building
 _LEAST_M2 = 0.01  # a smaller zone is a slip of the hand
 _SLOW_M_S = (0.03, 0.7)  # what the bases can drive
 _EVERY = -1.0  # spacing of anchored corners [m]: no corner is left out
@@ -82,7 +81,7 @@ def _points(name: str, given: Any) -> tuple[tuple[float, float], ...]:
     if len(points) > MAX_CORNERS:
         raise InputError(f"zone {name!r} has more than {MAX_CORNERS} corners; draw it simpler")
     for x, y in points:
-        if not (abs(x) < _FAR_M and abs(y) < _FAR_M):
+        if not (abs(x) < FAR_M and abs(y) < FAR_M):
             raise InputError(f"zone {name!r}: its corner ({x:g}, {y:g}) m lies in no building; give metres in the map")
     return points
 

@@ -14,7 +14,7 @@ from vsx_ros.config import DockingConfig
 from vsx_ros.errors import InputError
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.limits import json_tree
+from vsx_ros.limits import FAR_M, json_tree
 from vsx_ros.navigation.dock_light import DockSight
 from vsx_ros.navigation.docking import Docking
 from vsx_ros.navigation.docking_state import DockingSeen, DockingState
@@ -30,7 +30,6 @@ _STATUS_S, _WAY_S = 1.0, 30.0  # between repetitions of the status; between ques
 _SOON_S = 1800.0  # the way is asked for when the battery lasts no longer
 _ANSWER_S = 5.0  # of the planner
 _ODOMETRY_S = 0.5  # as for the follower
-_FAR_M = 1e4  # larger than any building
 _CHARGES = BatteryState.POWER_SUPPLY_STATUS_CHARGING, BatteryState.POWER_SUPPLY_STATUS_FULL
 
 
@@ -50,7 +49,7 @@ def wanted_dock(text: str) -> SE2 | None:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < _FAR_M
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < FAR_M
 
 
 def heard_sight(msg: UInt8MultiArray) -> tuple[str, DockSight]:

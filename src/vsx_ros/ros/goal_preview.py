@@ -10,13 +10,13 @@ from std_msgs.msg import String
 from vsx_ros.control.localization import MAP_FRAME
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.limits import FAR_M
 from vsx_ros.planning.path import Refusal, TimedPlan
 from vsx_ros.ros import headers, topics
 from vsx_ros.ros.callbacks import json_number, json_object, offer_text
 from vsx_ros.ros.planning_thread import PlanningThread
 from vsx_ros.ros.situation import LocalizationSubscriber
 
-_FAR_M = 1e4  # larger than any building
 _LEAST_STEP_M, _POINTS = 0.05, 200  # of a path that is shown
 
 
@@ -28,7 +28,7 @@ def goal_pose(x: float, y: float, heading_rad: float | None, here: SE2) -> SE2:
 def asked_goal(text: str, here: SE2) -> SE2:
     """The goal of a text in JSON: x, y [m], and heading_rad if it matters. Raises InputError for anything else."""
     tree = json_object(String(text), "x", "y")
-    x, y = (json_number(tree, name, _FAR_M, "m") for name in ("x", "y"))
+    x, y = (json_number(tree, name, FAR_M, "m") for name in ("x", "y"))
     heading_rad = None if tree.get("heading_rad") is None else json_number(tree, "heading_rad", 2.0 * math.pi, "rad")
     return goal_pose(x, y, heading_rad, here)
 

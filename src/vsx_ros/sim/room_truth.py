@@ -10,6 +10,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.sim.truth import fill
 from vsx_ros.sim.world import World, signed_area
 
+_RIGHT_RATIO = 0.8  # least intersection over union of a right room
 _DOOR_M = 1.65  # a wider gap between two walls in line is no door
 
 
@@ -48,8 +49,8 @@ def shared_ratio(a: BoolArray, b: BoolArray) -> float:
     return float(np.count_nonzero(a & b)) / union if union else 0.0
 
 
-def right_rooms(labels: IntArray, truth: IntArray, least_ratio: float = 0.8) -> tuple[int, int]:
-    """How many rooms of the truth (H, W) have a room of their own with at least this intersection over union, and how
+def right_rooms(labels: IntArray, truth: IntArray) -> tuple[int, int]:
+    """How many rooms of the truth (H, W) have a room of their own that is about the same area, and how
     many there are. Both count from 1; 0 is no room."""
     numbers: Sequence[int] = [int(number) for number in np.unique(truth) if number]
     right = 0
@@ -58,5 +59,5 @@ def right_rooms(labels: IntArray, truth: IntArray, least_ratio: float = 0.8) -> 
         found = np.bincount(labels[mine].ravel())
         found[0] = 0
         best = int(np.argmax(found))
-        right += bool(found[best]) and shared_ratio(mine, labels == best) >= least_ratio
+        right += bool(found[best]) and shared_ratio(mine, labels == best) >= _RIGHT_RATIO
     return right, len(numbers)

@@ -18,6 +18,7 @@ _FIRST_THRESHOLDS = (12, 15, 15, 10)  # FAST, grey levels, by pyramid level, for
 _THRESHOLDS = (5, 120)  # least (above the sensor's noise) and most
 BORDER_PX, PATCH_PX = 16, 31  # ORB (Rublee et al.): patch of 31 px; distance to the border is half of it, rounded up
 MAX_DISTANCE_BITS, DISTINCT = 64, 0.9  # of 256; largest ratio to the second best (Lowe's ratio test)
+_MIN_EIGENVALUE = 3e-4  # of a corner [squared grey levels per px], grey in [0, 1]
 _CORNERS, _SQUARE_PX = (220, 150, 90, 40), (20, 14, 12, 8)  # by level: most to describe, one per square (level px)
 
 
@@ -116,19 +117,17 @@ def _fast_detector(threshold: int, suppress: bool) -> cv2.FastFeatureDetector:
     return cv2.FastFeatureDetector.create(threshold, suppress)
 
 
-def strongest(
-    image: GrayImage, occupied: BoolArray, count: int, spacing_px: int = 8, min_eigenvalue: float = 3e-4
-) -> NDArray[np.int32]:
+def strongest(image: GrayImage, occupied: BoolArray, count: int, spacing_px: int = 8) -> NDArray[np.int32]:
     """Up to ``count`` well-spread corners (N, 2) of one level, best first: FAST maxima by their smaller eigenvalue.
 
-    occupied (H, W): where no corner is wanted. min_eigenvalue in squared grey levels per px, grey in [0, 1]."""
+    occupied (H, W): where no corner is wanted."""
     border, (height, width) = 14, image.shape
     found = _fast(image, 7, suppress=True)
     found = found[((found >= border) & (found < [width - border, height - border])).all(axis=1)]
     found = found[~occupied[found[:, 1], found[:, 0]]]
     strength = np.asarray(cv2.cornerMinEigenVal(image, 7))[found[:, 1], found[:, 0]]
     order = np.argsort(-strength, kind="stable")
-    order = order[strength[order] > min_eigenvalue]
+    order = order[strength[order] > _MIN_EIGENVALUE]
     return _spread(found[order], count, spacing_px, (height, width))
 
 
