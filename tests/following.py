@@ -59,7 +59,7 @@ def drive(
         if k == _BEGIN:
             tracker.start(trajectory, now)
         if k >= _BEGIN and k % _CONTROL == 0 and t < ended_s:
-            result = tracker.command(now, fuser.pose(now), fuser.slam_age_s(now), True)
+            result = tracker.command(now, fuser.pose(), fuser.slam_age_s(now), True)
             status = result.status
             late.append((t + COMMAND_DELAY_S, result.command))
             sent.append(result.command)
