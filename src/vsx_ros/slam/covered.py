@@ -5,7 +5,7 @@ the middle of the image, and a person who is far hides little of it."""
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, Points3
+from vsx_ros.arrays import BoolArray, IntArray, Points3
 from vsx_ros.slam.track import Track
 
 HALF_SLOPE = 0.19  # of the window to each side: as wide as a person 1.2 m away
@@ -56,5 +56,12 @@ class CoverWatch:
         searched = track.searched_rows
         since_ns = self._since_ns if self._images else stamp_ns
         lately = since_ns - self._found_ns[searched] <= LATELY_S * 1e9
-        telling = lately & ~np.isin(searched, track.hidden_rows)
-        return covered_ahead(track.T_world_cam.inverse() @ points[searched], np.isin(searched, track.rows), telling)
+        found, concealed = (_among(rows, len(points))[searched] for rows in (track.rows, track.hidden_rows))
+        return covered_ahead(track.T_world_cam.inverse() @ points[searched], found, lately & ~concealed)
+
+
+def _among(rows: IntArray, count: int) -> BoolArray:
+    """(count,) whether each row of the map is one of these."""
+    mask = np.zeros(count, np.bool_)
+    mask[rows] = True
+    return mask

@@ -22,10 +22,12 @@ def carried(covariance: FloatArray, T_a_b: SE3) -> FloatArray:
 
 def _carried(covariance: FloatArray, R_a_b: FloatArray, t_a_b: FloatArray) -> FloatArray:
     """The same for (..., 6, 6), rotations (..., 3, 3) and translations (..., 3) at once."""
-    R_b_a = np.swapaxes(R_a_b, -1, -2)
-    adjoint = np.zeros((*t_a_b.shape[:-1], 6, 6))
+    R_b_a, t = np.swapaxes(R_a_b, -1, -2), t_a_b
+    adjoint, skew = np.zeros((*t.shape[:-1], 6, 6)), np.zeros((*t.shape[:-1], 3, 3))
+    for row, column, axis in ((2, 1, 0), (0, 2, 1), (1, 0, 2)):
+        skew[..., row, column], skew[..., column, row] = t[..., axis], -t[..., axis]
     adjoint[..., :3, :3] = adjoint[..., 3:, 3:] = R_b_a
-    adjoint[..., :3, 3:] = -R_b_a @ np.cross(np.eye(3), t_a_b[..., None, :])  # rows of the skew-symmetric matrix of t
+    adjoint[..., :3, 3:] = -R_b_a @ skew
     return np.asarray(adjoint @ covariance @ np.swapaxes(adjoint, -1, -2))
 
 
