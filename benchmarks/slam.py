@@ -1,7 +1,7 @@
 """How well and how fast the SLAM works: ``PYTHONPATH=src:hw python benchmarks/slam.py [section ...]``.
 
-Sections: loops, arcs, turns, kidnap, tour, laps, timing, live, lenses (all by default or with ``all``). The table goes
-to stdout, progress to stderr. Everything except timing, live and the times of tour repeats exactly.
+Sections: loops, arcs, turns, kidnap, tour, laps, timing, live, pictures, lenses (all by default or with ``all``). The
+table goes to stdout, progress to stderr. All but timing, live, pictures and the times of tour repeats exactly.
 benchmarks/README.md explains the drives and the figures.
 """
 
@@ -17,7 +17,7 @@ from seeds import seed_range
 from slam_accuracy import Row, arcs, kidnappings, loops, turns
 from slam_large import laps, tour
 from slam_lenses import lenses
-from slam_timing import live, timing
+from slam_timing import live, pictures, timing
 
 from vsx_ros.kernels.warmup import warm_up
 
@@ -30,6 +30,7 @@ SECTIONS = {
     "laps": laps,
     "timing": timing,
     "live": live,
+    "pictures": pictures,
     "lenses": lenses,
 }
 

@@ -7,8 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 from slam_accuracy import SLAM, TRACKED, Row, note
-from slam_drives import Drive, tour_drive
+from slam_drives import tour_drive
+from slam_recordings import DATA, NAMES
 
+from vsx_ros.arrays import GrayImage
+from vsx_ros.io.bag import open_recording
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros.slam_input import SensorSync
 from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam
@@ -19,13 +22,42 @@ COMPARED, SMALL_MAP = 150, 100
 ORB_EVERY = 3
 
 
-def timed(slam: SequentialSlam, drive: Drive, k: int) -> tuple[TrackingResult, float]:
-    """The result of frame k and this thread's processor time [ms]. The image was just written, as by a driver."""
-    frame, odometry = drive.frame(k), drive.odometry_at(k)
+def timed(slam: SequentialSlam, frame: Frame, odometry: Odometry | None) -> tuple[TrackingResult, float]:
+    """The result of a frame and this thread's processor time [ms]. The image was just written, as by a driver."""
     frame = frame._replace(image=frame.image.copy())
     begun = time.thread_time()
     result = slam.track(frame, odometry)
     return result, 1e3 * (time.thread_time() - begun)
+
+
+def timed_orb(orb: cv2.ORB, image: GrayImage) -> float:
+    """This thread's processor time of the peer for an image [ms]."""
+    begun = time.thread_time()
+    orb.detectAndCompute(image, None)
+    return 1e3 * (time.thread_time() - begun)
+
+
+def is_plain(result: TrackingResult) -> bool:
+    """Whether a frame was tracked and is no keyframe, whose cost is the mapper's."""
+    return result.state in TRACKED and not result.keyframe_added
+
+
+def pictures(seeds: range, keep: Path | None) -> list[Row]:
+    """Real and rendered recordings without odometry: time per frame of ours and ORB."""
+    rows = []
+    for name in NAMES:
+        recording, orb = open_recording(DATA / name), cv2.ORB_create(1000)
+        slam = SequentialSlam(recording.camera, None, SLAM, 1)
+        tracking_ms, orb_ms, searched = [], [], []
+        for frame in recording.frames():
+            result, ms = timed(slam, frame, None)
+            orb_ms.append(timed_orb(orb, frame.image))
+            if is_plain(result):
+                tracking_ms.append(ms)
+                searched.append(result.searched)
+        told = f"{name}, {np.median(searched):.0f} points searched: tracking / ORB"
+        rows.append(Row(told, "", 0.65, 0.55, [float(np.median(tracking_ms) / np.median(orb_ms))]))
+    return rows
 
 
 def timing(seeds: range, keep: Path | None) -> list[Row]:
@@ -34,17 +66,15 @@ def timing(seeds: range, keep: Path | None) -> list[Row]:
     whole, late = (SequentialSlam(drive.camera, drive.T_base_cam, SLAM, 1) for _ in range(2))
     tracking_ms, orb_ms, large_ms, small_ms = [], [], [], []
     for k in range(len(drive)):
-        result, ms = timed(whole, drive, k)
-        plain = result.state in TRACKED and not result.keyframe_added
+        result, ms = timed(whole, drive.frame(k), drive.odometry_at(k))
+        plain = is_plain(result)
         if plain:
             tracking_ms.append(ms)
         if k % ORB_EVERY == 0:
-            begun = time.thread_time()
-            orb.detectAndCompute(drive.images[k], None)
-            orb_ms.append(1e3 * (time.thread_time() - begun))
+            orb_ms.append(timed_orb(orb, drive.images[k]))
         if k >= len(drive) - COMPARED - SMALL_MAP:
-            other, other_ms = timed(late, drive, k)
-            if k >= len(drive) - COMPARED and plain and other.state in TRACKED and not other.keyframe_added:
+            other, other_ms = timed(late, drive.frame(k), drive.odometry_at(k))
+            if k >= len(drive) - COMPARED and plain and is_plain(other):
                 large_ms.append(ms)
                 small_ms.append(other_ms)
         if k % 200 == 0:
