@@ -5,6 +5,7 @@ import os
 import signal
 import struct
 import time
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -67,14 +68,14 @@ def test_it_answers_as_the_densifier_would_and_is_sent_each_image_once() -> None
     config = DenseConfig()
     beside, here = DenseProcess(CAMERA, MOUNT, config, 1), Densifier(CAMERA, MOUNT, config, 1)
     for n in (3, 5):
-        (dense, spots), wanted = beside.update(seen(n)), here.update(seen(n))
+        (dense, spots), wanted = beside.update(partial(seen, n)), here.update(seen(n))
         assert dense.version == n
         assert len(dense.cells.plane) > 20
         assert all(np.array_equal(a, b) for a, b in zip(dense.cells, wanted.cells))
         expected = AnchoredSurface.of(wanted, seen(n), config.cell_m)
         assert all(np.array_equal(a, b) for a, b in zip(spots, expected))
     later = dataclasses.replace(seen(5), images=(None,) * 5)
-    assert len(beside.update(later)[0].planes) == len(dense.planes)
+    assert len(beside.update(lambda: later)[0].planes) == len(dense.planes)
 
 
 def test_it_keeps_no_second_copy_of_the_images(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,7 +108,7 @@ def test_when_it_is_gone_one_is_told() -> None:
     os.kill(beside._child.pid, signal.SIGKILL)
     time.sleep(0.2)
     with pytest.raises(VsxError, match="has ended"):
-        beside.update(seen(3))
+        beside.update(lambda: seen(3))
 
 
 def test_when_nobody_asks_any_more_it_ends_without_words(capfd: pytest.CaptureFixture[str]) -> None:
@@ -135,5 +136,5 @@ def test_a_process_that_hangs_is_ended_and_not_waited_for(monkeypatch: pytest.Mo
     beside = DenseProcess(CAMERA, MOUNT, DenseConfig(), 1)
     os.kill(beside._child.pid, signal.SIGSTOP)
     with pytest.raises(VsxError, match="has ended"):
-        beside.update(seen(3))
+        beside.update(lambda: seen(3))
     assert beside._child.wait(PATIENCE_S) == -signal.SIGKILL

@@ -61,7 +61,8 @@ def test_a_map_of_a_building_is_densified_less_often(
 
     dense = DenseMapping(Config())
     dense._process = SimpleNamespace(update=update)  # type: ignore[assignment]  # only update is asked
+    seen = SimpleNamespace(keyframe_ids=np.arange(keyframes))  # only ids are asked
     for _ in range(60):
-        dense.refresh(SimpleNamespace(keyframe_ids=np.arange(keyframes)))  # type: ignore[arg-type]  # only ids are
+        dense.refresh(lambda: seen)  # type: ignore[arg-type,return-value]
         now_s[0] += UPDATE_EVERY_S
     assert len(updates) == 60 // calls_each

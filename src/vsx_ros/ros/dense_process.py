@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 
@@ -49,8 +50,10 @@ class DenseProcess:
             command = [sys.executable, "-m", "vsx_ros.ros.dense_process", *map(str, ends)]
             self._child = subprocess.Popen(command, pass_fds=ends, env=environment)
 
-    def update(self, snapshot: MapSnapshot) -> tuple[DenseMap, AnchoredSurface]:
-        """The dense map of a snapshot and its surface points. Raises VsxError if the child ended; kills a hung one."""
+    def update(self, take: Callable[[], MapSnapshot]) -> tuple[DenseMap, AnchoredSurface]:
+        """The dense map of a snapshot and its surface points. take: gives the snapshot, which is not held while the
+        child works, for seconds. Raises VsxError if the child ended; kills a hung one."""
+        snapshot = take()
         ids = snapshot.keyframe_ids.tolist()
         images = {number: image for number, image in zip(ids, snapshot.images) if number not in self._sent}
         self._sent = set(ids)
@@ -59,6 +62,7 @@ class DenseProcess:
         patience.start()
         try:
             self._requests.send((dataclasses.replace(snapshot, images=()), images))
+            del snapshot, images
             answer: tuple[DenseMap, AnchoredSurface] = self._answers.recv()
         except (EOFError, OSError) as error:
             raise VsxError(

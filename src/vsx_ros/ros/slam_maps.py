@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -106,9 +107,7 @@ class SlamMaps:
         self._dense.publish(snapshot, grid, where or session.ground.start)
         self._status.announce()
         if self._slam is not None:
-            slam_map = self._slam.slam_map()
-            view_bytes = slam_map.view.nbytes if slam_map is not None else 0
-            self._status.map(snapshot, view_bytes + snapshot.nbytes + self._dense.received_bytes, self._dense.nbytes)
+            self._status.map(snapshot, self._slam.nbytes + self._dense.received_bytes, self._dense.nbytes)
         self._keep_state()
 
     def _keep_state(self) -> None:
@@ -141,7 +140,7 @@ class SlamMaps:
 
     def _densify(self) -> None:
         if self._slam is not None:
-            self._dense.refresh(self._slam.snapshot())
+            self._dense.refresh(self._slam.snapshot)
 
     def close(self) -> tuple[Points3 | None, OccupancyGrid | None]:
         """The last surface points (N, 3) [m] and the last ground map. ``driven`` then includes paths and bumps after
@@ -181,20 +180,25 @@ class DenseMapping:
         if self._config.dense.enabled and T_base_cam is not None:
             self._process = DenseProcess(camera, T_base_cam, self._config.dense, seed)
 
-    def refresh(self, snapshot: MapSnapshot) -> None:
-        """Update the dense map if there is a new keyframe or unfinished work; less often for a larger map."""
-        if self._process is None or not len(snapshot.keyframe_ids) or time.monotonic() < self._due_s:
+    def refresh(self, take: Callable[[], MapSnapshot]) -> None:
+        """Update the dense map if there is a new keyframe or unfinished work; less often for a larger map. take: gives
+        the newest snapshot."""
+        if self._process is None or time.monotonic() < self._due_s or not self._begin_update(take()):
             return
-        if self._map is not None and not self._map.is_due(snapshot):
-            return
-        # Rounds to the nearest call, which come every UPDATE_EVERY_S.
-        self._due_s = time.monotonic() + update_every_s(len(snapshot.keyframe_ids)) - 0.5 * UPDATE_EVERY_S
         try:
-            self._map, self.spots = self._process.update(snapshot)
+            self._map, self.spots = self._process.update(take)
         except VsxError as error:
             self._process = None
             if not rospy.is_shutdown():
                 rospy.logerr("%s", error)
+
+    def _begin_update(self, snapshot: MapSnapshot) -> bool:
+        """Whether there is something new; then when to look again."""
+        if not len(snapshot.keyframe_ids) or (self._map is not None and not self._map.is_due(snapshot)):
+            return False
+        # Rounds to the nearest call, which come every UPDATE_EVERY_S.
+        self._due_s = time.monotonic() + update_every_s(len(snapshot.keyframe_ids)) - 0.5 * UPDATE_EVERY_S
+        return True
 
     def publish(self, snapshot: MapSnapshot, grid: OccupancyGrid, T_map_base: SE2) -> None:
         """Publish the maps that have subscribers."""

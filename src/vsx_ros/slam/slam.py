@@ -8,6 +8,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from vsx_ros.arrays import array_bytes
 from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
@@ -74,6 +75,14 @@ class TrackerAndMapper(ABC):
         if self._snapshot.version != view.version:
             self._snapshot = snapshot(view)
         return self._snapshot
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the arrays that grow with the map [bytes]: of the view, which copies the mapper's points, of the
+        snapshot and of the tracking record."""
+        view = self._view
+        copied = array_bytes((view.points, view.alive, view.source, view.templates.of_point))
+        return view.nbytes + copied + self._snapshot.nbytes + self._front.record.nbytes
 
     def slam_map(self) -> SlamMap | None:
         """The map to save and continue, None while there is none."""

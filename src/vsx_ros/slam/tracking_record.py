@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, array_bytes
 from vsx_ros.errors import InputError
 from vsx_ros.slam.state import SlamStatistics, TrackingState
 from vsx_ros.slam.track import Track
@@ -36,6 +36,11 @@ class TrackingRecord:
         self._first_ns = self._initialized_ns = _NEVER_NS
         self._last: tuple[int, FloatArray] | None = None
         self._of_point: dict[str, NDArray[Any]] = {name: np.zeros(0, kind) for name, kind in _PER_POINT.items()}
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the counts of the points [bytes]."""
+        return array_bytes(self._of_point.values())
 
     def frame_without_map(self, stamp_ns: int) -> None:
         """A frame before the start."""
