@@ -83,7 +83,7 @@ def test_se2_exp_is_continuous_at_zero_turn():
 
 @given(poses2)
 def test_floor_poses_survive_space(T):
-    back = SE3.from_se2(T, 0.3).to_se2()
+    back = (SE3(np.eye(3), np.array([0.0, 0.0, 0.3])) @ SE3.from_se2(T)).to_se2()
     assert same(back, T)
 
 
