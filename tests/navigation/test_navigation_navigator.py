@@ -139,3 +139,24 @@ def test_a_new_goal_while_driving_is_planned_from_where_the_base_will_stand():
     assert run.base.pose.distance_to(SE2(1.0, -1.5, -1.5)) < 0.02
     stood = rows[(rows[:, 0] > 4.0) & (rows[:, 3] < 0.001)]  # at rest, or on its way back already
     assert stood[0, 0] < 5.3
+
+
+@pytest.mark.parametrize("goal", [SE2(1.0, -1.5, -1.5), SE2(3.0, 1.5, 0.5), SE2(-1.0, -0.5, 0.3)])
+def test_between_two_goals_the_base_rests_where_it_was_expected_and_not_longer_than_it_obeys_late(goal: SE2):
+    run = LockStep()
+    run.go(SE2(3.0, 1.0, 0.6))
+    run.drive(4.0)
+    assert speeds(run)[-1] > 0.25
+    run.go(goal)
+    run.drive(2.0 / 15.0)
+    stop = run.navigator._follower.report.stop_in("map")
+    turned_s = 1e-9 * run.base.now_ns
+    run.drive(2.0)
+    assert stop is not None
+    rows = np.array(run.base.rows)
+    rows = rows[rows[:, 0] > turned_s]
+    slowest = int(np.argmin(np.abs(rows[:, 3])))
+    assert np.hypot(*(rows[slowest, 1:3] - (stop.x, stop.y))) < 0.02
+    rests = np.abs(rows[:, 3]) < 0.005
+    assert np.count_nonzero(rests) * 0.005 < 0.25
+    assert run.navigator.plans == 2

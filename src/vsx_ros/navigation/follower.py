@@ -20,6 +20,7 @@ from vsx_ros.slam.state import TrackingState
 LEASE_S = 0.3  # A client must renew its wish for motion again and again; after this silence it counts as gone
 _VSLAM_GONE_S = 2.0  # The base waits for a silent vslam, but not longer
 _ODOMETRY_S = 0.5  # On a busy machine an odometry reading may be late
+_LATE_S = 0.16  # of way past a stop at the speed before it: a dead time of 0.2 s, of which the tracker corrects some
 _ZERO_FOR_S = 0.3  # stops are repeated for so long, as one may be lost
 
 
@@ -80,7 +81,8 @@ class Follower:
             return self.end(now_ns, "stopped at once")
         if self._following:
             self._tracker.brake(a_m_s2)
-            self._stop = self._tracker.predicted_stop()
+            (v, omega), stop = self.result.command, self._tracker.predicted_stop()
+            self._stop = None if stop is None else stop @ SE2.exp(_LATE_S * v, _LATE_S * omega)
         return None
 
     def end(self, now_ns: int, reason: str) -> VelocityCommand | None:

@@ -1,6 +1,6 @@
 """Executes a goal from its first plan to its end: plan, hand over to the follower, watch, plan again, give up.
 
-             begin                    way found, base stands
+             begin              way found, base stands or will
     IDLE ------------> PLANNING ---------------------------------> DRIVING ----(arrived)----> IDLE
       ^                 |    ^                                      |   |
       |   (no way)      |    +--(left its path; obstacle: brake)----+   |
@@ -158,17 +158,14 @@ class GoalExecution:
         """Whether the base has stopped: a plan begins at rest."""
         return seen.where.stands or now_ns - self._since_ns > _STAND_WAIT_S * 1e9
 
-    # A plan --------------------------------------------------------------------------------------------------
-
     def _prepare(self, now_ns: int, seen: ExecutionInput) -> list[Act]:
         pose = seen.where.pose(self._frame)
         if self._waits_for_plan:
-            if now_ns - self._since_ns > _PLANNER_S * 1e9:
-                return [self._done(False, f"the planner has not answered within {_PLANNER_S:g} s")]
-            return []
+            waits = now_ns - self._since_ns <= _PLANNER_S * 1e9
+            return [] if waits else [self._done(False, f"the planner has not answered within {_PLANNER_S:g} s")]
         if self._answer is None and not seen.where.stands and (stop := seen.follower.stop_in(self._frame)) is not None:
             return [self._ask(now_ns, stop, seen, predicted=True)]  # where the base will stand
-        if not self._has_rested(now_ns, seen):
+        if not (self._comes_to_rest(seen.follower, pose) or self._has_rested(now_ns, seen)):
             return []
         if pose is None:
             return [self._done(False, f"no pose of the base in frame {self._frame!r}; goals are in map or odom")]
@@ -184,6 +181,11 @@ class GoalExecution:
         self._enter(_Phase.DRIVING, now_ns)
         return [follow]
 
+    def _comes_to_rest(self, report: FollowerReport, pose: SE2 | None) -> bool:
+        """Whether the base is told to stand, where the plan begins. It obeys late, and will obey the plan late, too."""
+        planned = self._start_is_predicted and isinstance(self._answer, TimedPlan)
+        return planned and report.status is FollowStatus.STOPPED and pose is not None and _near(self._start, pose)
+
     def _ask(self, now_ns: int, start: SE2, seen: ExecutionInput, *, predicted: bool) -> PlanRequest:
         self._number += 1
         self._start, self._start_is_predicted, self._asked_in = start, predicted, seen.grid
@@ -192,8 +194,6 @@ class GoalExecution:
             number=self._number, start=start, goal=self._goal, frame=self._frame,
             T_map_frame=frame_in_map(self._frame, seen.where), again=self._again,
         )  # fmt: skip
-
-    # The drive -----------------------------------------------------------------------------------------------
 
     def _verdict(self, now_ns: int, seen: ExecutionInput) -> Done | None:
         """The end of the goal, if the follower's report means that."""
@@ -243,7 +243,6 @@ class GoalExecution:
 
 
 def _near(planned: SE2, real: SE2) -> bool:
-    """Whether a path planned from one pose may be followed from the other. A base stops late, so it stands ahead of the
-    prediction; the follower corrects that."""
+    """Whether a path planned from one pose may be followed from the other: the follower corrects the difference."""
     off = planned.inverse() @ real
     return abs(off.x) <= _NEAR_ALONG_M and abs(off.y) <= _NEAR_BESIDE_M and abs(planned.angle_to(real)) <= _NEAR_RAD
