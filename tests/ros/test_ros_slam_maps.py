@@ -63,6 +63,6 @@ def test_a_map_of_a_building_is_densified_less_often(
     dense._process = SimpleNamespace(update=update)  # type: ignore[assignment]  # only update is asked
     seen = SimpleNamespace(keyframe_ids=np.arange(keyframes))  # only ids are asked
     for _ in range(60):
-        dense.refresh(lambda: seen)  # type: ignore[arg-type,return-value]
+        dense.refresh(lambda: seen)
         now_s[0] += UPDATE_EVERY_S
     assert len(updates) == 60 // calls_each

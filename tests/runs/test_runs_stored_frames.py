@@ -55,6 +55,11 @@ def test_it_is_a_sequence(stored: StoredFrames) -> None:
             stored[index]
 
 
+def test_a_frame_that_is_being_added_disturbs_no_reader(stored: StoredFrames) -> None:
+    stored._rows += b"a part of the next"
+    assert list(stored) == FRAMES
+
+
 def test_an_hour_of_frames_takes_little_memory() -> None:
     record, frames = RunRecord(SE3.identity()), 2000
     tracemalloc.start()

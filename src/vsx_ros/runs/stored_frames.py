@@ -16,16 +16,15 @@ class StoredFrames(Sequence[FrameLine]):
     """Frames in order. One thread may add them while others read."""
 
     def __init__(self) -> None:
-        self._rows, self._begins = bytearray(), array("q")
+        self._rows, self._ends = bytearray(), array("q")  # a frame is there once its end is
 
     def append(self, frame: FrameLine) -> None:
         """Store a frame."""
-        begin = len(self._rows)
         self._rows += _PACK.encode(structs.astuple(frame))
-        self._begins.append(begin)
+        self._ends.append(len(self._rows))
 
     def __len__(self) -> int:
-        return len(self._begins)
+        return len(self._ends)
 
     @overload
     def __getitem__(self, index: int) -> FrameLine: ...
@@ -36,5 +35,5 @@ class StoredFrames(Sequence[FrameLine]):
         if isinstance(index, slice):
             return [self[k] for k in range(len(self))[index]]
         k = range(len(self))[index]
-        end = self._begins[k + 1] if k + 1 < len(self) else len(self._rows)
-        return convert(dict(zip(_NAMES, _UNPACK.decode(self._rows[self._begins[k] : end]))), FrameLine)
+        begin = self._ends[k - 1] if k else 0
+        return convert(dict(zip(_NAMES, _UNPACK.decode(self._rows[begin : self._ends[k]]))), FrameLine)
