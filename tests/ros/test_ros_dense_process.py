@@ -5,6 +5,7 @@ import os
 import signal
 import struct
 import time
+import weakref
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
@@ -138,3 +139,22 @@ def test_a_process_that_hangs_is_ended_and_not_waited_for(monkeypatch: pytest.Mo
     with pytest.raises(VsxError, match="has ended"):
         beside.update(lambda: seen(3))
     assert beside._child.wait(PATIENCE_S) == -signal.SIGKILL
+
+
+def test_while_it_works_the_snapshot_is_not_held() -> None:
+    beside, points = DenseProcess(CAMERA, MOUNT, DenseConfig(), 1), []
+    answers = beside._answers
+
+    def take() -> MapSnapshot:
+        snapshot = seen(3)
+        points.append(weakref.ref(snapshot.points_world))
+        return snapshot
+
+    def recv() -> Any:
+        points.append(points[0]())
+        return answers.recv()
+
+    beside._answers = SimpleNamespace(recv=recv)
+    dense, _ = beside.update(take)
+    assert dense.version == 3
+    assert points[1] is None
