@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros import __version__
-from vsx_ros.arrays import GrayImage
+from vsx_ros.arrays import GrayImage, packed
 from vsx_ros.errors import MapFileError, explained, reason_of
 from vsx_ros.geometry.camera import PinholeCamera, Shutter, kernel_camera
 from vsx_ros.geometry.lens import PLUMB_BOB
@@ -162,9 +162,9 @@ def _keyframe(k: int, part: slice, arrays: Arrays, entries: Mapping[str, bytes],
     depth, segment, map_id = float(arrays["median_depth"][k]), int(arrays["chain"][k]), int(arrays["map_id"][k])
     return KeyFrame(
         id=k,
-        data=_frame_data(k, arrays, entries, camera),
+        data=packed(_frame_data(k, arrays, entries, camera)),
         T_world_cam=T_world_cam,
-        observations=observed,
+        observations=packed(observed),
         median_depth=depth,
         odom_segment=segment,
         anchor=anchor,

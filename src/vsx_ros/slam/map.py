@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, IntArray, Points3
+from vsx_ros.arrays import BoolArray, IntArray, Points3, packed
 from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.keyframe import (
@@ -65,9 +65,9 @@ class Map:
         self.keyframes.append(
             KeyFrame(
                 id=index,
-                data=data,
+                data=packed(data),
                 T_world_cam=T_world_cam,
-                observations=observations,
+                observations=packed(observations),
                 median_depth=depth,
                 odom_segment=self.odom_segment,
                 map_id=map_id,
@@ -89,14 +89,15 @@ class Map:
 
     def observe(self, index: int, more: Observations) -> None:
         """Add observations to a keyframe."""
-        keyframe = self.keyframes[index]
-        self.keyframes[index] = replace(keyframe, observations=Observations.concatenated([keyframe.observations, more]))
+        self._set_observations(index, Observations.concatenated([self.keyframes[index].observations, more]))
         self._observers.add(index, more.rows)
 
     def forget(self, index: int, mask: BoolArray) -> None:
         """Remove the observations of a keyframe where mask (n,) is set."""
-        keyframe = self.keyframes[index]
-        self.keyframes[index] = replace(keyframe, observations=keyframe.observations.where(~mask))
+        self._set_observations(index, self.keyframes[index].observations.where(~mask))
+
+    def _set_observations(self, index: int, observations: Observations) -> None:
+        self.keyframes[index] = replace(self.keyframes[index], observations=packed(observations))
 
     def move_keyframe(self, index: int, T_world_cam: SE3) -> None:
         """Give a living keyframe a new pose; culled ones anchored to it move with it."""
@@ -123,14 +124,13 @@ class Map:
         becomes = np.arange(len(self.points))
         becomes[old] = new
         for index in self._observers.of(old):
-            keyframe = self.keyframes[index]
-            observed = keyframe.observations
+            observed = self.keyframes[index].observations
             rows = becomes[observed.rows]
             order = np.argsort(rows != observed.rows, kind="stable")
             kept = np.zeros(len(rows), np.bool_)
             kept[order[np.unique(rows[order], return_index=True)[1]]] = True
             if (rows != observed.rows).any():
-                self.keyframes[index] = replace(keyframe, observations=observed._replace(rows=rows).where(kept))
+                self._set_observations(index, observed._replace(rows=rows).where(kept))
                 self._observers.add(index, rows)
         self.alive[old] = False
 
