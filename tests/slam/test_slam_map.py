@@ -333,3 +333,22 @@ def test_going_on_in_a_saved_map_gives_the_same_bits(arc_drive, made_before, sec
         poses = b"".join(pose.matrix().tobytes() for pose, _ in pairs)
         runs.append((poses, [r.found for r in results], slam.snapshot().points_world.tobytes()))
     assert runs[0] == runs[1]
+
+
+def blocks_of(keyframe):
+    """The blocks of memory of a keyframe's arrays."""
+    data, observations = keyframe.data, keyframe.observations
+    arrays = (data.pyramid.pixels, data.corners.positions, data.corners.row_table, data.small, data.camera)
+    return {id(array.base) for array in arrays}, {id(array.base) for array in observations}
+
+
+def test_a_keyframe_has_one_block_of_memory_for_its_image_and_one_for_its_observations(arc_drive, tmp_path):
+    slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam)
+    for frame, odometry, _ in arc_drive.frames:
+        slam.track(frame, odometry)
+    save_slam_map(slam.slam_map(), tmp_path / "map.vsx")
+    for view in (slam.slam_map().view, load_slam_map(tmp_path / "map.vsx").view):
+        blocks = [blocks_of(view.keyframes[int(k)]) for k in view.living]
+        assert len(blocks) >= 3
+        assert all(len(of_image) == len(of_observations) == 1 for of_image, of_observations in blocks)
+        assert len({block for pair in blocks for part in pair for block in part}) == 2 * len(blocks)
