@@ -4,8 +4,9 @@ import ctypes
 import sys
 
 TRIM_EVERY_S = 5.0
-_MALLOC = {"M_TRIM_THRESHOLD": (-1, 2**18), "M_MMAP_THRESHOLD": (-3, 2**18), "M_ARENA_MAX": (-8, 1)}
-"""Settings of glibc's malloc (mallopt(3)), in bytes: maps and images are larger than this, messages are smaller."""
+_MALLOC = {"M_TRIM_THRESHOLD": (-1, 2**18), "M_MMAP_THRESHOLD": (-3, 2**16), "M_ARENA_MAX": (-8, 1)}
+"""Settings of glibc's malloc (mallopt(3)), in bytes: grids and images are larger than a mapped block, most messages
+smaller."""
 
 
 def return_freed_memory() -> None:
