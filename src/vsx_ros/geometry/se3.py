@@ -20,11 +20,20 @@ def skew(w: FloatArray) -> FloatArray:
 
 def so3_exp(omega: FloatArray) -> FloatArray:
     """(3, 3) rotation by the vector omega (3,) [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(omega))
-    W = skew(omega)
+    angle = math.hypot(*omega)
     if angle < 1e-8:
-        return np.eye(3) + W + 0.5 * W @ W
-    return np.eye(3) + math.sin(angle) / angle * W + (1.0 - math.cos(angle)) / angle**2 * W @ W
+        return _series(omega, 1.0, 0.5)
+    return _series(omega, math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2)
+
+
+def _series(omega: FloatArray, first: float, second: float) -> FloatArray:
+    """(3, 3) matrix I + first W + second W W, with W = skew(omega)."""
+    # Python's own floats: arrays of nine cost ten times as much.
+    x, y, z = omega.tolist()
+    xx, yy, zz = second * x * x, second * y * y, second * z * z
+    xy, xz, yz = second * x * y, second * x * z, second * y * z
+    x, y, z = first * x, first * y, first * z
+    return np.array([[1.0 - yy - zz, xy - z, xz + y], [xy + z, 1.0 - xx - zz, yz - x], [xz - y, yz + x, 1.0 - xx - yy]])
 
 
 def so3_log(R: FloatArray) -> FloatArray:
@@ -130,24 +139,19 @@ class SE3:
     def exp(xi: FloatArray) -> SE3:
         """From the tangent vector (6,) = (rho [m], omega [rad])."""
         rho, omega = np.asarray(xi[:3], float), np.asarray(xi[3:], float)
-        angle = float(np.linalg.norm(omega))
-        W = skew(omega)
+        angle = math.hypot(*omega)
         if angle < 1e-6:
-            V = np.eye(3) + 0.5 * W + W @ W / 6.0
+            V = _series(omega, 0.5, 1.0 / 6.0)
         else:
-            V = np.eye(3) + (1.0 - math.cos(angle)) / angle**2 * W + (angle - math.sin(angle)) / angle**3 * W @ W
-        return SE3(so3_exp(omega), V @ rho)
+            V = _series(omega, (1.0 - math.cos(angle)) / angle**2, (angle - math.sin(angle)) / angle**3)
+        return SE3._of(so3_exp(omega), V @ rho)
 
     def log(self) -> FloatArray:
         """The tangent vector (6,) whose ``exp`` is this motion; rotation below pi."""
         omega = so3_log(self.rotation)
-        angle = float(np.linalg.norm(omega))
-        W = skew(omega)
-        if angle < 1e-6:
-            V_inverse = np.eye(3) - 0.5 * W + W @ W / 12.0
-        else:
-            half = 0.5 * angle
-            V_inverse = np.eye(3) - 0.5 * W + (1.0 - half / math.tan(half)) / angle**2 * W @ W
+        half = 0.5 * math.hypot(*omega)
+        second = 1.0 / 12.0 if half < 5e-7 else 0.25 * (1.0 - half / math.tan(half)) / half**2
+        V_inverse = _series(omega, -0.5, second)
         return np.concatenate([V_inverse @ self.translation, omega])
 
     def quaternion(self) -> tuple[float, float, float, float]:

@@ -97,7 +97,8 @@ def indexed(levels: list[NDArray[np.int32]], pyramid: Pyramid) -> Corners:
     positions = np.concatenate(levels)
     heights, first_rows = pyramid.table[:, 1], pyramid.table[:, 3]
     rows = np.repeat(first_rows, counts) + positions[:, 1]
-    return Corners(positions, np.searchsorted(rows, np.arange(first_rows[-1] + heights[-1] + 1)), counts)
+    per_row = np.bincount(rows, minlength=first_rows[-1] + heights[-1])
+    return Corners(positions, np.concatenate([[0], np.cumsum(per_row)]), counts)
 
 
 def no_corners(pyramid: Pyramid) -> Corners:
