@@ -102,8 +102,8 @@ class PlannerConfig(Branch, frozen=True):
     """Motion planning (paper 4)."""
 
     phi_rad_m: Positive = 2.0
-    # Clearance beside the body: always kept, and kept where that is no detour.
-    clearance_m: NonNegative = 0.04
+    # Clearance beside the body: always kept, though the map may be 2 cm off, and kept where that is no detour.
+    clearance_m: NonNegative = 0.07
     preferred_clearance_m: NonNegative = 0.15
     zone_margin_m: NonNegative = 0.05  # from closed zones, in addition: the map is a few centimetres off
     max_reverse_m: NonNegative = 1.5
