@@ -102,7 +102,7 @@ class PlannerConfig(Branch, frozen=True):
     """Motion planning (paper 4)."""
 
     phi_rad_m: Positive = 2.0
-    # Clearance beside the body: always kept, though the map may be 2 cm off, and kept where that is no detour.
+    # Clearance beside the body in the map, which may be 2 cm off: always kept, and kept where that is no detour.
     clearance_m: NonNegative = 0.07
     preferred_clearance_m: NonNegative = 0.15
     zone_margin_m: NonNegative = 0.05  # from closed zones, in addition: the map is a few centimetres off

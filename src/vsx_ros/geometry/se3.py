@@ -29,7 +29,7 @@ def so3_exp(omega: FloatArray) -> FloatArray:
 def _series(omega: FloatArray, first: float, second: float) -> FloatArray:
     """(3, 3) matrix I + first W + second W W, with W = skew(omega)."""
     # Python's own floats: arrays of nine cost ten times as much.
-    x, y, z = omega.tolist()
+    x, y, z = map(float, omega)
     xx, yy, zz = second * x * x, second * y * y, second * z * z
     xy, xz, yz = second * x * y, second * x * z, second * y * z
     x, y, z = first * x, first * y, first * z

@@ -5,8 +5,8 @@ import sys
 
 TRIM_EVERY_S = 5.0
 _MALLOC = {"M_TRIM_THRESHOLD": (-1, 2**18), "M_MMAP_THRESHOLD": (-3, 2**16), "M_ARENA_MAX": (-8, 1)}
-"""Settings of glibc's malloc (mallopt(3)), in bytes: grids and images are larger than a mapped block, most messages
-smaller."""
+"""Settings of glibc's malloc (mallopt(3)), in bytes: grids and images are mapped by themselves, most messages lie on
+the heap."""
 
 
 def return_freed_memory() -> None:
