@@ -154,8 +154,7 @@ def test_each_base_explores_over_its_emulator(tmp_path: Path, base: str) -> None
     assert summary["frames_tracked"] > 0
     truth = RunFolder.open(out).read_poses("groundtruth")
     farthest_m = max(float(abs(pose.T.translation - truth[0].T.translation).max()) for pose in truth)
-    assert 0.3 < farthest_m < 4.0, "it may have come back to where it began"
-    assert summary["driven_m"] > 0.5
+    assert 0.3 < farthest_m < 4.0
     assert "Traceback" not in (out / "log" / "terminal.log").read_text(encoding="utf-8")
 
 
