@@ -12,7 +12,7 @@ from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
 from vsx_ros.slam.local_map import LocalMap
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.map_points import cull_redundant, is_redundant
+from vsx_ros.slam.map_points import TIED_POINTS, cull_left_behind, cull_redundant, is_redundant
 from vsx_ros.slam.mapper import Mapper
 
 CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
@@ -70,6 +70,28 @@ def test_the_first_two_and_the_newest_stay_and_so_many_viewers_are_left():
     assert world.alive.all()
     assert [k.id for k in world.keyframes] == list(range(12))
     assert cull_redundant(world, world.living, RULE) == []
+
+
+def test_what_the_camera_left_behind_is_thinned_and_nothing_of_it_is_forgotten():
+    rule, made, seen, n = CullingConfig(), 25, 200, 120
+    sees = [range(made * k, made * k + seen) for k in range(n)]
+    world, culled = made_map([range(made * n + seen)]), []
+    world.forget(0, np.ones(made * n + seen, np.bool_))
+    for k, rows in enumerate(sees, 1):
+        data = FrameData.without_image(k, SE2(0.1 * k, 0.0, 0.0))
+        world.add_keyframe(data, SE3(np.eye(3), [0.1 * k, 0.0, 0.0]), Observations.none())
+        world.observe(k, Observations(np.array(rows), np.zeros((seen, 2)), np.zeros((seen, 2)), np.zeros(seen, int)))
+        culled += cull_left_behind(world, rule)
+    assert set(range(n - rule.behind + 1, n + 1)) <= set(world.living)
+    left = n - rule.behind - len(culled)
+    assert left < 0.4 * (n - rule.behind)
+    assert all(len(world.keyframes[k].observations.rows) == seen for k in culled)
+    assert world.alive.all()
+    viewers = world.seen(np.arange(len(world.points)))[seen : made * (n - rule.behind)]
+    assert np.mean(viewers >= rule.viewers_behind) > 0.9
+    living = world.living[1:]
+    shared = [np.isin(world.keyframes[a].observations.rows, sees[b - 1]).sum() for a, b in zip(living, living[1:])]
+    assert min(shared) >= TIED_POINTS
 
 
 def test_a_keyframe_that_ties_its_neighbours_together_stays():

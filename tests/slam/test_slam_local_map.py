@@ -84,7 +84,7 @@ def view_of(*keyframes: KeyFrame) -> MapView:
     [
         (20, 12.0, PRESENT_PASS, False),
         (20, 12.0, PRESENT_PASS - 1, True),
-        (20, 25.0, PRESENT_PASS, True),
+        (20, 35.0, PRESENT_PASS, True),
         (10, 12.0, PRESENT_PASS, True),
         (10, 5.0, PRESENT_PASS, False),
     ],

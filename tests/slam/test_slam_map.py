@@ -21,7 +21,7 @@ from vsx_ros.slam.keyframe import FrameData, KeyFrame, NewTemplates, Observation
 from vsx_ros.slam.local_map import nearest_keyframes
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam
-from vsx_ros.slam.snapshot import SlamMap
+from vsx_ros.slam.snapshot import SlamMap, snapshot
 from vsx_ros.slam.state import TrackingState
 
 CONFIG = Config().slam
@@ -66,7 +66,8 @@ def test_a_culled_keyframe_keeps_its_index_and_leaves_every_list():
     assert [k.id for k in view.keyframes] == [0, 1, 2, 3]
     assert view.living.tolist() == world.living == [0, 2, 3]
     culled = view.keyframes[1]
-    assert len(culled.observations.rows) == 0
+    assert culled.observations.rows.tolist() == list(range(12)), "what it saw stays known"
+    assert world.observers(np.arange(12)) == [0, 2, 3]
     assert culled.data.pyramid.pixels.nbytes + culled.data.corners.positions.nbytes + culled.data.small.nbytes == 0
     assert (culled.data.stamp_ns, culled.data.T_odom_base) == (1, SE2(0.1, 0.0, 0.0))
     assert sorted(nearest_keyframes(view, SE3.identity()).tolist()) == [0, 2, 3]
@@ -74,11 +75,21 @@ def test_a_culled_keyframe_keeps_its_index_and_leaves_every_list():
     assert (world.source == 1).all()
 
 
-def test_points_that_one_keyframe_alone_still_sees_go_with_the_culled_one():
+def test_points_that_one_keyframe_alone_still_sees_stay_and_so_do_the_rays_of_the_culled_one():
     world = made_map([range(12), range(12), range(6)])
+    before = snapshot(world.view())
     world.cull_keyframe(1)
-    assert np.flatnonzero(world.alive).tolist() == [0, 1, 2, 3, 4, 5]
-    assert world.keyframes[0].observations.rows.tolist() == [0, 1, 2, 3, 4, 5]
+    assert world.alive.all()
+    after = snapshot(world.view())
+    assert after.keyframe_ids.tolist() == [0, 2]
+    assert len(after.images) == len(after.T_world_cams) == 2
+    assert after.point_ids.tolist() == before.point_ids.tolist() == list(range(12))
+    assert np.bincount(after.obs_keyframe).tolist() == [12, 6]
+    for old, new in zip(before.rays, after.rays, strict=True):
+        if isinstance(old, np.ndarray):
+            assert old.tolist() == new.tolist()
+    moved = [T.translation.tolist() for T in after.rays.T_world_cams]
+    assert moved == [T.translation.tolist() for T in before.T_world_cams]
 
 
 def test_a_culled_keyframe_moves_with_the_one_that_shares_most_and_with_its_heir():

@@ -68,7 +68,7 @@ class KeyframeConfig(Branch, frozen=True):
     overlap_ratio: Ratio = 0.55
     mapped_points: Count = 200
     unmapped_ratio: Ratio = 0.05
-    mapped_spacing: Positive = 2.5
+    mapped_spacing: Positive = 3.5
 
 
 class MapperConfig(Branch, frozen=True):
@@ -85,11 +85,14 @@ class MapperConfig(Branch, frozen=True):
 
 class CullingConfig(Branch, frozen=True):
     """A keyframe is redundant when enough others (viewers) see the share seen_ratio of its points from as near; the
-    newest are kept. With 3 viewers, as in ORB-SLAM, keyframes as dense as here would be created again at once."""
+    newest are kept. With 3 viewers, as in ORB-SLAM, keyframes as dense as here would be created again at once. When so
+    many newer ones (behind) have followed, the camera has gone on, and viewers_behind are enough."""
 
     seen_ratio: Ratio = 0.9
     viewers: Count = 6
     keep_newest: Count = 10
+    behind: Count = 60
+    viewers_behind: Count = 2
 
 
 class RecognitionConfig(Branch, frozen=True):

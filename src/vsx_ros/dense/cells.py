@@ -25,8 +25,8 @@ class CellKind(IntEnum):
 class Cells(NamedTuple):
     """plane (N,): ids of planes. cell (N, 2): right and up, in cells of the plane's grid, whose origin is that of the
     coordinates (cell i covers [i, i + 1) times its size). centre (N, 3): world [m]. kind (N,): CellKind. score (N,): 0
-    to 1. keyframe (N,): index in the snapshot of the reference keyframe it was judged in. witnesses (N, W): indices of
-    keyframes that show the floor at its foot, for the lowest cells of a wall; -1 for the rest."""
+    to 1. keyframe (N,): index in the snapshot's rays of the reference keyframe it was judged in. witnesses (N, W):
+    indices of keyframes that show the floor at its foot, for the lowest cells of a wall; -1 for the rest."""
 
     plane: NDArray[np.int64]
     cell: NDArray[np.int64]

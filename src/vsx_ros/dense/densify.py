@@ -15,7 +15,7 @@ from vsx_ros.dense.plane_finding import PlaneFinder
 from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.dense.surface import Surface, moved
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.slam.snapshot import MapSnapshot
 
@@ -78,18 +78,20 @@ class Densifier:
         planes = self._finder.update(snapshot)
         surfaces = [plane for plane in planes if plane.kind is not PlaneKind.FLOOR]
         views = self._images.views(snapshot, max(0, len(snapshot.images) - (0 if settled else _UNSETTLED)))
+        rays = snapshot.rays
+        used = rays.ids <= views.ids.max(initial=-1)
+        anew = used & ~np.isin(rays.ids, self._used)
         fresh = np.flatnonzero(~np.isin(views.ids, self._used))
-        self._used = views.ids
-        every = np.flatnonzero(snapshot.obs_keyframe < len(views.ids))
-        anew = every[np.isin(snapshot.obs_keyframe[every], fresh)]
-        self._surfaces = {plane.id: self._prepared(plane, snapshot, views, fresh, anew, every) for plane in surfaces}
+        self._used = rays.ids[used]
+        looks = np.flatnonzero(anew[rays.keyframe]), np.flatnonzero(used[rays.keyframe])
+        self._surfaces = {plane.id: self._prepared(plane, snapshot, views, fresh, *looks) for plane in surfaces}
         self._work(surfaces, snapshot, views, self._config.cells_per_update if budget is None else budget)
-        seen_by = np.zeros(len(snapshot.points_world), np.int64)
+        seen_by = np.full(len(snapshot.points_world), -1)
         seen_by[snapshot.obs_point] = snapshot.keyframe_ids[snapshot.obs_keyframe]
-        points, living = snapshot.points_world, snapshot.keyframe_ids
+        points = snapshot.points_world
         planes = self._believed(planes, snapshot)
         seen = [(self._surfaces[p.id], p, p.points) for p in planes if p.kind is not PlaneKind.FLOOR]
-        cells = Cells.concatenated([on.cells(plane, points[rows], seen_by[rows], living) for on, plane, rows in seen])
+        cells = Cells.concatenated([on.cells(plane, points[rows], seen_by[rows], rays.ids) for on, plane, rows in seen])
         complete = not any(surface.is_due for surface in self._surfaces.values())
         newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
         nbytes = self._images.nbytes + sum(surface.nbytes for surface in self._surfaces.values())
@@ -112,7 +114,7 @@ class Densifier:
         self, plane: Plane, snapshot: MapSnapshot, views: Views, fresh: IntArray, anew: IntArray, every: IntArray
     ) -> Surface:
         """The plane's surface, with all cells that the fresh keyframes show marked as due; a new surface if the plane
-        has moved. anew, every: rows of the observations by the fresh and by all keyframes, ordered by keyframe."""
+        has moved. anew, every: rows of the rays from fresh and from all keyframes, ordered by keyframe."""
         surface, unit = self._surfaces.get(plane.id), self._finder.unit
         if surface is None or moved(surface.judged_at, plane, _MOVED_M * unit):
             surface, looks = Surface(plane, self._config, unit, self._has_floor), every
@@ -120,8 +122,9 @@ class Densifier:
             surface.extended(plane)
             surface.mark_seen(plane, views.at(fresh))
             looks = anew
-        keyframe, point = snapshot.obs_keyframe[looks], snapshot.obs_point[looks]
-        surface.look_through(plane, views.centres, snapshot.points_world, keyframe, point)
+        rays = snapshot.rays
+        centres = stacked(rays.T_world_cams)[1]
+        surface.look_through(plane, centres, snapshot.points_world, rays.keyframe[looks], rays.point[looks])
         return surface
 
     def _work(self, planes: list[Plane], snapshot: MapSnapshot, views: Views, budget: int) -> None:
@@ -129,7 +132,7 @@ class Densifier:
         if not len(views.ids):
             return
         newest = np.zeros(len(snapshot.points_world), np.bool_)
-        newest[snapshot.obs_point[snapshot.obs_keyframe == len(views.ids) - 1]] = True
+        newest[snapshot.obs_point[snapshot.keyframe_ids[snapshot.obs_keyframe] == views.ids[-1]]] = True
         for plane in sorted(planes, key=lambda plane: -int(newest[plane.points].sum())):
             surface = self._surfaces[plane.id]
             if budget > 0 and surface.is_due:

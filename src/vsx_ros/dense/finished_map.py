@@ -78,9 +78,9 @@ class FinishedMap:
         )
 
     def _built(self, snapshot: MapSnapshot, surfaces: Surfaces, trail: list[SE2]) -> OccupancyGrid:
-        observed = snapshot.points_world, snapshot.obs_keyframe, snapshot.obs_point
+        points, rays = snapshot.points_world, snapshot.rays
         return GroundMap(self._config.ground_map, self._config.robot).build(
-            snapshot.T_world_cams, *observed, DriveHistory(trail), surfaces, snapshot.obs_level
+            rays.T_world_cams, points, rays.keyframe, rays.point, DriveHistory(trail), surfaces, rays.level
         )
 
     def facts(self) -> dict[str, Any]:
@@ -112,10 +112,10 @@ def _surfaces(dense: DenseMap, snapshot: MapSnapshot, cell: float) -> Surfaces:
 
 
 def _grey(surfaces: Surfaces, snapshot: MapSnapshot, camera: PinholeCamera) -> NDArray[np.uint8]:
-    """(N,) grey value of each spot in its keyframe."""
-    grey = np.zeros(len(surfaces.points), np.uint8)
-    for k in np.unique(surfaces.keyframe).tolist():
-        mine = surfaces.keyframe == k
+    """(N,) grey value of each spot in its keyframe, which is a living one: all were judged in the snapshot's images."""
+    grey, keyframe = np.zeros(len(surfaces.points), np.uint8), snapshot.rays.ids[surfaces.keyframe]
+    for k, number in enumerate(snapshot.keyframe_ids.tolist()):
+        mine = keyframe == number
         uv = camera.project(snapshot.T_world_cams[k].inverse() @ surfaces.points[mine])
         column, row = np.rint(np.clip(np.nan_to_num(uv), 0.0, [camera.width - 1, camera.height - 1])).astype(int).T
         grey[mine] = snapshot.images[k][row, column]

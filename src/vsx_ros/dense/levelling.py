@@ -30,10 +30,15 @@ class Level(NamedTuple):
 
     def of(self, snapshot: MapSnapshot) -> MapSnapshot:
         """The snapshot with z up and lengths in metres of the building."""
-        poses = tuple((self.T_level_world @ T).scaled(1.0 / self.unit) for T in snapshot.T_world_cams)
+        points = self.T_level_world @ snapshot.points_world / self.unit
+        rays = snapshot.all_rays
         return replace(
-            snapshot, T_world_cams=poses, points_world=self.T_level_world @ snapshot.points_world / self.unit
-        )
+            snapshot, T_world_cams=self._poses(snapshot.T_world_cams), points_world=points,
+            all_rays=rays and rays._replace(T_world_cams=self._poses(rays.T_world_cams)),
+        )  # fmt: skip
+
+    def _poses(self, T_world_cams: Sequence[SE3]) -> tuple[SE3, ...]:
+        return tuple((self.T_level_world @ T).scaled(1.0 / self.unit) for T in T_world_cams)
 
 
 def held_up(T_world_cams: Sequence[SE3]) -> FloatArray:

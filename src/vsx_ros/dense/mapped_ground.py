@@ -56,10 +56,10 @@ class AnchoredSurface(NamedTuple):
             centres = dense.cells.centre[mine]
             spots[mine] = centres[:, None] + _QUARTERS * cell_m @ plane.axes
             sigma[mine] = _off_plane(plane, centres)
-        keyframe = np.repeat(dense.cells.keyframe, 4)
-        R, t = stacked(snapshot.T_world_cams)
+        keyframe, rays = np.repeat(dense.cells.keyframe, 4), snapshot.rays
+        R, t = stacked(rays.T_world_cams)
         in_camera = np.einsum("nji,nj->ni", R[keyframe], spots.reshape(-1, 3) - t[keyframe])
-        ids = snapshot.keyframe_ids.astype(np.int64)
+        ids = rays.ids.astype(np.int64)
         cell, slot = np.nonzero(dense.cells.witnesses >= 0)
         shown, witness = (4 * cell[:, None] + np.arange(4)).ravel(), ids[dense.cells.witnesses[cell, slot]].repeat(4)
         return AnchoredSurface(
@@ -67,23 +67,24 @@ class AnchoredSurface(NamedTuple):
         )
 
     def surfaces(self, snapshot: MapSnapshot) -> Surfaces:
-        """The spots in any snapshot of the same map. Spots whose keyframe was removed are left out."""
-        if not len(snapshot.keyframe_ids):
+        """The spots in any snapshot of the same map. Spots whose keyframe it does not hold are left out."""
+        rays = snapshot.rays
+        if not len(rays.ids):
             return Surfaces.none()
-        index, living = _rows_of(snapshot.keyframe_ids, self.keyframe)
-        witness, there = _rows_of(snapshot.keyframe_ids, self.witness)
-        there &= living[self.shown]
-        shown = (np.cumsum(living) - 1)[self.shown[there]]
-        index, points = index[living], self.points[living]
-        R, t = stacked(snapshot.T_world_cams)
+        index, known = _rows_of(rays.ids, self.keyframe)
+        witness, there = _rows_of(rays.ids, self.witness)
+        there &= known[self.shown]
+        shown = (np.cumsum(known) - 1)[self.shown[there]]
+        index, points = index[known], self.points[known]
+        R, t = stacked(rays.T_world_cams)
         in_world = np.einsum("nij,nj->ni", R[index], points) + t[index]
         return Surfaces(
-            points=in_world, keyframe=index, sigma_m=self.sigma_m[living], shown=shown, witness=witness[there]
+            points=in_world, keyframe=index, sigma_m=self.sigma_m[known], shown=shown, witness=witness[there]
         )
 
 
 def _rows_of(keyframe_ids: IntArray, wanted: IntArray) -> tuple[IntArray, BoolArray]:
-    """(N,) rows of the wanted ids among those of a snapshot, and which are there."""
+    """(N,) rows of the wanted ids among those given, and which are there."""
     index = np.minimum(np.searchsorted(keyframe_ids, wanted), len(keyframe_ids) - 1)
     return index, keyframe_ids[index] == wanted
 
@@ -199,13 +200,13 @@ class MappedGround:
         dock, bumps = self.dock(snapshot), self._bumps.poses(*keyframes)
         if dock is not None:  # the dock is touched on purpose
             bumps = [bump for bump in bumps if bump.distance_to(dock) > _AT_DOCK_M]
-        touched = bumps + self._suspected.poses(self._now_ns, *keyframes)
+        touched, rays = bumps + self._suspected.poses(self._now_ns, *keyframes), snapshot.rays
         return self._ground_map.build(
-            snapshot.T_world_cams,
+            rays.T_world_cams,
             snapshot.points_world,
-            snapshot.obs_keyframe,
-            snapshot.obs_point,
+            rays.keyframe,
+            rays.point,
             DriveHistory(self.trail(snapshot), touched, self.start),
             surfaces=self.dense.surfaces(snapshot) if self.dense is not None and with_surfaces else None,
-            obs_level=snapshot.obs_level,
+            obs_level=rays.level,
         )

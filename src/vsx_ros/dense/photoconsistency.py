@@ -21,6 +21,7 @@ from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.vision.pyramid import layout
 
+_CULLED_KEPT = 300  # images of so many culled keyframes stay: until the surfaces that they show are settled
 _STORE_WIDTH_PX = 320  # images are stored at about this width: a cell at 6 m is 4 px wide
 _RIVAL_DEPTHS = np.array([0.65, 0.8, 1.2, 1.5])  # times the cell's depth; as good there, a cell is not believed
 _ENOUGH_PARALLAX_DEG, _APART_DEG = 8.0, 1.0  # more is no better; views closer than this count as one
@@ -77,14 +78,17 @@ class KeyframeImages:
         return self._store.nbytes
 
     def views(self, snapshot: MapSnapshot, count: int) -> Views:
-        """The first ``count`` keyframes of a snapshot. Images of removed keyframes are dropped."""
-        ids = snapshot.keyframe_ids[:count]
-        living = set(snapshot.keyframe_ids.tolist())
-        self._slot = {number: slot for number, slot in self._slot.items() if number in living}
-        for number, image in zip(ids.tolist(), snapshot.images):
+        """The first ``count`` living keyframes of a snapshot, and the newest culled ones."""
+        living, rays = snapshot.keyframe_ids[:count], snapshot.rays
+        culled = np.setdiff1d(rays.ids[: np.searchsorted(rays.ids, living.max(initial=-1))], snapshot.keyframe_ids)
+        kept = [number for number in culled.tolist() if number in self._slot][-_CULLED_KEPT:]
+        for gone in self._slot.keys() - {*snapshot.keyframe_ids.tolist(), *kept}:
+            del self._slot[gone]
+        for number, image in zip(living.tolist(), snapshot.images):
             if number not in self._slot:
                 self._slot[number] = self._add(image)
-        T_world_cams = snapshot.T_world_cams[:count]
+        ids = np.union1d(living, np.array(kept, np.int64))
+        T_world_cams = [rays.T_world_cams[k] for k in np.searchsorted(rays.ids, ids)]
         R, t = stacked([T.inverse() for T in T_world_cams])
         slots = np.array([self._slot[number] for number in ids.tolist()], np.int64)
         return Views(

@@ -161,10 +161,10 @@ def _plane(
 
 def observed_points(snapshot: MapSnapshot, focal_px: float, noise_px: float) -> ObservedPoints:
     """All points of the snapshot, in its row order. noise_px: standard deviation of an observation at level 0."""
-    world = np.ascontiguousarray(snapshot.points_world)
-    _, centres = stacked(snapshot.T_world_cams)
-    noise = np.asarray(noise_px / focal_px * 2.0**snapshot.obs_level, np.float64)
-    information, rays, distances = point_information(world, centres, snapshot.obs_keyframe, snapshot.obs_point, noise)
+    world, seen = np.ascontiguousarray(snapshot.points_world), snapshot.rays
+    _, centres = stacked(seen.T_world_cams)
+    noise = np.asarray(noise_px / focal_px * 2.0**seen.level, np.float64)
+    information, rays, distances = point_information(world, centres, seen.keyframe, seen.point, noise)
     # Observations along one ray do not determine the depth; its standard deviation is then 10 m.
     covariances = np.asarray(np.linalg.inv(information + 1e-2 * np.eye(3)), np.float64)
     views = rays / np.maximum(np.linalg.norm(rays, axis=1), 1e-9)[:, None]

@@ -131,9 +131,9 @@ class Surface:
         near = np.linalg.norm(views.centres - middle, axis=1) < reach
         return np.flatnonzero(near & (plane.distances(views.centres) > 0.0))
 
-    def cells(self, plane: Plane, points: Points3, seen_by: IntArray, living: IntArray) -> Cells:
-        """The surface cells. points (M, 3): those of the plane. seen_by (M,): ids of keyframes that see them. living:
-        ids of all keyframes of the snapshot, ascending; the cells' keyframe is an index into it."""
+    def cells(self, plane: Plane, points: Points3, seen_by: IntArray, ids: IntArray) -> Cells:
+        """The surface cells. points (M, 3): those of the plane. seen_by (M,): ids of living keyframes that see them, -1
+        for none. ids: those of all keyframes, ascending; the cells' keyframe is an index into it."""
         seed, seed_keyframe = self._seeds(plane, points, seen_by)
         said, strong = self._said, self._said.consistent(self._config)
         weak = (said.score >= self._config.grow_zncc) & (said.score > said.rival)
@@ -147,13 +147,13 @@ class Surface:
         kind[believed & seed] = CellKind.SEED
         keyframe = np.where((said.keyframe < 0) | (seed & ~strong), seed_keyframe, said.keyframe)
         keyframe = np.where(kind == CellKind.CONTACT, self._contact.keyframe[:, None], keyframe)
-        keyframe = _nearest_known(keyframe, np.isin(keyframe, living))
+        keyframe = _nearest_known(keyframe, np.isin(keyframe, ids))
         kind[keyframe < 0] = -1
         score = np.where((kind == CellKind.PHOTO) | (kind == CellKind.SEED), said.score, _GUESSED_SCORE)
         where = np.nonzero(kind >= 0)
         shown = self._contact.touches[where[0]] & (self._size * where[1] < FOOT_M)
         witnesses = np.where(shown[:, None], self._contact.witnesses[where[0]], -1)
-        witnesses[~np.isin(witnesses, living)] = -1
+        witnesses[~np.isin(witnesses, ids)] = -1
         cells = np.stack(where, axis=1).astype(np.int64)
         return Cells(
             plane=np.full(len(cells), plane.id, np.int64),
@@ -161,8 +161,8 @@ class Surface:
             centre=self.centres(plane, cells),
             kind=kind[where],
             score=np.clip(score[where], 0.0, 1.0),
-            keyframe=np.searchsorted(living, keyframe[where]).astype(np.int64),
-            witnesses=np.where(witnesses < 0, -1, np.searchsorted(living, witnesses)).astype(np.int64),
+            keyframe=np.searchsorted(ids, keyframe[where]).astype(np.int64),
+            witnesses=np.where(witnesses < 0, -1, np.searchsorted(ids, witnesses)).astype(np.int64),
         )
 
     def evidence(self, plane: Plane, points: Points3) -> float:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, Points3
 from vsx_ros.errors import InputError, explained
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.lens import EQUIDISTANT
@@ -93,12 +93,13 @@ def _camera_text(camera: PinholeCamera) -> str:
 def _image_lines(snapshot: MapSnapshot) -> Iterator[str]:
     """Two lines per image: its pose, and its observations of points."""
     yield "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then X Y POINT3D_ID of each observation\n"
+    number_of = np.where(_shown(snapshot), snapshot.point_ids, -1)
     for k, (number, T_world_cam) in enumerate(zip(snapshot.keyframe_ids.tolist(), snapshot.T_world_cams, strict=True)):
         T_cam_world = T_world_cam.inverse()
         x, y, z, w = T_cam_world.quaternion()
         pose = " ".join(f"{value:.12g}" for value in (w, x, y, z, *T_cam_world.translation))
         seen = snapshot.obs_keyframe == k
-        ids, uv = snapshot.point_ids[snapshot.obs_point[seen]], snapshot.obs_uv[seen] + _CORNER_PX
+        ids, uv = number_of[snapshot.obs_point[seen]], snapshot.obs_uv[seen] + _CORNER_PX
         observed = " ".join(f"{u:.4f} {v:.4f} {point}" for (u, v), point in zip(uv, ids.tolist(), strict=True))
         yield f"{number + 1} {pose} {_CAMERA} {number:06d}.png\n{observed}\n"
 
@@ -111,12 +112,17 @@ def _point_lines(camera: PinholeCamera, snapshot: MapSnapshot) -> Iterator[str]:
     error_px = _errors_px(camera, snapshot)
     order = np.argsort(snapshot.obs_point, kind="stable")
     ends = np.searchsorted(snapshot.obs_point[order], np.arange(len(snapshot.point_ids) + 1))
-    for p, number in enumerate(snapshot.point_ids.tolist()):
-        mine = order[ends[p] : ends[p + 1]]
+    for p in np.flatnonzero(_shown(snapshot)).tolist():
+        number, mine = snapshot.point_ids[p], order[ends[p] : ends[p + 1]]
         images = snapshot.keyframe_ids[snapshot.obs_keyframe[mine]] + 1
         track = " ".join(f"{i} {j}" for i, j in zip(images.tolist(), place[mine].tolist(), strict=True))
         x, y, z = snapshot.points_world[p]
         yield f"{number} {x:.9g} {y:.9g} {z:.9g} {_GREY} {float(error_px[mine].mean()):.4f} {track}\n"
+
+
+def _shown(snapshot: MapSnapshot) -> BoolArray:
+    """(M,) whether a point is seen in two images at least: culled keyframes have none."""
+    return np.asarray(np.bincount(snapshot.obs_point, minlength=len(snapshot.point_ids)) >= 2)
 
 
 def _errors_px(camera: PinholeCamera, snapshot: MapSnapshot) -> FloatArray:

@@ -127,9 +127,9 @@ def _check_counts(arrays: Mapping[str, NDArray[Any]], sizes: Mapping[str, int]) 
         counts = arrays[name]
         if counts.min() < 0 or counts.max() > sizes[of] or counts.sum() != sizes[of]:
             raise ValueError(f"{name} does not add up to {sizes[of]}")
-        if counts[arrays["anchor"] >= 0].any():
-            raise ValueError(f"{name} is not zero for a culled keyframe")
     anchor = arrays["anchor"]
+    if arrays["corner_count"][anchor >= 0].any():
+        raise ValueError("corner_count is not zero for a culled keyframe")
     if anchor[0] >= 0 or (anchor[anchor[anchor >= 0]] >= 0).any():
         raise ValueError("anchor names a culled keyframe, or keyframe 0 has one")
 

@@ -86,9 +86,9 @@ class KeyFrame:
     """A keyframe of the map. Replaced, never changed.
 
     odom_segment: odometry connects successive living keyframes of one segment, never of two segments. A culled keyframe
-    has an anchor, no image and no observations; its pose still belongs to the templates cut from it. map_id: 0 is the
-    first map, whose frame is the world. Other maps begin where the first is out of sight; each has its own frame until
-    it is joined with the first. scale: the present length of what had length 1 when the keyframe was made."""
+    has an anchor and no image; its pose belongs to the templates cut from it and to the rays to what it saw. map_id: 0
+    is the first map, whose frame is the world. Other maps begin where the first is out of sight; each has its own frame
+    until it is joined with the first. scale: the present length of what had length 1 when the keyframe was made."""
 
     id: int
     data: FrameData

@@ -186,31 +186,29 @@ class Map:
         return mask
 
     def seen(self, rows: IntArray) -> IntArray:
-        """(P,) how many keyframes see each of the points (rows); counts of other points may be too low."""
-        every = [self.keyframes[k].observations.rows for k in self.observers(rows)]
+        """(P,) how many keyframes saw each of the points (rows), culled ones included; counts of other points may be
+        too low."""
+        every = [self.keyframes[k].observations.rows for k in self._observers.of(rows)]
         return np.bincount(np.concatenate([np.zeros(0, np.int64), *every]), minlength=len(self.points))
 
     def cull_keyframe(self, index: int) -> None:
         """Remove a living keyframe for good. Keyframe 0 defines the world and cannot be culled.
 
-        It keeps its index and is anchored to the living keyframe that shares most points with it. Its image and
-        observations are removed, and so are points that fewer than two other keyframes see. Other points first seen in
-        it remain."""
+        It keeps its index and what it saw, and is anchored to the living keyframe that shares most points with it. Its
+        image is removed."""
         keyframe = self.keyframes[index]
         assert index > 0, "keyframe 0 holds the world"
         assert keyframe.alive, f"keyframe {index} is culled already"
-        rows = keyframe.observations.rows
-        shared = self.covisible(rows)
+        shared = self.covisible(keyframe.observations.rows)
         others = [k for k in self.living if k != index]
         parent = max(others, key=lambda k: (shared[k], -abs(k - index)))
         data = FrameData.without_image(keyframe.data.stamp_ns, keyframe.data.T_odom_base)
-        self.keyframes[index] = replace(keyframe, data=data, observations=Observations.none())
+        self.keyframes[index] = replace(keyframe, data=data)
         carried, heir = [index, *self._carried.pop(index, [])], self.keyframes[parent]
         for k in carried:
             anchor = Anchor(parent, heir.T_world_cam.inverse() @ self.keyframes[k].T_world_cam, heir.scale)
             self.keyframes[k] = replace(self.keyframes[k], anchor=anchor)
         self._carried.setdefault(parent, []).extend(carried)
-        self.remove_points(rows[self.seen(rows)[rows] < 2])
 
     def remove_points(self, rows: IntArray) -> None:
         """Remove points and all their observations from the map."""

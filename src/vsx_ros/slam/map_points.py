@@ -5,6 +5,7 @@ ORB-SLAM, T-RO 2015, VI.E)."""
 import math
 
 import numpy as np
+from msgspec.structs import replace
 
 from vsx_ros.arrays import FloatArray, IntArray, Pixels
 from vsx_ros.config.maps import CullingConfig, MapperConfig
@@ -124,6 +125,12 @@ def cull_redundant(world: Map, among: list[int], config: CullingConfig) -> list[
             world.cull_keyframe(k)
             culled.append(k)
     return culled
+
+
+def cull_left_behind(world: Map, config: CullingConfig) -> list[int]:
+    """Cull the keyframe that the camera has just left behind, if it is redundant among those around it; returns it."""
+    behind = world.living[-config.behind - 1 : -config.behind]
+    return cull_redundant(world, behind, replace(config, viewers=config.viewers_behind))
 
 
 def is_redundant(world: Map, index: int, config: CullingConfig) -> bool:

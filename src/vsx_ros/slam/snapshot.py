@@ -16,10 +16,22 @@ from vsx_ros.slam.track import Track
 _SAME = 1e-6  # tolerance of calibrations: rounding of numbers in files
 
 
+class Rays(NamedTuple):
+    """Which points were seen from where, also by culled keyframes: ids (K,) of the keyframes, ascending, and their
+    poses; keyframe, point, level (O,): index of the keyframe, row of the point and pyramid level of each ray."""
+
+    ids: IntArray
+    T_world_cams: tuple[SE3, ...]
+    keyframe: IntArray
+    point: IntArray
+    level: IntArray
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MapSnapshot:
-    """Living keyframes and points. obs_keyframe and obs_point index the keyframes and points of this snapshot; obs_uv
-    level-0 px as in the image (distorted), images are level 0."""
+    """Living keyframes, and the points that all keyframes saw at least twice. obs_keyframe and obs_point index the
+    keyframes and points of this snapshot; obs_uv level-0 px as in the image (distorted), images are level 0. all_rays:
+    None if no keyframe is culled."""
 
     version: int
     keyframe_ids: IntArray
@@ -32,25 +44,44 @@ class MapSnapshot:
     obs_point: IntArray
     obs_uv: Pixels
     obs_level: IntArray
+    all_rays: Rays | None = None
+
+    @property
+    def rays(self) -> Rays:
+        """Those of all keyframes."""
+        own = Rays(
+            ids=self.keyframe_ids, T_world_cams=self.T_world_cams,
+            keyframe=self.obs_keyframe, point=self.obs_point, level=self.obs_level,
+        )  # fmt: skip
+        return self.all_rays or own
 
     @property
     def nbytes(self) -> int:
         """Size of the arrays [bytes]. The images are the map's own."""
         own = (self.keyframe_ids, self.keyframe_stamps_ns, self.point_ids, self.points_world)
-        return array_bytes((*own, self.obs_keyframe, self.obs_point, self.obs_uv, self.obs_level))
+        seen = (self.obs_keyframe, self.obs_point, self.obs_uv, self.obs_level)
+        return array_bytes((*own, *seen, *(self.all_rays or ())))
 
 
 def snapshot(view: MapView) -> MapSnapshot:
-    """The living keyframes of a view's first map, and the living points that they see at least twice, renumbered."""
-    view = view.part(0)
-    keyframes = [view.keyframes[int(k)] for k in view.living]
-    every = Observations.concatenated([k.observations for k in keyframes])
-    observer = np.repeat(np.arange(len(keyframes)), [len(k.observations.rows) for k in keyframes])
-    rows = np.flatnonzero(view.alive & (np.bincount(every.rows, minlength=len(view.points)) >= 2))
+    """A view's first map, with its points renumbered."""
+    every = [k for k in view.keyframes if k.map_id == 0]
+    seen = Observations.concatenated([k.observations for k in every])
+    observer = np.repeat(np.arange(len(every)), [len(k.observations.rows) for k in every])
+    rows = np.flatnonzero(view.alive & (np.bincount(seen.rows, minlength=len(view.points)) >= 2))
     number = np.full(len(view.points), -1, np.int64)
     number[rows] = np.arange(len(rows))
-    kept = number[every.rows] >= 0
-    observed = every.where(kept)
+    kept = number[seen.rows] >= 0
+    seen, observer = seen.where(kept), observer[kept]
+    rays = Rays(
+        ids=np.array([k.id for k in every], np.int64),
+        T_world_cams=tuple(k.T_world_cam for k in every),
+        keyframe=observer,
+        point=number[seen.rows],
+        level=seen.level,
+    )
+    keyframes, living = [k for k in every if k.alive], np.array([k.alive for k in every], np.bool_)
+    own = living[observer]
     return MapSnapshot(
         version=view.version,
         keyframe_ids=np.array([k.id for k in keyframes], np.int64),
@@ -59,10 +90,11 @@ def snapshot(view: MapView) -> MapSnapshot:
         images=tuple(k.data.pyramid.level(0) for k in keyframes),
         point_ids=rows,
         points_world=view.points[rows],
-        obs_keyframe=observer[kept],
-        obs_point=number[observed.rows],
-        obs_uv=observed.uv,
-        obs_level=observed.level,
+        obs_keyframe=(np.cumsum(living) - 1)[observer[own]],
+        obs_point=rays.point[own],
+        obs_uv=seen.uv[own],
+        obs_level=seen.level[own],
+        all_rays=None if living.all() else rays,
     )
 
 
