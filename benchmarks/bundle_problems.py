@@ -9,8 +9,9 @@ from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
-from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
+from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
+from vsx_ros.slam.templates import NewTemplates
 
 K = np.array([525.0, 525.0, 319.5, 239.5])
 CAMERA = PinholeCamera(640, 480, *K.tolist())

@@ -37,10 +37,11 @@ from vsx_ros.runs.journal import ClockLine, FrameLine, Journal, PictureLine, Run
 from vsx_ros.runs.moments import map_line, preview
 from vsx_ros.runs.parameters import update_robot_file
 from vsx_ros.runs.self_calibration import FILE
-from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
+from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import TrackingResult, TrackingState
+from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.slam.track import nothing_tracked
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.vision.corners import CornerDetector

@@ -35,11 +35,14 @@ Pixels: TypeAlias = NDArray[np.float64]  # (N, 2) pixels (u right, v down); inte
 
 
 def array_bytes(parts: Iterable[object]) -> int:
-    """Size of the arrays among the parts, and in tuples among them [bytes]."""
-    return sum(
-        part.nbytes if isinstance(part, np.ndarray) else array_bytes(part) if isinstance(part, tuple) else 0
-        for part in parts
-    )
+    """Size of the arrays and bytes among the parts, and in tuples among them [bytes]."""
+    return sum(map(_bytes_of, parts))
+
+
+def _bytes_of(part: object) -> int:
+    if isinstance(part, tuple):
+        return array_bytes(part)
+    return part.nbytes if isinstance(part, np.ndarray) else len(part) if isinstance(part, bytes) else 0
 
 
 def packed(parts: Parts) -> Parts:

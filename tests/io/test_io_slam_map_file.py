@@ -16,9 +16,10 @@ from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, arrays_of
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.kernels.vision.patches import PATCH
-from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
+from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import SlamMap
+from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.vision.corners import CornerDetector, no_corners
 from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import build_pyramid, small_image

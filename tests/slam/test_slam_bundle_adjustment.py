@@ -15,9 +15,10 @@ from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster, adjoint, odometry_factor
 from vsx_ros.slam.gauge import size_kept
-from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
+from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.loop_correction import scale_is_observed
 from vsx_ros.slam.map import Map
+from vsx_ros.slam.templates import NewTemplates
 
 MOUNT = mount_pose(-0.09, 0.02, 0.31, 0.1, 0.05)
 NOISE = OdometryNoiseConfig()

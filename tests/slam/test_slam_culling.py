@@ -1,5 +1,7 @@
 """Which keyframes leave the map, and that the work for a keyframe does not grow with the map."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -9,11 +11,13 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
-from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
+from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.local_map import LocalMap
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.map_points import TIED_POINTS, cull_left_behind, cull_redundant, is_redundant
+from vsx_ros.slam.map_points import TIED_POINTS, cull_redundant, is_redundant, leave_behind
 from vsx_ros.slam.mapper import Mapper
+from vsx_ros.slam.templates import NewTemplates
+from vsx_ros.vision.pyramid import CompressedPyramid, build_pyramid
 
 CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
 RULE = CullingConfig(seen_ratio=0.9, viewers=3, keep_newest=2)
@@ -77,15 +81,21 @@ def test_what_the_camera_left_behind_is_thinned_and_nothing_of_it_is_forgotten()
     sees = [range(made * k, made * k + seen) for k in range(n)]
     world, culled = made_map([range(made * n + seen)]), []
     world.forget(0, np.ones(made * n + seen, np.bool_))
+    image = np.random.default_rng(0).integers(0, 256, (96, 128), np.uint8)
+    frame = FrameData.without_image(0, SE2())._replace(image=build_pyramid(image))
+    world.keyframes[0] = dataclasses.replace(world.keyframes[0], data=frame)
     for k, rows in enumerate(sees, 1):
-        data = FrameData.without_image(k, SE2(0.1 * k, 0.0, 0.0))
+        data = frame._replace(stamp_ns=k, T_odom_base=SE2(0.1 * k, 0.0, 0.0))
         world.add_keyframe(data, SE3(np.eye(3), [0.1 * k, 0.0, 0.0]), Observations.none())
         world.observe(k, Observations(np.array(rows), np.zeros((seen, 2)), np.zeros((seen, 2)), np.zeros(seen, int)))
-        culled += cull_left_behind(world, rule)
+        culled += leave_behind(world, rule)
     assert set(range(n - rule.behind + 1, n + 1)) <= set(world.living)
     left = n - rule.behind - len(culled)
     assert left < 0.4 * (n - rule.behind)
     assert all(len(world.keyframes[k].observations.rows) == seen for k in culled)
+    stay = [world.keyframes[k].data for k in world.living[1:]]
+    assert all(isinstance(data.image, CompressedPyramid) for data in stay[: -rule.behind])
+    assert all((a == b).all() for data in stay for a, b in zip(data.pyramid, build_pyramid(image), strict=True))
     assert world.alive.all()
     viewers = world.seen(np.arange(len(world.points)))[seen : made * (n - rule.behind)]
     assert np.mean(viewers >= rule.viewers_behind) > 0.9

@@ -9,13 +9,14 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.frontend import FrontEnd
-from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
+from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.loop_closing import LoopDetector
 from vsx_ros.slam.loop_correction import LoopClosure, correct_loops, optimize_pose_graph
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.place_recognition import PlaceRecognizer
 from vsx_ros.slam.recovery import Recovery
 from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.slam.tracker import Tracker
 from vsx_ros.vision.corners import features_of
 

@@ -11,10 +11,11 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.session import SlamSession
-from vsx_ros.slam.keyframe import FrameData, NewTemplates, Observations
+from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.recount import Recount, recount
 from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.templates import NewTemplates
 
 
 def test_a_short_drive_finds_wheels_and_gyro_and_resizes_the_map(wrong_wheels_drive: Any) -> None:

@@ -84,9 +84,9 @@ class KeyframeImages:
         kept = [number for number in culled.tolist() if number in self._slot][-_CULLED_KEPT:]
         for gone in self._slot.keys() - {*snapshot.keyframe_ids.tolist(), *kept}:
             del self._slot[gone]
-        for number, image in zip(living.tolist(), snapshot.images):
+        for k, number in enumerate(living.tolist()):
             if number not in self._slot:
-                self._slot[number] = self._add(image)
+                self._slot[number] = self._add(snapshot.images[k])
         ids = np.union1d(living, np.array(kept, np.int64))
         T_world_cams = [rays.T_world_cams[k] for k in np.searchsorted(rays.ids, ids)]
         R, t = stacked([T.inverse() for T in T_world_cams])

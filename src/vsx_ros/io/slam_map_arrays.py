@@ -13,7 +13,8 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.lens import MOTION
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.anchor import Anchor
-from vsx_ros.slam.keyframe import VIEWS, MapView
+from vsx_ros.slam.keyframe import MapView
+from vsx_ros.slam.templates import VIEWS
 from vsx_ros.vision.pyramid import LEVELS
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]

@@ -27,11 +27,12 @@ from vsx_ros.io.sealed_archive import array_bytes, array_of, seal_into, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check
 from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes, json_tree
 from vsx_ros.slam.anchor import Anchor
-from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations, Templates
+from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations
 from vsx_ros.slam.snapshot import SlamMap
+from vsx_ros.slam.templates import Templates
 from vsx_ros.vision.corners import indexed
 from vsx_ros.vision.patch_search import moving
-from vsx_ros.vision.pyramid import build_pyramid, small_image
+from vsx_ros.vision.pyramid import CompressedPyramid, build_pyramid, small_image
 
 FORMAT, VERSION = "vsx_ros slam map", 1  # increased when an older vsx_ros cannot read the file
 _PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16  # with a camera's noise, a byte of a packed image holds two to three pixels
@@ -40,7 +41,7 @@ _PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16  # with a camera's noise, a byte of a p
 def save_slam_map(slam_map: SlamMap, path: Path) -> None:
     """Bring the file to the disk in one step; the SLAM may continue meanwhile. Raises MapFileError when that fails."""
     living = (k for k in slam_map.view.keyframes if k.alive)
-    pictures = ((image_name(k.id), encoded(k.data.pyramid.level(0))) for k in living)
+    pictures = ((image_name(k.id), CompressedPyramid.of(k.data.image).png) for k in living)
     with (
         explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError),
         replacing(path, durable=True) as file,
@@ -179,7 +180,8 @@ def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: Pi
     T_odom_base = SE2(*arrays["odometry"][k].tolist()) if arrays["has_odometry"][k] else None
     if arrays["anchor"][k] >= 0:
         return FrameData.without_image(stamp_ns, T_odom_base)
-    pyramid = build_pyramid(_decoded(entries[image_name(k)], k, camera))
+    content = entries[image_name(k)]
+    pyramid = build_pyramid(_decoded(content, k, camera))
     counts = arrays["corner_count"]
     first = int(counts[:k].sum())
     ends = first + np.cumsum(counts[k])
@@ -187,7 +189,7 @@ def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: Pi
     own = moving(kernel_camera(camera), arrays["readout_motion"][k])
     return FrameData(
         stamp_ns=stamp_ns,
-        pyramid=pyramid,
+        image=CompressedPyramid(content),
         corners=corners,
         small=small_image(pyramid),
         T_odom_base=T_odom_base,
@@ -203,11 +205,6 @@ def array_name(name: str) -> str:
 def image_name(index: int) -> str:
     """The entry of a keyframe's image."""
     return f"keyframes/{index:06d}.png"
-
-
-def encoded(image: GrayImage) -> bytes:
-    """The image as a .png, with fast compression."""
-    return bytes(cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1])
 
 
 def _decoded(content: bytes, index: int, camera: PinholeCamera) -> GrayImage:

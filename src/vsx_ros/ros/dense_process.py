@@ -55,7 +55,7 @@ class DenseProcess:
         child works, for seconds. Raises VsxError if the child ended; kills a hung one."""
         snapshot = take()
         ids = snapshot.keyframe_ids.tolist()
-        images = {number: image for number, image in zip(ids, snapshot.images) if number not in self._sent}
+        images = {number: snapshot.images[k] for k, number in enumerate(ids) if number not in self._sent}
         self._sent = set(ids)
         patience = threading.Timer(self._patience_s, self._child.kill)
         patience.daemon = True

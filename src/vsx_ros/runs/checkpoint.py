@@ -17,11 +17,12 @@ from vsx_ros.errors import InputError, explained
 from vsx_ros.io.atomic import sync, write_bytes, write_text
 from vsx_ros.io.sealed_archive import ArrayChunks, array_bytes, array_of, seal, unseal
 from vsx_ros.io.slam_map_arrays import Arrays, arrays_of
-from vsx_ros.io.slam_map_file import array_name, damage_explained, encoded, entries_of, image_name
+from vsx_ros.io.slam_map_file import array_name, damage_explained, entries_of, image_name
 from vsx_ros.io.slam_map_file import slam_map_of as slam_map_of_entries
 from vsx_ros.limits import DATA_BYTES, file_bytes, file_text, json_tree
 from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.snapshot import SlamMap
+from vsx_ros.vision.pyramid import CompressedPyramid
 
 _PNG, _PICTURE_BYTES = b"\x89PNG\r\n\x1a\n", 2**22
 _STATE, _NOTES = "state/", "checkpoint.json"
@@ -80,7 +81,7 @@ class Checkpoint:
         there = {path.name for path in folder.iterdir()}
         for name, keyframe in living.items():
             if name not in there:
-                write_bytes(folder / name, encoded(keyframe.data.pyramid.level(0)), durable=True)
+                write_bytes(folder / name, CompressedPyramid.of(keyframe.data.image).png, durable=True)
 
     def read(self) -> CheckpointData:
         """The newest checkpoint. Raises MapFileError when there is none or it is damaged."""

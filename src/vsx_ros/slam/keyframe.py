@@ -1,11 +1,10 @@
-"""The parts of a map: preprocessed images, keyframes, observations and templates of points, and a view of all at one
-instant."""
+"""The parts of a map: preprocessed images, keyframes and observations of points, and a view of all at one instant."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +13,14 @@ from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels, Points3, arr
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.lens import CAMERA
-from vsx_ros.kernels.vision.patches import PATCH, Target
+from vsx_ros.kernels.vision.patches import Target
 from vsx_ros.slam.anchor import Anchor
+from vsx_ros.slam.templates import Templates
 from vsx_ros.vision.corners import Corners, no_corners
 from vsx_ros.vision.patch_search import target_of
-from vsx_ros.vision.pyramid import LEVELS, Pyramid, SmallImage
+from vsx_ros.vision.pyramid import LEVELS, CompressedPyramid, Pyramid, SmallImage
 
 ROOM_DEPTH_M = 2.5  # median scene depth in a room; thresholds in metres are chosen for it
-VIEWS = 5  # templates kept per point, from different sides; a new one replaces the oldest but the first
-Entry = TypeVar("Entry", bound=np.generic)
 
 
 class Observations(NamedTuple):
@@ -50,17 +48,23 @@ class Observations(NamedTuple):
 
 
 class FrameData(NamedTuple):
-    """A preprocessed image for tracker, mapper and relocaliser. camera (CAMERA,): the kernels' array, with the motion
-    during readout. T_odom_base: by odometry at the exposure of the middle row, None when unknown. blurred: much less
-    sharp than the frames before; good enough to track, not to map."""
+    """A preprocessed image for tracker, mapper and relocaliser. image: its pyramid, compressed where the camera has not
+    been for long. camera (CAMERA,): the kernels' array, with the motion during readout. T_odom_base: by odometry at the
+    exposure of the middle row, None when unknown. blurred: much less sharp than the frames before; good enough to
+    track, not to map."""
 
     stamp_ns: int
-    pyramid: Pyramid
+    image: Pyramid | CompressedPyramid
     corners: Corners
     small: SmallImage
     T_odom_base: SE2 | None
     camera: FloatArray
     blurred: bool = False
+
+    @property
+    def pyramid(self) -> Pyramid:
+        """The image at all levels."""
+        return self.image if isinstance(self.image, Pyramid) else self.image.pyramid
 
     @property
     def target(self) -> Target:
@@ -73,7 +77,7 @@ class FrameData(NamedTuple):
         nothing = Pyramid(np.zeros(0, np.uint8), np.zeros((LEVELS, 4), np.int64))
         return FrameData(
             stamp_ns=stamp_ns,
-            pyramid=nothing,
+            image=nothing,
             corners=no_corners(nothing),
             small=np.zeros((0, 0), np.float32),
             T_odom_base=T_odom_base,
@@ -149,77 +153,6 @@ class PointObservers:
         """Every keyframe that has seen any of the points (rows), and some that have not; ascending."""
         blocks = np.unique(rows >> self.BLOCK_BITS).tolist()
         return sorted(set().union(*(self._of_block.get(block, ()) for block in blocks)))
-
-
-class Templates(NamedTuple):
-    """Templates of points from several directions. of_point (P, V): template numbers, -1 for none; source (T,):
-    keyframe index; basis (T, 4): see ``predict``; offset (T, 2) and patches (T, 24, 24): see ``warp_template``."""
-
-    of_point: IntArray
-    source: IntArray
-    basis: FloatArray
-    offset: FloatArray
-    patches: NDArray[np.uint8]
-
-
-class NewTemplates(NamedTuple):
-    """Templates to add to the map: basis (N, 4), offset (N, 2), patches (N, 24, 24)."""
-
-    basis: FloatArray
-    offset: FloatArray
-    patches: NDArray[np.uint8]
-
-
-class TemplateStore:
-    """Templates are written once and shared with views; only their assignment to points changes."""
-
-    def __init__(self) -> None:
-        self._points = self._count = 0
-        self._of_point: IntArray = np.full((1024, VIEWS), -1, np.int64)
-        basis, offset, patches = np.zeros((1024, 4)), np.zeros((1024, 2)), np.zeros((1024, PATCH, PATCH), np.uint8)
-        self._columns: list[NDArray[Any]] = [np.zeros(1024, np.int64), basis, offset, patches]
-
-    @staticmethod
-    def resumed(templates: Templates) -> TemplateStore:
-        """A store that continues from the templates of a view."""
-        store = TemplateStore()
-        store._points, store._of_point = len(templates.of_point), templates.of_point.copy()
-        store._count, store._columns = len(templates.source), list(templates[1:])
-        return store
-
-    def add_points(self, count: int) -> None:
-        """Add ``count`` points without templates."""
-        self._points += count
-        self._of_point = grown(self._of_point, self._points)
-        self._of_point[self._points - count : self._points] = -1
-
-    def add(self, rows: IntArray, templates: NewTemplates, source: int) -> None:
-        """Add templates of points (rows) from keyframe ``source``; a new one replaces the oldest but the first."""
-        first = self._count
-        self._count += len(rows)
-        self._columns = [grown(column, self._count) for column in self._columns]
-        for column, new in zip(self._columns, (source, *templates)):
-            column[first : self._count] = new
-        free = self._of_point[rows] < 0
-        full = ~free.any(axis=1)
-        self._of_point[rows[full], 1:-1] = self._of_point[rows[full], 2:]
-        slot = np.where(full, VIEWS - 1, free.argmax(axis=1))
-        self._of_point[rows, slot] = np.arange(first, self._count)
-
-    def view(self) -> Templates:
-        """All templates, for searching."""
-        return Templates._make(
-            [self._of_point[: self._points].copy(), *(rows[: self._count] for rows in self._columns)]
-        )
-
-
-def grown(rows: NDArray[Entry], needed: int) -> NDArray[Entry]:
-    """The array, or a copy of at least twice the length when it has fewer than ``needed`` rows."""
-    if needed <= len(rows):
-        return rows
-    longer = np.zeros((max(needed, 2 * len(rows)), *rows.shape[1:]), rows.dtype)
-    longer[: len(rows)] = rows
-    return longer
 
 
 class MapView(NamedTuple):

@@ -11,16 +11,9 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, IntArray, Points3, packed
 from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.slam.anchor import Anchor
-from vsx_ros.slam.keyframe import (
-    FrameData,
-    KeyFrame,
-    MapView,
-    NewTemplates,
-    Observations,
-    PointObservers,
-    TemplateStore,
-    is_metric,
-)
+from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations, PointObservers, is_metric
+from vsx_ros.slam.templates import NewTemplates, TemplateStore
+from vsx_ros.vision.pyramid import CompressedPyramid
 
 _ENOUGH_DEPTHS = 5  # least points for a median depth; with fewer the previous one is kept
 
@@ -209,6 +202,12 @@ class Map:
             anchor = Anchor(parent, heir.T_world_cam.inverse() @ self.keyframes[k].T_world_cam, heir.scale)
             self.keyframes[k] = replace(self.keyframes[k], anchor=anchor)
         self._carried.setdefault(parent, []).extend(carried)
+
+    def compress_keyframe(self, index: int) -> None:
+        """Store a keyframe's image in less memory: it will not be needed soon."""
+        keyframe = self.keyframes[index]
+        data = keyframe.data._replace(image=CompressedPyramid.of(keyframe.data.image))
+        self.keyframes[index] = replace(keyframe, data=packed(data))
 
     def remove_points(self, rows: IntArray) -> None:
         """Remove points and all their observations from the map."""

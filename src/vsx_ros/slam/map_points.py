@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from vsx_ros.arrays import FloatArray, IntArray, Pixels
 from vsx_ros.config.maps import CullingConfig, MapperConfig
-from vsx_ros.slam.keyframe import KeyFrame, MapView, NewTemplates
+from vsx_ros.slam.keyframe import KeyFrame, MapView
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.point_creation import (
     Candidates,
@@ -19,6 +19,7 @@ from vsx_ros.slam.point_creation import (
     observations_at,
     templates_in,
 )
+from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.slam.tracker import predicted
 from vsx_ros.slam.tracking_record import is_hopeless
 from vsx_ros.vision.patch_search import Predictions, find_patches
@@ -127,10 +128,14 @@ def cull_redundant(world: Map, among: list[int], config: CullingConfig) -> list[
     return culled
 
 
-def cull_left_behind(world: Map, config: CullingConfig) -> list[int]:
-    """Cull the keyframe that the camera has just left behind, if it is redundant among those around it; returns it."""
+def leave_behind(world: Map, config: CullingConfig) -> list[int]:
+    """Cull the keyframe that the camera has just left behind, if it is redundant among those around it; returns it. If
+    it stays, its image is compressed."""
     behind = world.living[-config.behind - 1 : -config.behind]
-    return cull_redundant(world, behind, replace(config, viewers=config.viewers_behind))
+    culled = cull_redundant(world, behind, replace(config, viewers=config.viewers_behind))
+    for index in set(behind) - set(culled):
+        world.compress_keyframe(index)
+    return culled
 
 
 def is_redundant(world: Map, index: int, config: CullingConfig) -> bool:

@@ -19,7 +19,7 @@ from vsx_ros.slam.keyframe import FrameData, MapView, Observations
 from vsx_ros.slam.loop_closing import LoopDetector
 from vsx_ros.slam.loop_correction import correct_loops
 from vsx_ros.slam.map import Map
-from vsx_ros.slam.map_points import MapPoints, cull_left_behind, cull_redundant
+from vsx_ros.slam.map_points import MapPoints, cull_redundant, leave_behind
 from vsx_ros.slam.point_creation import observations_at
 from vsx_ros.slam.recount import Recount, recount
 from vsx_ros.slam.start_watch import GiveUp, StartWatch
@@ -110,7 +110,7 @@ class Mapper:
         self._since_global += 1
         self._correct_loops(index, neighbours)
         cull_redundant(world, neighbours, self._culling)
-        cull_left_behind(world, self._culling)
+        leave_behind(world, self._culling)
         return self._watched()
 
     def recount(self, wanted: Recount) -> MapView:

@@ -15,7 +15,8 @@ from vsx_ros.kernels.geometry import ideal_pixels, unproject_pixels
 from vsx_ros.kernels.lens import HEIGHT, WIDTH
 from vsx_ros.kernels.slam.epipolar import search_rays
 from vsx_ros.kernels.vision.patches import CENTRE
-from vsx_ros.slam.keyframe import FrameData, KeyFrame, NewTemplates, Observations
+from vsx_ros.slam.keyframe import FrameData, KeyFrame, Observations
+from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.vision.corners import strongest
 from vsx_ros.vision.patch_search import cast_rays, cut_patches
 from vsx_ros.vision.pyramid import LEVELS, from_level, to_level

@@ -117,7 +117,7 @@ class Preprocessor:
         corners = no_corners(pyramid) if frozen else self._detector.detect(pyramid, steer=not blurred)
         return FrameData(
             stamp_ns=frame.stamp_ns,
-            pyramid=pyramid,
+            image=pyramid,
             corners=corners,
             small=small,
             T_odom_base=T_odom_base,

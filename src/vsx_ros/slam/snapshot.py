@@ -1,7 +1,10 @@
 """The map for others: a snapshot to read (keyframes, points, observations), and a map to save and continue."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, overload
 
 import numpy as np
 
@@ -9,11 +12,30 @@ from vsx_ros.arrays import GrayImage, IntArray, Pixels, Points3, array_bytes
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.keyframe import MapView, Observations
+from vsx_ros.slam.keyframe import FrameData, MapView, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.track import Track
 
 _SAME = 1e-6  # tolerance of calibrations: rounding of numbers in files
+
+
+class StoredImages(Sequence[GrayImage]):
+    """Images of keyframes at level 0, decompressed when they are asked for."""
+
+    def __init__(self, frames: Sequence[FrameData]) -> None:
+        self._frames = tuple(frames)
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    @overload
+    def __getitem__(self, index: int) -> GrayImage: ...
+    @overload
+    def __getitem__(self, index: slice) -> StoredImages: ...
+    def __getitem__(self, index: int | slice) -> GrayImage | StoredImages:
+        if isinstance(index, slice):
+            return StoredImages(self._frames[index])
+        return self._frames[index].pyramid.level(0)
 
 
 class Rays(NamedTuple):
@@ -37,7 +59,7 @@ class MapSnapshot:
     keyframe_ids: IntArray
     keyframe_stamps_ns: IntArray
     T_world_cams: tuple[SE3, ...]
-    images: tuple[GrayImage, ...]
+    images: Sequence[GrayImage]
     point_ids: IntArray
     points_world: Points3
     obs_keyframe: IntArray
@@ -87,7 +109,7 @@ def snapshot(view: MapView) -> MapSnapshot:
         keyframe_ids=np.array([k.id for k in keyframes], np.int64),
         keyframe_stamps_ns=np.array([k.data.stamp_ns for k in keyframes], np.int64),
         T_world_cams=tuple(k.T_world_cam for k in keyframes),
-        images=tuple(k.data.pyramid.level(0) for k in keyframes),
+        images=StoredImages([k.data for k in keyframes]),
         point_ids=rows,
         points_world=view.points[rows],
         obs_keyframe=(np.cumsum(living) - 1)[observer[own]],
