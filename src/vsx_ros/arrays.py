@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 _ALIGNED_BYTES = 64  # a line of the cache
 
 Parts = TypeVar("Parts", bound=tuple[Any, ...])
+Entry = TypeVar("Entry", bound=np.generic)
 
 FloatArray: TypeAlias = NDArray[np.float64]  # Float64 array of any shape; the docstring of the user says which
 
@@ -43,6 +44,16 @@ def _bytes_of(part: object) -> int:
     if isinstance(part, tuple):
         return array_bytes(part)
     return part.nbytes if isinstance(part, np.ndarray) else len(part) if isinstance(part, bytes) else 0
+
+
+def grown(rows: NDArray[Entry], needed: int) -> NDArray[Entry]:
+    """The array, or a copy of at least twice the length when it has fewer than ``needed`` rows. What is not used yet
+    takes no memory."""
+    if needed <= len(rows):
+        return rows
+    longer = np.zeros((max(needed, 2 * len(rows)), *rows.shape[1:]), rows.dtype)
+    longer[: len(rows)] = rows
+    return longer
 
 
 def packed(parts: Parts) -> Parts:

@@ -170,4 +170,5 @@ def test_without_a_floor_nothing_stands_on_it_but_textured_planes_are_found(text
 def test_the_size_told_is_that_of_images_and_evidence(textured: MapSnapshot) -> None:
     here = densifier()
     nbytes = here.update(textured).nbytes
-    assert nbytes < len(pickle.dumps(here)) < 1.4 * nbytes  # the lens's tables are of one size for any map
+    unused = here._images._store[len(here.stored) :].nbytes  # zeros that take no memory, but are pickled
+    assert nbytes < len(pickle.dumps(here)) - unused < 1.4 * nbytes  # the lens's tables are of one size for any map

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, GrayImage, IntArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, GrayImage, IntArray, Points3, grown
 from vsx_ros.config import DenseConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import stacked
@@ -74,8 +74,8 @@ class KeyframeImages:
 
     @property
     def nbytes(self) -> int:
-        """Size of the store [bytes]."""
-        return self._store.nbytes
+        """Size of the used part of the store [bytes]."""
+        return self._store[: 1 + max(self._slot.values(), default=-1)].nbytes
 
     def views(self, snapshot: MapSnapshot, count: int) -> Views:
         """The first ``count`` living keyframes of a snapshot, and the newest culled ones."""
@@ -105,8 +105,7 @@ class KeyframeImages:
     def _add(self, image: GrayImage) -> int:
         taken = set(self._slot.values())
         slot = next(n for n in range(len(taken) + 1) if n not in taken)
-        if slot == len(self._store):
-            self._store = np.concatenate([self._store, np.zeros_like(self._store)])
+        self._store = grown(self._store, slot + 1)
         finer = cv2.remap(image, *self._maps, cv2.INTER_LINEAR)
         for offset, height, width in self._table.tolist():
             finer = cv2.resize(finer, (width, height), interpolation=cv2.INTER_AREA)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.arrays import FloatArray, IntArray, grown
 from vsx_ros.kernels.vision.patches import PATCH
 
 VIEWS = 5  # templates kept per point, from different sides; a new one replaces the oldest but the first
-Entry = TypeVar("Entry", bound=np.generic)
 
 
 class Templates(NamedTuple):
@@ -74,12 +73,3 @@ class TemplateStore:
         return Templates._make(
             [self._of_point[: self._points].copy(), *(rows[: self._count] for rows in self._columns)]
         )
-
-
-def grown(rows: NDArray[Entry], needed: int) -> NDArray[Entry]:
-    """The array, or a copy of at least twice the length when it has fewer than ``needed`` rows."""
-    if needed <= len(rows):
-        return rows
-    longer = np.zeros((max(needed, 2 * len(rows)), *rows.shape[1:]), rows.dtype)
-    longer[: len(rows)] = rows
-    return longer
