@@ -163,7 +163,7 @@ def test_an_error_is_told_at_once_and_the_rest_once_a_second(monkeypatch: pytest
 HEARS_MAPS = """
 import ctypes, sys
 import numpy as np
-from vsx_ros.ros import memory
+from vsx_ros.runs import memory
 
 class Heap(ctypes.Structure):
     _fields_ = [(name, ctypes.c_size_t) for name in "arena ordblks smblks hblks hblkhd a b c d e".split()]
@@ -183,7 +183,7 @@ print(mallinfo().hblks - before)
 BETWEEN_SMALL_BLOCKS = """
 from pathlib import Path
 import numpy as np
-from vsx_ros.ros import memory
+from vsx_ros.runs import memory
 
 def resident_mb():
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6

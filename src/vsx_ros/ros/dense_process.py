@@ -26,7 +26,7 @@ from vsx_ros.errors import VsxError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.warmup import warm_up
-from vsx_ros.ros import memory
+from vsx_ros.runs import memory
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _NICE = 5  # SLAM has priority

@@ -17,8 +17,9 @@ from vsx_hw.errors import DeviceError
 from vsx_ros.config import Config, from_dict
 from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.registry import load_plugins
-from vsx_ros.ros import headers, logs, memory
+from vsx_ros.ros import headers, logs
 from vsx_ros.ros.master_watch import master_watch
+from vsx_ros.runs import memory
 
 _LOOK_S = 0.05  # rospy.spin would sleep for half a second
 _LET_GO_S = 5.0  # for a thread to finish after the node

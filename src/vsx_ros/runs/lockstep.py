@@ -15,6 +15,7 @@ from vsx_ros.exploration.time_left import left_words
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
+from vsx_ros.runs import memory
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
 from vsx_ros.runs.judge import MapJudge
@@ -85,6 +86,7 @@ class FastRun:
         """Step until the mission is done, the emulated time is over or Ctrl-C is pressed; returns why it ended. watch:
         called with the stamp after each step; a text that it returns ends the run and is the reason."""
         mission, command, progress = self.system.mission, STOP, Progress(sys.stderr, plain=False)
+        trim_ns = 0
         seen: Observation | None = None
         reason = STOPPED_BY_OPERATOR
         with interruptible() as stopped:
@@ -94,6 +96,9 @@ class FastRun:
                     reason = f"time limit of {limit_s:g} s"
                     break
                 seen, command = now, self._step(*now)
+                if now.frame.stamp_ns >= trim_ns:
+                    memory.trim()
+                    trim_ns = now.frame.stamp_ns + round(1e9 * memory.TRIM_EVERY_S)
                 if watch is not None and (told := watch(now.frame.stamp_ns)):
                     reason = told
                     break
