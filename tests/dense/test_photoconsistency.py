@@ -1,8 +1,11 @@
+import dataclasses
+
 import numpy as np
 import pytest
 import wall_scene as scene
 
 from vsx_ros.config import DenseConfig
+from vsx_ros.dense import photoconsistency
 from vsx_ros.dense.photoconsistency import Judgement, KeyframeImages, judge
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.kernels.dense.surface_cells import count_passing
@@ -80,6 +83,23 @@ def test_images_of_dead_keyframes_make_room_for_new_ones() -> None:
     assert views.slots.tolist() == [0, 2, 1]
     offset, height, width = views.table[0]
     assert (views.store[1, offset : offset + height * width].reshape(height, width) == later.images[2]).all()
+
+
+def test_the_newest_culled_keyframes_are_asked_as_long_as_their_images_are_stored(monkeypatch) -> None:
+    images, whole = KeyframeImages(scene.CAMERA), scene.snapshot([FLOOR], scene.DRIVE[:6], np.zeros((0, 3)))
+    images.views(whole, 6)
+    living = np.array([0, 5])
+    thinned = dataclasses.replace(
+        whole, keyframe_ids=living, T_world_cams=tuple(whole.T_world_cams[k] for k in living),
+        images=tuple(whole.images[k] for k in living), all_rays=whole.rays,
+    )  # fmt: skip
+    views = images.views(thinned, 2)
+    assert views.ids.tolist() == views.slots.tolist() == list(range(6))
+    assert views.centres == pytest.approx(np.array([T.translation for T in whole.T_world_cams]))
+    assert images.views(thinned, 1).ids.tolist() == [0], "the newest are not settled"
+    monkeypatch.setattr(photoconsistency, "_CULLED_KEPT", 3)
+    assert images.views(thinned, 2).ids.tolist() == [0, 2, 3, 4, 5]
+    assert KeyframeImages(scene.CAMERA).views(thinned, 2).ids.tolist() == [0, 5], "without images"
 
 
 def test_stored_images_are_free_of_distortion() -> None:

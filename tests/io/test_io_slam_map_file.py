@@ -168,7 +168,7 @@ def put(index, value):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"version": 2}, "format version 2.*reads up to 1, update vsx_ros"),
+        ({"version": 3}, "format version 3.*reads up to 2, update vsx_ros"),
         ({"version": None}, "format version None"),
         ({"format": "another"}, "not that of a SLAM map"),
         ({"camera": {"width": 160}}, "'height' is missing"),

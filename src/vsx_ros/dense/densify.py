@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import IntArray
+from vsx_ros.arrays import IntArray, Points3
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.cells import Cells
 from vsx_ros.dense.levelling import aligned, gravity
@@ -84,7 +84,10 @@ class Densifier:
         fresh = np.flatnonzero(~np.isin(views.ids, self._used))
         self._used = rays.ids[used]
         looks = np.flatnonzero(anew[rays.keyframe]), np.flatnonzero(used[rays.keyframe])
-        self._surfaces = {plane.id: self._prepared(plane, snapshot, views, fresh, *looks) for plane in surfaces}
+        centres = stacked(rays.T_world_cams)[1]
+        self._surfaces = {
+            plane.id: self._prepared(plane, snapshot, views, fresh, centres, *looks) for plane in surfaces
+        }
         self._work(surfaces, snapshot, views, self._config.cells_per_update if budget is None else budget)
         seen_by = np.full(len(snapshot.points_world), -1)
         seen_by[snapshot.obs_point] = snapshot.keyframe_ids[snapshot.obs_keyframe]
@@ -111,10 +114,12 @@ class Densifier:
         return tuple(plane for plane in planes if said.get(plane.id, 0.0) >= wanted[plane.id])
 
     def _prepared(
-        self, plane: Plane, snapshot: MapSnapshot, views: Views, fresh: IntArray, anew: IntArray, every: IntArray
-    ) -> Surface:
+        self, plane: Plane, snapshot: MapSnapshot, views: Views, fresh: IntArray, centres: Points3, anew: IntArray,
+        every: IntArray,
+    ) -> Surface:  # fmt: skip
         """The plane's surface, with all cells that the fresh keyframes show marked as due; a new surface if the plane
-        has moved. anew, every: rows of the rays from fresh and from all keyframes, ordered by keyframe."""
+        has moved. centres: of all keyframes. anew, every: rows of the rays from fresh and from all keyframes, ordered
+        by keyframe."""
         surface, unit = self._surfaces.get(plane.id), self._finder.unit
         if surface is None or moved(surface.judged_at, plane, _MOVED_M * unit):
             surface, looks = Surface(plane, self._config, unit, self._has_floor), every
@@ -123,7 +128,6 @@ class Densifier:
             surface.mark_seen(plane, views.at(fresh))
             looks = anew
         rays = snapshot.rays
-        centres = stacked(rays.T_world_cams)[1]
         surface.look_through(plane, centres, snapshot.points_world, rays.keyframe[looks], rays.point[looks])
         return surface
 

@@ -78,16 +78,17 @@ class KeyframeImages:
         return self._store[: 1 + max(self._slot.values(), default=-1)].nbytes
 
     def views(self, snapshot: MapSnapshot, count: int) -> Views:
-        """The first ``count`` living keyframes of a snapshot, and the newest culled ones."""
+        """The first ``count`` living keyframes of a snapshot, and the newest of the culled ones before them."""
         living, rays = snapshot.keyframe_ids[:count], snapshot.rays
-        culled = np.setdiff1d(rays.ids[: np.searchsorted(rays.ids, living.max(initial=-1))], snapshot.keyframe_ids)
+        culled = np.setdiff1d(rays.ids, snapshot.keyframe_ids)
         kept = [number for number in culled.tolist() if number in self._slot][-_CULLED_KEPT:]
         for gone in self._slot.keys() - {*snapshot.keyframe_ids.tolist(), *kept}:
             del self._slot[gone]
         for k, number in enumerate(living.tolist()):
             if number not in self._slot:
                 self._slot[number] = self._add(snapshot.images[k])
-        ids = np.union1d(living, np.array(kept, np.int64))
+        before = [number for number in kept if number < living.max(initial=-1)]
+        ids = np.union1d(living, np.array(before, np.int64))
         T_world_cams = [rays.T_world_cams[k] for k in np.searchsorted(rays.ids, ids)]
         R, t = stacked([T.inverse() for T in T_world_cams])
         slots = np.array([self._slot[number] for number in ids.tolist()], np.int64)

@@ -34,7 +34,7 @@ from vsx_ros.vision.corners import indexed
 from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import CompressedPyramid, build_pyramid, small_image
 
-FORMAT, VERSION = "vsx_ros slam map", 1  # increased when an older vsx_ros cannot read the file
+FORMAT, VERSION = "vsx_ros slam map", 2  # increased when an older vsx_ros cannot read the file
 _PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16  # with a camera's noise, a byte of a packed image holds two to three pixels
 
 
