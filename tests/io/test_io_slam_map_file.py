@@ -1,5 +1,6 @@
 """SLAM maps on disk: everything comes back bit for bit, and whatever is not such a map is one sentence."""
 
+import dataclasses
 import io
 import json
 import tracemalloc
@@ -181,6 +182,17 @@ def put(index, value):
 def test_manifests_that_cannot_be(saved, change, message):
     rewrite(saved, "manifest.json", lambda tree: tree.update(change))
     refused(saved, message)
+
+
+def test_a_file_of_the_first_version_whose_culled_keyframes_saw_nothing_is_read(slam_map, tmp_path):
+    before = list(slam_map.view.keyframes)
+    before[1] = dataclasses.replace(before[1], observations=Observations.none())
+    old = dataclasses.replace(slam_map, view=slam_map.view._replace(keyframes=tuple(before)))
+    save_slam_map(old, tmp_path / "old.vsxmap")
+    rewrite(tmp_path / "old.vsxmap", "manifest.json", lambda tree: tree.update({"version": 1}))
+    back = load_slam_map(tmp_path / "old.vsxmap").view
+    assert [len(k.observations.rows) for k in back.keyframes] == [len(k.observations.rows) for k in before]
+    assert len(back.keyframes[1].observations.rows) == 0
 
 
 @pytest.mark.parametrize(

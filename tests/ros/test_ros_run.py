@@ -155,6 +155,7 @@ def test_each_base_explores_over_its_emulator(tmp_path: Path, base: str) -> None
     truth = RunFolder.open(out).read_poses("groundtruth")
     farthest_m = max(float(abs(pose.T.translation - truth[0].T.translation).max()) for pose in truth)
     assert 0.3 < farthest_m < 4.0
+    assert summary["driven_m"] > 0.5
     assert "Traceback" not in (out / "log" / "terminal.log").read_text(encoding="utf-8")
 
 

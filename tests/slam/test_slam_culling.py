@@ -7,6 +7,7 @@ import pytest
 
 from vsx_ros.config import Config
 from vsx_ros.config.maps import CullingConfig
+from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -16,6 +17,8 @@ from vsx_ros.slam.local_map import LocalMap
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.map_points import TIED_POINTS, cull_redundant, is_redundant, leave_behind
 from vsx_ros.slam.mapper import Mapper
+from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.snapshot import snapshot
 from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.vision.pyramid import CompressedPyramid, build_pyramid
 
@@ -160,3 +163,16 @@ def test_strangers_nearby_are_not_tracked_until_a_loop_ties_them():
     assert 0 in local.keyframes
     assert {0, 1, 2, 198, 199} <= set(local.linked.living.tolist())
     assert 100 not in local.linked.living
+
+
+def test_culling_takes_no_known_ground(arc_drive):
+    slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam)
+    for frame, odometry, _ in arc_drive.frames:
+        slam.track(frame, odometry)
+    world = Map.resumed(slam.slam_map().view)
+    before = MappedGround(Config()).grid(snapshot(world.view()))
+    for k in world.living[2:-2:2]:
+        world.cull_keyframe(k)
+    after = MappedGround(Config()).grid(snapshot(world.view()))
+    assert before.known_area_m2 > 1.0
+    assert np.array_equal(before.data, after.data)

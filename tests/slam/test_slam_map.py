@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
-from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.errors import CalibrationError
 from vsx_ros.evaluation.trajectory import trajectory_error
 from vsx_ros.geometry.se2 import SE2
@@ -367,16 +366,3 @@ def test_a_keyframe_has_one_block_of_memory_for_its_image_and_one_for_its_observ
         assert len(blocks) >= 3
         assert all(len(of_image) == len(of_observations) == 1 for of_image, of_observations in blocks)
         assert len({block for pair in blocks for part in pair for block in part}) == 2 * len(blocks)
-
-
-def test_culling_takes_no_known_ground(arc_drive):
-    slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam)
-    for frame, odometry, _ in arc_drive.frames:
-        slam.track(frame, odometry)
-    world = Map.resumed(slam.slam_map().view)
-    before = MappedGround(Config()).grid(snapshot(world.view()))
-    for k in world.living[2:-2:2]:
-        world.cull_keyframe(k)
-    after = MappedGround(Config()).grid(snapshot(world.view()))
-    assert before.known_area_m2 > 1.0
-    assert np.array_equal(before.data, after.data)
