@@ -2,7 +2,7 @@
 and one block of memory for many."""
 
 from collections.abc import Iterable
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,24 @@ def grown(rows: NDArray[Entry], needed: int) -> NDArray[Entry]:
     longer = np.zeros((max(needed, 2 * len(rows)), *rows.shape[1:]), rows.dtype)
     longer[: len(rows)] = rows
     return longer
+
+
+class GrowingArray(Generic[Entry]):
+    """An array to which rows are appended. Appending costs as much as what is appended, not as what is there."""
+
+    def __init__(self, rows: NDArray[Entry]) -> None:
+        self._stored, self._count = rows, len(rows)
+
+    @property
+    def rows(self) -> NDArray[Entry]:
+        """All rows so far."""
+        return self._stored[: self._count]
+
+    def append(self, more: NDArray[Entry]) -> None:
+        """Add rows at the end."""
+        first, self._count = self._count, self._count + len(more)
+        self._stored = grown(self._stored, self._count)
+        self._stored[first : self._count] = more
 
 
 def packed(parts: Parts) -> Parts:

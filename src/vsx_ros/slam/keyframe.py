@@ -20,6 +20,7 @@ from vsx_ros.vision.corners import Corners, no_corners
 from vsx_ros.vision.patch_search import target_of
 from vsx_ros.vision.pyramid import LEVELS, CompressedPyramid, Pyramid, SmallImage
 
+_ENOUGH_DEPTHS = 5  # least points for a median depth
 ROOM_DEPTH_M = 2.5  # median scene depth in a room; thresholds in metres are chosen for it
 
 
@@ -45,6 +46,15 @@ class Observations(NamedTuple):
     def where(self, mask: BoolArray) -> Observations:
         """The observations where the mask (n,) is set."""
         return Observations._make(column[mask] for column in self)
+
+    def renamed(self, becomes: IntArray) -> Observations:
+        """The observations of other rows: becomes (P,) gives the new row of each. If a keyframe saw the new row itself,
+        only that observation is kept."""
+        rows = becomes[self.rows]
+        order = np.argsort(rows != self.rows, kind="stable")
+        kept = np.zeros(len(rows), np.bool_)
+        kept[order[np.unique(rows[order], return_index=True)[1]]] = True
+        return self._replace(rows=rows).where(kept)
 
 
 class FrameData(NamedTuple):
@@ -109,6 +119,14 @@ class KeyFrame:
         """Whether it is not culled: only then is it ranked, searched and adjusted."""
         return self.anchor is None
 
+    def depth_of(self, points_world: Points3) -> float:
+        """Median depth of the points (P, 3) seen that lie in front of it. With fewer than 5 it is that of before: if
+        the pose is wrong, points may lie behind the camera."""
+        R, t = self.T_world_cam.rotation, self.T_world_cam.translation
+        depths = (points_world[self.observations.rows] - t) @ R[:, 2]
+        depths = depths[depths > 0.0]
+        return float(np.median(depths)) if len(depths) >= _ENOUGH_DEPTHS else self.median_depth
+
 
 class Unit(NamedTuple):
     """Unit of length of a map. metre: length of a metre in it; without odometry, estimated as if the scene had the
@@ -133,26 +151,6 @@ def unit_of(keyframes: Sequence[KeyFrame], *indices: int) -> Unit:
     if is_metric(keyframes, near[0].map_id) and all(k.data.T_odom_base is not None for k in near):
         return METRIC
     return Unit(max(near[0].median_depth, 1e-6) / ROOM_DEPTH_M, "units of the map")
-
-
-class PointObservers:
-    """Which keyframes may have seen which points: keyframe indices per block of successive rows, which lie at one
-    place. The cost of a query grows with the keyframes at that place, not with the map."""
-
-    BLOCK_BITS = 6
-
-    def __init__(self) -> None:
-        self._of_block: dict[int, set[int]] = {}
-
-    def add(self, index: int, rows: IntArray) -> None:
-        """Keyframe ``index`` sees the points (rows)."""
-        for block in np.unique(rows >> self.BLOCK_BITS).tolist():
-            self._of_block.setdefault(block, set()).add(index)
-
-    def of(self, rows: IntArray) -> list[int]:
-        """Every keyframe that has seen any of the points (rows), and some that have not; ascending."""
-        blocks = np.unique(rows >> self.BLOCK_BITS).tolist()
-        return sorted(set().union(*(self._of_block.get(block, ()) for block in blocks)))
 
 
 class MapView(NamedTuple):

@@ -107,7 +107,7 @@ class LoopDetector:
         older, newer = world.keyframes[closure.older], world.keyframes[closure.newer]
         if older.map_id != newer.map_id:
             return True
-        way = path_lengths(world.view().centres)
+        way = path_lengths(world.live_view().centres)
         unit = unit_of(world.keyframes, closure.newer, closure.older)
         reach, angle = _drift(self._drift, way[closure.newer] - way[closure.older], unit)
         return closure.place(world).is_near(newer.T_world_cam, float(reach), float(angle))

@@ -122,10 +122,10 @@ def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) ->
     points. Returns what was done."""
     last = closures[-1]
     older, newer = world.keyframes[last.older], world.keyframes[last.newer]
-    around_older = nearest_keyframes(world.view().part(older.map_id), older.T_world_cam)[:8]
+    around_older = nearest_keyframes(world.live_view().part(older.map_id), older.T_world_cam)[:8]
     known = world.seen_by([older.id, *around_older.tolist()])
     if older.map_id == newer.map_id:
-        way = path_lengths(world.view().centres)
+        way = path_lengths(world.live_view().centres)
         length = way[last.newer] - way[last.older]
         free_scale = not scale_is_observed(world, older, newer)
         moved = optimize_pose_graph(world, newer.map_id, closures, free_scale=free_scale)
@@ -154,7 +154,7 @@ def fuse(world: Map, keyframes: list[int], rows: IntArray) -> int:
     """Search for the points (rows) in keyframes (indices) and add observations. Own points of a keyframe at the same
     pixels are replaced by them. Returns the number of points fused."""
     votes: dict[tuple[int, int], int] = {}
-    view = world.view()
+    view = world.live_view()
     found_in = {k: find_unseen(world.keyframes[k], view, rows, RADIUS_PX) for k in keyframes}
     for k, (predictions, uv) in found_in.items():
         mine_and_known = same_points(world.keyframes[k], predictions.rows, uv, predictions.level)

@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, IntArray, Points3, packed
-from vsx_ros.geometry.se3 import SE3, stacked
+from vsx_ros.arrays import BoolArray, GrowingArray, IntArray, Points3, packed
+from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.anchor import Anchor
-from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations, PointObservers, is_metric
+from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations, is_metric
+from vsx_ros.slam.map_index import PointObservers, StackedPoses
 from vsx_ros.slam.templates import NewTemplates, TemplateStore
 from vsx_ros.vision.pyramid import CompressedPyramid
-
-_ENOUGH_DEPTHS = 5  # least points for a median depth; with fewer the previous one is kept
 
 
 class Map:
@@ -27,11 +26,26 @@ class Map:
         self.odom_segment = 0
         self.keyframes: list[KeyFrame] = []
         self._carried: dict[int, list[int]] = {}
-        self._observers = PointObservers()
-        self.points: Points3 = np.zeros((0, 3))
-        self.alive: BoolArray = np.zeros(0, np.bool_)
-        self.source: IntArray = np.zeros(0, np.int64)
+        self._observers, self._poses = PointObservers(), StackedPoses()
+        self._points = GrowingArray(np.zeros((0, 3)))
+        self._alive = GrowingArray(np.zeros(0, np.bool_))
+        self._source = GrowingArray(np.zeros(0, np.int64))
         self.templates = TemplateStore()
+
+    @property
+    def points(self) -> Points3:
+        """See the class; may be written."""
+        return self._points.rows
+
+    @property
+    def alive(self) -> BoolArray:
+        """See the class; may be written."""
+        return self._alive.rows
+
+    @property
+    def source(self) -> IntArray:
+        """See the class; never written."""
+        return self._source.rows
 
     @staticmethod
     def resumed(view: MapView) -> Map:
@@ -43,7 +57,8 @@ class Map:
             if keyframe.anchor is not None:
                 world._carried.setdefault(keyframe.anchor.keyframe, []).append(k)
             world._observers.add(k, keyframe.observations.rows)
-        world.points, world.alive, world.source = view.points.copy(), view.alive.copy(), view.source.copy()
+        world._points, world._alive = GrowingArray(view.points.copy()), GrowingArray(view.alive.copy())
+        world._source = GrowingArray(view.source)
         world.templates = TemplateStore.resumed(view.templates)
         return world
 
@@ -73,9 +88,9 @@ class Map:
     def add_points(self, points_world: Points3, templates: NewTemplates, source: int) -> NDArray[np.int64]:
         """Append points (N, 3) first seen in keyframe ``source``; returns their rows."""
         rows = len(self.points) + np.arange(len(points_world))
-        self.points = np.concatenate([self.points, points_world])
-        self.alive = np.append(self.alive, np.ones(len(rows), np.bool_))
-        self.source = np.append(self.source, np.full(len(rows), source))
+        self._points.append(points_world)
+        self._alive.append(np.ones(len(rows), np.bool_))
+        self._source.append(np.full(len(rows), source))
         self.templates.add_points(len(rows))
         self.templates.add(rows, templates, source)
         return rows
@@ -118,13 +133,10 @@ class Map:
         becomes[old] = new
         for index in self._observers.of(old):
             observed = self.keyframes[index].observations
-            rows = becomes[observed.rows]
-            order = np.argsort(rows != observed.rows, kind="stable")
-            kept = np.zeros(len(rows), np.bool_)
-            kept[order[np.unique(rows[order], return_index=True)[1]]] = True
-            if (rows != observed.rows).any():
-                self._set_observations(index, observed._replace(rows=rows).where(kept))
-                self._observers.add(index, rows)
+            renamed = observed.renamed(becomes)
+            if not np.array_equal(renamed.rows, observed.rows):
+                self._set_observations(index, renamed)
+                self._observers.add(index, renamed.rows)
         self.alive[old] = False
 
     @property
@@ -206,13 +218,11 @@ class Map:
     def compress_keyframe(self, index: int) -> None:
         """Store a keyframe's image in less memory: it will not be needed soon."""
         keyframe = self.keyframes[index]
-        data = keyframe.data._replace(image=CompressedPyramid.of(keyframe.data.image))
-        self.keyframes[index] = replace(keyframe, data=packed(data))
+        image = CompressedPyramid.of(keyframe.data.image)
+        self.keyframes[index] = replace(keyframe, data=packed(keyframe.data._replace(image=image)))
 
     def remove_points(self, rows: IntArray) -> None:
         """Remove points and all their observations from the map."""
-        if not len(rows):
-            return
         self.alive[rows] = False
         for index in self.observers(rows):
             gone = ~self.alive[self.keyframes[index].observations.rows]
@@ -220,27 +230,21 @@ class Map:
                 self.forget(index, gone)
 
     def update_depth(self, index: int) -> None:
-        """Recompute a keyframe's median scene depth from the points in front of it. With fewer than 5 it is kept: if
-        the pose is wrong, points may lie behind the camera."""
+        """Recompute a keyframe's median scene depth."""
         keyframe = self.keyframes[index]
-        R, t = keyframe.T_world_cam.rotation, keyframe.T_world_cam.translation
-        depths = (self.points[keyframe.observations.rows] - t) @ R[:, 2]
-        depths = depths[depths > 0.0]
-        if len(depths) >= _ENOUGH_DEPTHS:
-            self.keyframes[index] = replace(keyframe, median_depth=float(np.median(depths)))
+        self.keyframes[index] = replace(keyframe, median_depth=keyframe.depth_of(self.points))
 
     def view(self) -> MapView:
         """The present version of the map, for the tracker."""
-        R, centres = stacked([k.T_world_cam for k in self.keyframes])
+        live = self.live_view()
+        templates = live.templates._replace(of_point=live.templates.of_point.copy())
+        return live._replace(points=live.points.copy(), alive=live.alive.copy(), templates=templates)
+
+    def live_view(self) -> MapView:
+        """The same without a copy: valid until the map is changed."""
+        R, centres, depths = self._poses.of(self.keyframes)
         return MapView(
-            version=self.version,
-            keyframes=tuple(self.keyframes),
-            living=np.array(self.living, np.int64),
-            R_world_cam=R,
-            centres=centres,
-            depths=np.array([k.median_depth or 1.0 for k in self.keyframes]),
-            points=self.points.copy(),
-            alive=self.alive.copy(),
-            source=self.source.copy(),
-            templates=self.templates.view(),
-        )
+            version=self.version, keyframes=tuple(self.keyframes), living=np.array(self.living, np.int64),
+            R_world_cam=R, centres=centres, depths=depths, points=self.points, alive=self.alive, source=self.source,
+            templates=self.templates.live_view(),
+        )  # fmt: skip

@@ -71,7 +71,7 @@ class MapPoints:
         """Search keyframes for points that they have not seen."""
         if not len(rows):
             return
-        view = self._world.view()
+        view = self._world.live_view()
         for index in indices:
             found, uv = find_unseen(self._world.keyframes[index], view, rows, REFIND_RADIUS_PX)
             observe_at(self._world, index, found.rows, uv, found.level)
@@ -80,9 +80,9 @@ class MapPoints:
         """Add a template to points seen here from a direction or distance unlike that of all their templates."""
         world, keyframe = self._world, self._world.keyframes[index]
         rows = keyframe.observations.rows
-        known = world.templates.view()
+        view = world.live_view()
+        known, centres = view.templates, view.centres
         here = world.points[rows] - keyframe.T_world_cam.translation
-        centres = np.array([k.T_world_cam.translation for k in world.keyframes])
         numbers = known.of_point[rows]
         there = world.points[rows][:, None] - centres[known.source[numbers]]
         here2, there2 = (here**2).sum(axis=1)[:, None], (there**2).sum(axis=2)

@@ -123,7 +123,7 @@ class Mapper:
 
     def _correct_loops(self, index: int, neighbours: list[int]) -> None:
         """Close a loop or join a map when a new keyframe shows a place that the map holds elsewhere."""
-        closures = self._loops.detect(self.map, self.map.view(), index)
+        closures = self._loops.detect(self.map, self.map.live_view(), index)
         if self._loops.tracked_loop:
             stamp_ns = self.map.keyframes[index].data.stamp_ns
             self.events.append(SlamEvent(stamp_ns, "loop closed", self._loops.tracked_loop))

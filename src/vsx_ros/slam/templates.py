@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, IntArray, grown
+from vsx_ros.arrays import FloatArray, GrowingArray, IntArray
 from vsx_ros.kernels.vision.patches import PATCH
 
 VIEWS = 5  # templates kept per point, from different sides; a new one replaces the oldest but the first
@@ -36,40 +36,33 @@ class TemplateStore:
     """Templates are written once and shared with views; only their assignment to points changes."""
 
     def __init__(self) -> None:
-        self._points = self._count = 0
-        self._of_point: IntArray = np.full((1024, VIEWS), -1, np.int64)
-        basis, offset, patches = np.zeros((1024, 4)), np.zeros((1024, 2)), np.zeros((1024, PATCH, PATCH), np.uint8)
-        self._columns: list[NDArray[Any]] = [np.zeros(1024, np.int64), basis, offset, patches]
+        basis, offset, patches = np.zeros((0, 4)), np.zeros((0, 2)), np.zeros((0, PATCH, PATCH), np.uint8)
+        self._of_point = GrowingArray(np.zeros((0, VIEWS), np.int64))
+        self._columns = [GrowingArray[Any](rows) for rows in (np.zeros(0, np.int64), basis, offset, patches)]
 
     @staticmethod
     def resumed(templates: Templates) -> TemplateStore:
         """A store that continues from the templates of a view."""
         store = TemplateStore()
-        store._points, store._of_point = len(templates.of_point), templates.of_point.copy()
-        store._count, store._columns = len(templates.source), list(templates[1:])
+        store._of_point = GrowingArray(templates.of_point.copy())
+        store._columns = [GrowingArray(rows) for rows in templates[1:]]
         return store
 
     def add_points(self, count: int) -> None:
         """Add ``count`` points without templates."""
-        self._points += count
-        self._of_point = grown(self._of_point, self._points)
-        self._of_point[self._points - count : self._points] = -1
+        self._of_point.append(np.full((count, VIEWS), -1))
 
     def add(self, rows: IntArray, templates: NewTemplates, source: int) -> None:
         """Add templates of points (rows) from keyframe ``source``; a new one replaces the oldest but the first."""
-        first = self._count
-        self._count += len(rows)
-        self._columns = [grown(column, self._count) for column in self._columns]
-        for column, new in zip(self._columns, (source, *templates)):
-            column[first : self._count] = new
-        free = self._of_point[rows] < 0
+        of_point, first = self._of_point.rows, len(self._columns[0].rows)
+        for column, new in zip(self._columns, (np.full(len(rows), source), *templates)):
+            column.append(new)
+        free = of_point[rows] < 0
         full = ~free.any(axis=1)
-        self._of_point[rows[full], 1:-1] = self._of_point[rows[full], 2:]
+        of_point[rows[full], 1:-1] = of_point[rows[full], 2:]
         slot = np.where(full, VIEWS - 1, free.argmax(axis=1))
-        self._of_point[rows, slot] = np.arange(first, self._count)
+        of_point[rows, slot] = first + np.arange(len(rows))
 
-    def view(self) -> Templates:
-        """All templates, for searching."""
-        return Templates._make(
-            [self._of_point[: self._points].copy(), *(rows[: self._count] for rows in self._columns)]
-        )
+    def live_view(self) -> Templates:
+        """All templates, for searching; valid until some are added."""
+        return Templates._make([self._of_point.rows, *(column.rows for column in self._columns)])
