@@ -36,7 +36,7 @@ def on_floor(world: World, snapshot: MapSnapshot, poses: Sequence[SE3], camera: 
     cameras = [T_start_world @ pose for pose in poses]
     R, t = np.array([T.rotation for T in cameras]), np.array([T.translation for T in cameras])
     faces, on = faces_of(world), np.ones(len(snapshot.obs_uv), np.bool_)
-    half_px = 0.5 * PATCH_PX * 2.0 ** snapshot.obs_level[:, None]
+    half_px = 0.5 * PATCH_PX * np.exp2(snapshot.obs_level[:, None], dtype=np.float64)
     for corner in ((0.0, 0.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)):
         rays = camera.unproject(snapshot.obs_uv + np.array(corner) * half_px)
         turned = np.einsum("nij,nj->ni", R[snapshot.obs_keyframe], rays)

@@ -17,7 +17,9 @@ FloatArray: TypeAlias = NDArray[np.float64]  # Float64 array of any shape; the d
 IntArray: TypeAlias = NDArray[np.int64]
 """Int64 array of any shape: indices, labels, counts. Most compiled loops accept only this integer type."""
 
-Int32Array: TypeAlias = NDArray[np.int32]  # Counts of cells and fixed-point values, any shape
+Int32Array: TypeAlias = NDArray[np.int32]  # Counts of cells, fixed-point values and many indices, any shape
+
+Indices: TypeAlias = NDArray[np.integer[Any]]  # Integers of any width, where the callee converts them
 
 Float32Array: TypeAlias = NDArray[np.float32]
 """Float32 array of any shape, where half the memory or twice the vector width matters."""

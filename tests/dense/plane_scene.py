@@ -40,13 +40,13 @@ def seen(
         d = rays / r[:, None]
         information = ((FOCAL_PX / (r * noise_px)) ** 2)[:, None, None] * (np.eye(3) - d[:, :, None] * d[:, None, :])
         noisy[i] += np.linalg.cholesky(np.linalg.inv(information.sum(axis=0))) @ rng.normal(size=3)
-    point, keyframe = np.nonzero(watchers)
+    point, keyframe = (index.astype(np.int32) for index in np.nonzero(watchers))
     order = np.argsort(keyframe, kind="stable")
     k, n = len(cameras), len(order)
     image = np.zeros((48, 64), np.uint8)
     return MapSnapshot(
         1, np.arange(k), np.arange(k), tuple(cameras), (image,) * k, first_id + np.arange(len(points)), noisy,
-        keyframe[order], point[order], np.zeros((n, 2)), np.zeros(n, np.int64),
+        keyframe[order], point[order], np.zeros((n, 2)), np.zeros(n, np.int8),
     )  # fmt: skip
 
 

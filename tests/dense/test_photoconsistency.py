@@ -121,7 +121,7 @@ def test_rays_to_points_behind_pass_through_the_cell_they_cross() -> None:
     votes = np.zeros((4, 4), np.int64)
     centres = np.array([[0.0, 0.0, 0.1], [0.0, 0.02, 0.1]])
     points = np.array([[4.0, -0.2, 0.1], [2.05, -0.2, 0.1], [4.0, 5.0, 0.1]])
-    keyframe, point = np.array([0, 0, 0, 1]), np.array([0, 1, 2, 0])
+    keyframe, point = np.array([[0, 0, 0, 1], [0, 1, 2, 0]], np.int32)
     count_passing(
         FRAME, -2.0, centres, points, keyframe, point, np.array([0.15, 0.08]), np.zeros(2, np.int64), 0.08, votes
     )

@@ -95,8 +95,8 @@ def snapshot(scene: list[Rectangle], poses: list[SE3], points: np.ndarray, versi
         tuple(picture(scene, T) for T in poses),
         np.arange(len(points)),
         points,
-        np.concatenate([np.zeros(0, np.int64), *keyframe]),
-        np.concatenate([np.zeros(0, np.int64), *point]),
+        np.concatenate([np.zeros(0, np.int32), *keyframe]).astype(np.int32),
+        np.concatenate([np.zeros(0, np.int32), *point]).astype(np.int32),
         np.concatenate([np.zeros((0, 2)), *uv]),
-        np.zeros(sum(map(len, point)), np.int64),
+        np.zeros(sum(map(len, point)), np.int8),
     )

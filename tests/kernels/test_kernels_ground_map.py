@@ -25,7 +25,7 @@ def scene():
     rng = np.random.default_rng(4)
     positions = np.column_stack([rng.uniform(-1, 1, (6, 2)), np.full(6, 0.31)])
     points = np.column_stack([rng.uniform(-4, 4, (80, 2)), rng.uniform(-0.2, 1.2, 80)])
-    keyframe, point = (a.ravel() for a in np.meshgrid(np.arange(6), np.arange(80), indexing="ij"))
+    keyframe, point = (a.ravel().astype(np.int32) for a in np.meshgrid(np.arange(6), np.arange(80), indexing="ij"))
     keep = rng.uniform(size=len(point)) < 0.5
     return positions, rng.uniform(-4, 4, 6), points, keyframe[keep], point[keep]
 

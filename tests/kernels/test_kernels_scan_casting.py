@@ -93,7 +93,7 @@ def test_corners_hold_cameras_ends_of_scans_and_hits():
     headings = np.column_stack([np.cos(angle), np.sin(angle)])
     free = np.maximum(0.0, rng.uniform(-1.0, 2.0, (3, 8))).astype(np.float32)
     points, hit = rng.normal(size=(5, 3)) * 4.0, np.array([1.0, 0.0, 2.0], np.float32)
-    seen = np.array([4, 0, 2])
+    seen = np.array([4, 0, 2], np.int32)
     bearing = angle[:, None] + (np.arange(8) + 0.5) * 2.0 * math.pi / 8
     ends = positions[:, None, :2] + free[..., None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
     known = np.vstack([positions[:, :2], ends[free > 0.0], points[[4, 2], :2]])

@@ -163,7 +163,7 @@ def observed_points(snapshot: MapSnapshot, focal_px: float, noise_px: float) -> 
     """All points of the snapshot, in its row order. noise_px: standard deviation of an observation at level 0."""
     world, seen = np.ascontiguousarray(snapshot.points_world), snapshot.rays
     _, centres = stacked(seen.T_world_cams)
-    noise = np.asarray(noise_px / focal_px * 2.0**seen.level, np.float64)
+    noise = noise_px / focal_px * np.exp2(seen.level, dtype=np.float64)
     information, rays, distances = point_information(world, centres, seen.keyframe, seen.point, noise)
     # Observations along one ray do not determine the depth; its standard deviation is then 10 m.
     covariances = np.asarray(np.linalg.inv(information + 1e-2 * np.eye(3)), np.float64)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2, Points3, array_bytes
+from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray, Points2, Points3, array_bytes
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.cells import CellKind, Cells
 from vsx_ros.dense.photoconsistency import Judgement, judge
@@ -76,7 +76,7 @@ class Surface:
         return plane.points_at(coordinates)
 
     def look_through(
-        self, plane: Plane, centres: Points3, points: Points3, keyframe: IntArray, point: IntArray
+        self, plane: Plane, centres: Points3, points: Points3, keyframe: Int32Array, point: Int32Array
     ) -> None:
         """Count the keyframes that see a point behind the plane through each cell. keyframe, point (O,): rows of
         centres and of points for each observation, ordered by keyframe."""

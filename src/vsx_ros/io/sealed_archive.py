@@ -25,11 +25,11 @@ be used more than once: those of culled keyframes are empty and so identical."""
 
 
 def seal_into(file: BinaryIO, entries: Iterable[tuple[str, bytes]], *, quick: bool = False) -> None:
-    """Write an archive to an empty file, one entry after the other; the same bytes for the same entries. Images (.png)
-    are stored uncompressed. quick: so is the rest, for speed."""
+    """Write an archive to an empty file, one entry after the other; the same bytes for the same entries. Images are
+    stored uncompressed. quick: so is the rest, for speed."""
     with zipfile.ZipFile(file, "w") as archive:
         for name, content in entries:
-            method = zipfile.ZIP_STORED if quick or name.endswith(".png") else zipfile.ZIP_DEFLATED
+            method = zipfile.ZIP_STORED if quick or name.endswith((".png", ".jpg")) else zipfile.ZIP_DEFLATED
             archive.writestr(zipfile.ZipInfo(name), content, method, compresslevel=1)
         archive.comment = b"0" * _SEAL
     left = file.tell() - _SEAL

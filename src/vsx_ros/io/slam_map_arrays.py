@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from vsx_ros.arrays import FloatArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.lens import MOTION
@@ -32,6 +33,12 @@ def _anchors(view: MapView) -> list[Anchor]:
     return [a._replace(T_keyframe_this=a.T_keyframe_this.scaled(size)) for a, size in zip(carried, sizes)]
 
 
+def _pixels(columns: list[FloatArray], view: MapView) -> FloatArray:
+    """Of all observations; zero for those of culled keyframes, which have none."""
+    counts = [len(keyframe.observations.rows) for keyframe in view.keyframes]
+    return np.concatenate([pixels if len(pixels) else np.zeros((n, 2)) for pixels, n in zip(columns, counts)])
+
+
 LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] = {
     "stamp_ns": ("<i8", ("K",), lambda v: [k.data.stamp_ns for k in v.keyframes]),
     "rotation": ("<f8", ("K", 3, 3), lambda v: v.R_world_cam),
@@ -49,8 +56,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] =
     "corner": ("<i4", ("C", 2), lambda v: np.concatenate([k.data.corners.positions for k in v.keyframes])),
     "observation_count": ("<i8", ("K",), lambda v: [len(k.observations.rows) for k in v.keyframes]),
     "observation_row": ("<i8", ("O",), lambda v: np.concatenate([k.observations.rows for k in v.keyframes])),
-    "observation_uv": ("<f8", ("O", 2), lambda v: np.concatenate([k.observations.uv for k in v.keyframes])),
-    "observation_ideal": ("<f8", ("O", 2), lambda v: np.concatenate([k.observations.ideal for k in v.keyframes])),
+    "observation_uv": ("<f8", ("O", 2), lambda v: _pixels([k.observations.uv for k in v.keyframes], v)),
+    "observation_ideal": ("<f8", ("O", 2), lambda v: _pixels([k.observations.ideal for k in v.keyframes], v)),
     "observation_level": ("<i8", ("O",), lambda v: np.concatenate([k.observations.level for k in v.keyframes])),
     "point": ("<f8", ("P", 3), lambda v: v.points),
     "point_alive": ("|b1", ("P",), lambda v: v.alive),

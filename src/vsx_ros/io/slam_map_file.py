@@ -1,6 +1,6 @@
 """A map of the SLAM on disk, with all data needed to continue it (``.vsxmap``).
 
-A zip file: manifest.json (format, camera, mount), keyframes/<index>.png (grey images), arrays/<name>.npy
+A zip file: manifest.json (format, camera, mount), keyframes/<index>.png or .jpg (grey images), arrays/<name>.npy
 (``slam_map_arrays.LAYOUT``). Its last 64 bytes are the SHA-256 of all bytes before them."""
 
 import json
@@ -30,18 +30,19 @@ from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.templates import Templates
-from vsx_ros.vision.corners import indexed
+from vsx_ros.vision.corners import PackedCorners, indexed
 from vsx_ros.vision.patch_search import moving
-from vsx_ros.vision.pyramid import CompressedPyramid, build_pyramid, small_image
+from vsx_ros.vision.pyramid import CompressedPyramid, build_pyramid, picture_file, small_image
 
 FORMAT, VERSION = "vsx_ros slam map", 2  # increased when an older vsx_ros cannot read the file
-_PIXELS, _PIXELS_PER_BYTE = 64 * MIB, 16  # with a camera's noise, a byte of a packed image holds two to three pixels
+_PNG, _JPG, _JPG_HEAD = ".png", ".jpg", b"\xff\xd8"
+_PIXELS, _PIXELS_PER_BYTE = (64 * MIB, 160)  # noise takes a byte for two to six pixels, black one for 130
 
 
 def save_slam_map(slam_map: SlamMap, path: Path) -> None:
     """Bring the file to the disk in one step; the SLAM may continue meanwhile. Raises MapFileError when that fails."""
-    living = (k for k in slam_map.view.keyframes if k.alive)
-    pictures = ((image_name(k.id), CompressedPyramid.of(k.data.image).png) for k in living)
+    files = ((k.id, picture_file(k.data.image)) for k in slam_map.view.keyframes if k.alive)
+    pictures = ((image_name(number, content), content) for number, content in files)
     with (
         explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError),
         replacing(path, durable=True) as file,
@@ -93,7 +94,7 @@ def damage_explained(path: Path) -> Iterator[None]:
 
 def _check_pictures(entries: Mapping[str, bytes], count: int, camera: PinholeCamera) -> None:
     """Raises ValueError if the files are too small for this many images with any content."""
-    packed = sum(len(content) for name, content in entries.items() if name.endswith(".png"))
+    packed = sum(len(content) for name, content in entries.items() if name.endswith((_PNG, _JPG)))
     Allowance(_PIXELS, packed, _PIXELS_PER_BYTE).take(count * camera.width * camera.height, f"{count} pictures")
 
 
@@ -158,7 +159,7 @@ def _keyframe(k: int, part: slice, arrays: Arrays, entries: Mapping[str, bytes],
     anchor = None
     if arrays["anchor"][k] >= 0:
         T = SE3(arrays["anchor_rotation"][k], arrays["anchor_translation"][k])
-        anchor = Anchor(int(arrays["anchor"][k]), T)
+        anchor, observed = Anchor(int(arrays["anchor"][k]), T), observed.without_pixels()
     T_world_cam = SE3(arrays["rotation"][k], arrays["translation"][k])
     depth, segment, map_id = float(arrays["median_depth"][k]), int(arrays["chain"][k]), int(arrays["map_id"][k])
     return KeyFrame(
@@ -180,7 +181,7 @@ def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: Pi
     T_odom_base = SE2(*arrays["odometry"][k].tolist()) if arrays["has_odometry"][k] else None
     if arrays["anchor"][k] >= 0:
         return FrameData.without_image(stamp_ns, T_odom_base)
-    content = entries[image_name(k)]
+    content = entries.get(image_name(k, _JPG_HEAD)) or entries[image_name(k)]
     pyramid = build_pyramid(_decoded(content, k, camera))
     counts = arrays["corner_count"]
     first = int(counts[:k].sum())
@@ -190,7 +191,7 @@ def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: Pi
     return FrameData(
         stamp_ns=stamp_ns,
         image=CompressedPyramid(content),
-        corners=corners,
+        corners=PackedCorners.of(corners, pyramid.table),
         small=small_image(pyramid),
         T_odom_base=T_odom_base,
         camera=own,
@@ -202,9 +203,14 @@ def array_name(name: str) -> str:
     return f"arrays/{name}.npy"
 
 
-def image_name(index: int) -> str:
-    """The entry of a keyframe's image."""
-    return f"keyframes/{index:06d}.png"
+def image_name(index: int, content: bytes = b"") -> str:
+    """The entry of a keyframe's image with this content: a .jpg or, by default, a .png."""
+    return f"keyframes/{index:06d}{suffix_of(content)}"
+
+
+def suffix_of(content: bytes) -> str:
+    """How the name of such a picture file ends."""
+    return _JPG if content.startswith(_JPG_HEAD) else _PNG
 
 
 def _decoded(content: bytes, index: int, camera: PinholeCamera) -> GrayImage:

@@ -29,8 +29,8 @@ def warm_up(*groups: str) -> None:
 
 
 def _planes() -> None:
-    world, one = np.array([[2.0, 0.0, 0.3]]), np.zeros(1, np.int64)
-    _, rays, _ = planes.point_information(world, np.zeros((1, 3)), one, one, np.ones(1))
+    world, one, seen = np.array([[2.0, 0.0, 0.3]]), np.zeros(1, np.int64), np.zeros(1, np.int32)
+    _, rays, _ = planes.point_information(world, np.zeros((1, 3)), seen, seen, np.ones(1))
     points = planes.ObservedPoints(one, world, np.eye(3)[None].copy(), rays, np.ones(1), np.ones(1))
     wall, noise = np.array([-1.0, 0.0, 0.0, -2.0]), planes.Noise(0.01, 2.5, 0.1)
     planes.deviations(points, one, wall, noise)
@@ -49,25 +49,25 @@ def _surfaces() -> None:
     frame = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     limits = (0.4, 6.0, 0.2, 0.999, 0.9, 0.9999, 0.01)
     surface_cells.judge_cells(views, frame, place, 0.06, limits, (1.0, 0.5), np.array([0.8, 1.2]))
-    behind, votes = np.array([0.15, 0.08]), np.zeros((2, 2), np.int64)
-    surface_cells.count_passing(frame, -0.5, eye, place, one, one, behind, np.zeros(2, np.int64), 0.08, votes)
+    behind, votes, seen = np.array([0.15, 0.08]), np.zeros((2, 2), np.int64), np.zeros(1, np.int32)
+    surface_cells.count_passing(frame, -0.5, eye, place, seen, seen, behind, np.zeros(2, np.int64), 0.08, votes)
     strips, contact = (0.025, 0.01, 0.05, 0.02, 0.08), (0.4, 6.0, 0.2, 5.0, 24)
     floor_contact.contact_steps(views, place, frame[2], frame[0], strips, np.zeros(5), contact)
 
 
 def _ground_map() -> None:
     positions, headings = np.zeros((1, 3)), np.array([[1.0, 0.0]])
-    points, one = np.array([[1.0, 0.0, 0.3]]), np.zeros(1, np.int64)
-    parallax = ground_map.point_parallax(positions, points, one, one)
+    points, one, seen = np.array([[1.0, 0.0, 0.3]]), np.zeros(1, np.int64), np.zeros(1, np.int32)
+    parallax = ground_map.point_parallax(positions, points, seen, seen)
     heights, ranges = (0.06, 0.6, 0.45, 1.0, 0.01), (6.0, 0.001, 0.1, 0.025, 2.0)
-    scans = ground_map.polar_scans(positions, headings, points, parallax, one, one, 8, heights, ranges)
+    scans = ground_map.polar_scans(positions, headings, points, parallax, seen, seen, 8, heights, ranges)
     ground_map.bridge_gaps(scans.free, 2, 0.1)
-    ground_cells.scan_corners(scans, points, one)
+    ground_cells.scan_corners(scans, points, seen)
     surfaces, lattice = ground_map.Surfaces(points, one, np.zeros(1)), ground_cells.Lattice(4, 4, 0.05, 0.0, 0.0)
     ground_map.meet_surfaces(scans, surfaces, np.ones(1, np.bool_), (0.04, 2.0, 0.05), (0.15, 6.0))
     ground_cells.cover_discs(np.zeros((1, 2)), 0.2, lattice)
     ground_cells.count_free(scans, lattice)
-    ground_cells.count_hits(points, one, scans.hit, 3, lattice)
+    ground_cells.count_hits(points, seen, scans.hit, 3, lattice)
     basins.flood_basins(np.ones((2, 2)), np.arange(4), 0.7)
 
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, Int32Array, IntArray, Points2, Points3
+from vsx_ros.arrays import BoolArray, Indices, Int32Array, Points2, Points3
 from vsx_ros.config import GroundMapConfig, RobotConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
@@ -56,8 +56,8 @@ class GroundMap:
         self._config, self._robot = config, robot
 
     def build(
-        self, T_world_cams: Sequence[SE3], points_world: Points3, obs_keyframe: IntArray, obs_point: IntArray,
-        driven: DriveHistory | None = None, surfaces: Surfaces | None = None, obs_level: IntArray | None = None,
+        self, T_world_cams: Sequence[SE3], points_world: Points3, obs_keyframe: Indices, obs_point: Indices,
+        driven: DriveHistory | None = None, surfaces: Surfaces | None = None, obs_level: Indices | None = None,
     ) -> OccupancyGrid:  # fmt: skip
         """The grid. Evidence of an obstacle beats evidence of free space. Unseen cells stay unknown, except gaps in
         walls and in the free ground (``unknown_ground.py``). The probabilities follow from the evidence
@@ -72,7 +72,7 @@ class GroundMap:
         trail, bumps, start = driven or DriveHistory()
         self._check(len(T_world_cams), points_world, obs_keyframe, obs_point, obs_level)
         points = writable(points_world, np.float64).reshape(-1, 3)
-        keyframe, point = writable(obs_keyframe, np.int64), writable(obs_point, np.int64)
+        keyframe, point = writable(obs_keyframe, np.int32), writable(obs_point, np.int32)
         scans = virtual_scans(T_world_cams, points, keyframe, point, self._config)
         spots, touched, outline = self._touched(surfaces or Surfaces.none(), len(T_world_cams))
         meet(scans, spots, touched, self._config)
@@ -85,7 +85,8 @@ class GroundMap:
         lattice = self._lattice(extent)
         free_votes = ground_cells.count_free(scans, lattice)
         hits, over = self._hits(scans, points, point, lattice)
-        solid = ground_cells.count_hits(spots.points, np.arange(len(touched)), touched.astype(np.float32), 1, lattice)
+        every = np.arange(len(touched), dtype=np.int32)
+        solid = ground_cells.count_hits(spots.points, every, touched.astype(np.float32), 1, lattice)
         occupied = self._occupied(hits, over, free_votes) | _solid(solid, free_votes)
         known = self._known(trail, start, occupied, lattice)
         data = self._judged(free_votes, occupied, known, lattice)
@@ -121,7 +122,7 @@ class GroundMap:
 
     @staticmethod
     def _check(
-        n_keyframes: int, points_world: Points3, obs_keyframe: IntArray, obs_point: IntArray, obs_level: IntArray | None
+        n_keyframes: int, points_world: Points3, obs_keyframe: Indices, obs_point: Indices, obs_level: Indices | None
     ) -> None:
         _check_names("an observation names keyframe", obs_keyframe, n_keyframes)
         _check_names("an observation names point", obs_point, len(points_world))
@@ -141,7 +142,7 @@ class GroundMap:
         overruled = self._config.overruled_ratio, self._config.few_overruled_ratio
         return believed(hits, over, free_votes, _MIN_POINTS, _SURE_POINTS, overruled)
 
-    def _hits(self, scans: PolarScans, points: Points3, point: IntArray, lattice: Lattice) -> tuple[Counts, Counts]:
+    def _hits(self, scans: PolarScans, points: Points3, point: Int32Array, lattice: Lattice) -> tuple[Counts, Counts]:
         """Observations of obstacle points, and of points above them. Those above are hits, too, where they belong to a
         thin post, such as a table leg: a plain leg shows points only where it meets the top."""
         hits, over = (
@@ -209,7 +210,7 @@ def writable(array: Any, dtype: Any) -> NDArray[Any]:
     return np.require(array, dtype, ["C", "W"])
 
 
-def _check_names(words: str, indices: IntArray, count: int) -> None:
+def _check_names(words: str, indices: Indices, count: int) -> None:
     """Raise InputError for an index that is not in 0..count - 1."""
     if len(indices) and not 0 <= int(np.min(indices)) <= int(np.max(indices)) < count:
         raise InputError(f"{words} {int(np.max(indices))} of {count}; all that is given must come from one snapshot")

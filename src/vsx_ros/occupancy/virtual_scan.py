@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, Points3
 from vsx_ros.config import GroundMapConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, stacked
@@ -27,7 +27,7 @@ _FLOOR_GROWTH = 0.012  # floor points scatter with distance: pose and depth erro
 
 
 def virtual_scans(
-    T_world_cams: Sequence[SE3], points: Points3, keyframe: IntArray, point: IntArray, config: GroundMapConfig
+    T_world_cams: Sequence[SE3], points: Points3, keyframe: Int32Array, point: Int32Array, config: GroundMapConfig
 ) -> PolarScans:
     """Scans of all keyframes. keyframe, point (O,): the observations. points (M, 3): map points, z above the floor.
 

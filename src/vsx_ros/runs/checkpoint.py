@@ -1,8 +1,8 @@
 """The state with which a killed run can be resumed: its map and counters, written every few seconds.
 
-A folder: keyframes/<index>_<stamp>.png and pieces/<hash>.npy (corners and point patches), each written once; map.zip,
-sealed, with everything that changes. Even if the program or the power fails, map.zip is either the old or the new one.
-The files it names exist, and so do the earlier lines of the journals beside it (*.jsonl)."""
+A folder: keyframes/<index>_<stamp>.png or .jpg and pieces/<hash>.npy (corners and point patches), each written once;
+map.zip, sealed, with everything that changes. Even if the program or the power fails, map.zip is either the old or the
+new one. The files it names exist, and so do the earlier lines of the journals beside it (*.jsonl)."""
 
 import json
 from collections.abc import Mapping
@@ -17,12 +17,12 @@ from vsx_ros.errors import InputError, explained
 from vsx_ros.io.atomic import sync, write_bytes, write_text
 from vsx_ros.io.sealed_archive import ArrayChunks, array_bytes, array_of, seal, unseal
 from vsx_ros.io.slam_map_arrays import Arrays, arrays_of
-from vsx_ros.io.slam_map_file import array_name, damage_explained, entries_of, image_name
+from vsx_ros.io.slam_map_file import array_name, damage_explained, entries_of, image_name, suffix_of
 from vsx_ros.io.slam_map_file import slam_map_of as slam_map_of_entries
 from vsx_ros.limits import DATA_BYTES, file_bytes, file_text, json_tree
 from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.snapshot import SlamMap
-from vsx_ros.vision.pyramid import CompressedPyramid
+from vsx_ros.vision.pyramid import picture_file
 
 _PNG, _PICTURE_BYTES = b"\x89PNG\r\n\x1a\n", 2**22
 _STATE, _NOTES = "state/", "checkpoint.json"
@@ -53,35 +53,39 @@ class Checkpoint:
 
     def write(self, saved: CheckpointData) -> None:
         """Replace the checkpoint in one step. Raises InputError when the folder cannot be written."""
-        living = {_file(k): k for k in saved.slam_map.view.keyframes if k.alive}
+        living = {_stem(k): k for k in saved.slam_map.view.keyframes if k.alive}
         arrays = arrays_of(saved.slam_map.view)
         with self._writing():
             self.path.mkdir(parents=True, exist_ok=True)
             for path in (self.path.parent, *self.path.glob("*.jsonl")):
                 sync(path)
-            self._write_pictures(living)
+            names = self._write_pictures(living)
             pieces = {name: self._chunks.write(arrays.pop(name), cuts) for name, cuts in _cuts(arrays).items()}
             entries = dict(entries_of(saved.slam_map, arrays))
             entries |= {f"{_STATE}{name}.npy": array_bytes(array) for name, array in saved.state.items()}
-            files = {keyframe.id: name for name, keyframe in living.items()}
+            files = {keyframe.id: names[stem] for stem, keyframe in living.items()}
             notes = {"stamp_ns": saved.stamp_ns, "mission": saved.mission, "files": files, "pieces": pieces}
             entries[_NOTES] = json.dumps(notes).encode()
             write_bytes(self.path / "map.zip", seal(entries, quick=True), durable=True)
             self._chunks.keep({piece for names in pieces.values() for piece in names})
             for path in (self.path / "keyframes").iterdir():
-                if path.name not in living:
+                if path.stem not in living:
                     path.unlink()
 
     def _writing(self) -> AbstractContextManager[None]:
         return explained(InputError, f"checkpoint {self.path} cannot be written", "free the disk", OSError)
 
-    def _write_pictures(self, living: Mapping[str, KeyFrame]) -> None:
+    def _write_pictures(self, living: Mapping[str, KeyFrame]) -> dict[str, str]:
+        """The name of each picture, by its stem."""
         folder = self.path / "keyframes"
         folder.mkdir(exist_ok=True)
-        there = {path.name for path in folder.iterdir()}
-        for name, keyframe in living.items():
-            if name not in there:
-                write_bytes(folder / name, CompressedPyramid.of(keyframe.data.image).png, durable=True)
+        names = {path.stem: path.name for path in folder.iterdir()}
+        for stem, keyframe in living.items():
+            if stem not in names:
+                content = picture_file(keyframe.data.image)
+                names[stem] = stem + suffix_of(content)
+                write_bytes(folder / names[stem], content, durable=True)
+        return names
 
     def read(self) -> CheckpointData:
         """The newest checkpoint. Raises MapFileError when there is none or it is damaged."""
@@ -137,5 +141,5 @@ def _cuts(arrays: Arrays) -> dict[str, NDArray[np.int64]]:
     return {"corner": corners[_KEYFRAMES - 1 : -1 : _KEYFRAMES], "template_patch": patches}
 
 
-def _file(keyframe: KeyFrame) -> str:
-    return f"{keyframe.id:06d}_{keyframe.data.stamp_ns}.png"
+def _stem(keyframe: KeyFrame) -> str:
+    return f"{keyframe.id:06d}_{keyframe.data.stamp_ns}"

@@ -16,9 +16,9 @@ from vsx_ros.kernels.lens import CAMERA
 from vsx_ros.kernels.vision.patches import Target
 from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.templates import Templates
-from vsx_ros.vision.corners import Corners, no_corners
+from vsx_ros.vision.corners import Corners, PackedCorners, no_corners
 from vsx_ros.vision.patch_search import target_of
-from vsx_ros.vision.pyramid import LEVELS, CompressedPyramid, Pyramid, SmallImage
+from vsx_ros.vision.pyramid import LEVELS, CompressedPyramid, Pyramid, SmallImage, small_image
 
 _ENOUGH_DEPTHS = 5  # least points for a median depth
 ROOM_DEPTH_M = 2.5  # median scene depth in a room; thresholds in metres are chosen for it
@@ -26,7 +26,7 @@ ROOM_DEPTH_M = 2.5  # median scene depth in a room; thresholds in metres are cho
 
 class Observations(NamedTuple):
     """Points seen by one keyframe: rows (n,) in the map, uv (n, 2) level-0 px as in the image, ideal (n, 2) px without
-    distortion, level (n,)."""
+    distortion, level (n,). Those of a culled keyframe have no pixels: uv and ideal are (0, 2)."""
 
     rows: NDArray[np.int64]
     uv: Pixels
@@ -45,7 +45,11 @@ class Observations(NamedTuple):
 
     def where(self, mask: BoolArray) -> Observations:
         """The observations where the mask (n,) is set."""
-        return Observations._make(column[mask] for column in self)
+        return Observations._make(column[mask[: len(column)]] for column in self)
+
+    def without_pixels(self) -> Observations:
+        """Only which points were seen, and at which level."""
+        return self._replace(uv=np.zeros((0, 2)), ideal=np.zeros((0, 2)))
 
     def renamed(self, becomes: IntArray) -> Observations:
         """The observations of other rows: becomes (P,) gives the new row of each. If a keyframe saw the new row itself,
@@ -58,18 +62,25 @@ class Observations(NamedTuple):
 
 
 class FrameData(NamedTuple):
-    """A preprocessed image for tracker, mapper and relocaliser. image: its pyramid, compressed where the camera has not
+    """A preprocessed image for tracker, mapper and relocaliser. image, corners: compressed where the camera has not
     been for long. camera (CAMERA,): the kernels' array, with the motion during readout. T_odom_base: by odometry at the
     exposure of the middle row, None when unknown. blurred: much less sharp than the frames before; good enough to
     track, not to map."""
 
     stamp_ns: int
     image: Pyramid | CompressedPyramid
-    corners: Corners
+    corners: Corners | PackedCorners
     small: SmallImage
     T_odom_base: SE2 | None
     camera: FloatArray
     blurred: bool = False
+
+    def compressed(self) -> FrameData:
+        """The same in a fifth of the memory, and as a map that is saved and loaded gives it back."""
+        if isinstance(self.image, CompressedPyramid):
+            return self
+        image, corners = CompressedPyramid.of(self.image), PackedCorners.of(self.corners, self.image.table)
+        return self._replace(image=image, corners=corners, small=small_image(image.pyramid))
 
     @property
     def pyramid(self) -> Pyramid:

@@ -14,7 +14,6 @@ from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations, is_metric
 from vsx_ros.slam.map_index import PointObservers, StackedPoses
 from vsx_ros.slam.templates import NewTemplates, TemplateStore
-from vsx_ros.vision.pyramid import CompressedPyramid
 
 
 class Map:
@@ -208,7 +207,8 @@ class Map:
         others = [k for k in self.living if k != index]
         parent = max(others, key=lambda k: (shared[k], -abs(k - index)))
         data = FrameData.without_image(keyframe.data.stamp_ns, keyframe.data.T_odom_base)
-        self.keyframes[index] = replace(keyframe, data=data)
+        observations = packed(keyframe.observations.without_pixels())
+        self.keyframes[index] = replace(keyframe, data=data, observations=observations)
         carried, heir = [index, *self._carried.pop(index, [])], self.keyframes[parent]
         for k in carried:
             anchor = Anchor(parent, heir.T_world_cam.inverse() @ self.keyframes[k].T_world_cam, heir.scale)
@@ -218,8 +218,7 @@ class Map:
     def compress_keyframe(self, index: int) -> None:
         """Store a keyframe's image in less memory: it will not be needed soon."""
         keyframe = self.keyframes[index]
-        image = CompressedPyramid.of(keyframe.data.image)
-        self.keyframes[index] = replace(keyframe, data=packed(keyframe.data._replace(image=image)))
+        self.keyframes[index] = replace(keyframe, data=packed(keyframe.data.compressed()))
 
     def remove_points(self, rows: IntArray) -> None:
         """Remove points and all their observations from the map."""

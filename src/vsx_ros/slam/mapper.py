@@ -27,7 +27,8 @@ from vsx_ros.slam.state import SlamEvent
 from vsx_ros.slam.two_view_reconstruction import InitialPair, TwoViewReconstruction
 from vsx_ros.vision.corners import dense_corners
 
-# The whole map is adjusted when it has grown by so many keyframes and this share: constant work per keyframe.
+# The whole map is adjusted when it has grown by so many keyframes and this share: constant work per keyframe. Those
+# culled behind the camera are no growth.
 GLOBAL_EVERY, GLOBAL_GROWTH = 8, 0.1
 VETO_OBSERVATIONS, VETO_AGE, VETO_SIGMAS = 100, 3, 6.0
 BASELINES = (0.07, 0.025, 0.12, 0.045)
@@ -110,7 +111,7 @@ class Mapper:
         self._since_global += 1
         self._correct_loops(index, neighbours)
         cull_redundant(world, neighbours, self._culling)
-        leave_behind(world, self._culling)
+        self._since_global -= len(leave_behind(world, self._culling))
         return self._watched()
 
     def recount(self, wanted: Recount) -> MapView:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vsx_ros.arrays import GrayImage, IntArray, Pixels, Points3, array_bytes
+from vsx_ros.arrays import GrayImage, Int32Array, IntArray, Pixels, Points3, array_bytes
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
@@ -44,9 +45,9 @@ class Rays(NamedTuple):
 
     ids: IntArray
     T_world_cams: tuple[SE3, ...]
-    keyframe: IntArray
-    point: IntArray
-    level: IntArray
+    keyframe: Int32Array
+    point: Int32Array
+    level: NDArray[np.int8]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,10 +63,10 @@ class MapSnapshot:
     images: Sequence[GrayImage]
     point_ids: IntArray
     points_world: Points3
-    obs_keyframe: IntArray
-    obs_point: IntArray
+    obs_keyframe: Int32Array
+    obs_point: Int32Array
     obs_uv: Pixels
-    obs_level: IntArray
+    obs_level: NDArray[np.int8]
     all_rays: Rays | None = None
 
     @property
@@ -89,21 +90,20 @@ def snapshot(view: MapView) -> MapSnapshot:
     """A view's first map, with its points renumbered."""
     every = [k for k in view.keyframes if k.map_id == 0]
     seen = Observations.concatenated([k.observations for k in every])
-    observer = np.repeat(np.arange(len(every)), [len(k.observations.rows) for k in every])
+    observer = np.repeat(np.arange(len(every), dtype=np.int32), [len(k.observations.rows) for k in every])
     rows = np.flatnonzero(view.alive & (np.bincount(seen.rows, minlength=len(view.points)) >= 2))
-    number = np.full(len(view.points), -1, np.int64)
+    number = np.full(len(view.points), -1, np.int32)
     number[rows] = np.arange(len(rows))
     kept = number[seen.rows] >= 0
-    seen, observer = seen.where(kept), observer[kept]
     rays = Rays(
         ids=np.array([k.id for k in every], np.int64),
         T_world_cams=tuple(k.T_world_cam for k in every),
-        keyframe=observer,
-        point=number[seen.rows],
-        level=seen.level,
+        keyframe=observer[kept],
+        point=number[seen.rows[kept]],
+        level=seen.level[kept].astype(np.int8),
     )
     keyframes, living = [k for k in every if k.alive], np.array([k.alive for k in every], np.bool_)
-    own = living[observer]
+    own = living[rays.keyframe]
     return MapSnapshot(
         version=view.version,
         keyframe_ids=np.array([k.id for k in keyframes], np.int64),
@@ -112,10 +112,10 @@ def snapshot(view: MapView) -> MapSnapshot:
         images=StoredImages([k.data for k in keyframes]),
         point_ids=rows,
         points_world=view.points[rows],
-        obs_keyframe=(np.cumsum(living) - 1)[observer[own]],
+        obs_keyframe=(np.cumsum(living, dtype=np.int32) - 1)[rays.keyframe[own]],
         obs_point=rays.point[own],
-        obs_uv=seen.uv[own],
-        obs_level=seen.level[own],
+        obs_uv=seen.uv[kept[living[observer]]],
+        obs_level=rays.level[own],
         all_rays=None if living.all() else rays,
     )
 

@@ -55,7 +55,8 @@ class TemplateStore:
     def add(self, rows: IntArray, templates: NewTemplates, source: int) -> None:
         """Add templates of points (rows) from keyframe ``source``; a new one replaces the oldest but the first."""
         of_point, first = self._of_point.rows, len(self._columns[0].rows)
-        for column, new in zip(self._columns, (np.full(len(rows), source), *templates)):
+        more: list[NDArray[Any]] = [np.full(len(rows), source), *templates]
+        for column, new in zip(self._columns, more):
             column.append(new)
         free = of_point[rows] < 0
         full = ~free.any(axis=1)

@@ -1,6 +1,8 @@
 """FAST corners on every pyramid level, the strongest of them as candidates for new map points, and binary descriptors
 to match images of unknown relative pose (Rublee et al., ORB, 2011; upright, because cameras are not held sideways)."""
 
+from __future__ import annotations
+
 import math
 from functools import lru_cache
 from typing import NamedTuple
@@ -28,6 +30,33 @@ class Corners(NamedTuple):
     positions: NDArray[np.int32]
     row_table: NDArray[np.int64]
     counts: tuple[int, ...]
+
+
+class PackedCorners(NamedTuple):
+    """The same in a quarter of the memory. columns (N,): x of each [level px]; per_row: how many lie in each row;
+    first_rows (4,): of each level."""
+
+    columns: NDArray[np.int16]
+    per_row: NDArray[np.uint16]
+    first_rows: NDArray[np.int64]
+    counts: tuple[int, ...]
+
+    @staticmethod
+    def of(corners: Corners | PackedCorners, table: NDArray[np.int64]) -> PackedCorners:
+        """table: that of the corners' ``Pyramid``."""
+        columns, per_row = corners.positions[:, 0].astype(np.int16), np.diff(corners.row_table).astype(np.uint16)
+        return PackedCorners(columns, per_row, table[:, 3], corners.counts)
+
+    @property
+    def positions(self) -> NDArray[np.int32]:
+        """See ``Corners``."""
+        y = np.repeat(np.arange(len(self.per_row)), self.per_row) - np.repeat(self.first_rows, self.counts)
+        return np.stack([self.columns, y], axis=1).astype(np.int32)
+
+    @property
+    def row_table(self) -> NDArray[np.int64]:
+        """See ``Corners``."""
+        return np.concatenate([[0], np.cumsum(self.per_row)])
 
 
 class CornerDetector:
@@ -169,7 +198,7 @@ def describe(pyramid: Pyramid, uv: Pixels, level: IntArray) -> tuple[IntArray, F
     return index, Features(uv[index], level[index], bits[order])
 
 
-def features_of(pyramid: Pyramid, corners: Corners) -> Features:
+def features_of(pyramid: Pyramid, corners: Corners | PackedCorners) -> Features:
     """Features of the strongest corner in every small square of the image."""
     uv, level = [], []
     first = 0

@@ -12,7 +12,7 @@ from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.kernels.lens import MOTION
 from vsx_ros.kernels.vision.patches import CENTRE, PATCH, Target
 from vsx_ros.kernels.vision.search import search, warp_templates
-from vsx_ros.vision.corners import Corners
+from vsx_ros.vision.corners import Corners, PackedCorners
 from vsx_ros.vision.pyramid import Pyramid, from_level
 
 
@@ -30,7 +30,7 @@ class Predictions(NamedTuple):
         return Predictions._make(column[chosen] for column in self)
 
 
-def target_of(pyramid: Pyramid, corners: Corners) -> Target:
+def target_of(pyramid: Pyramid, corners: Corners | PackedCorners) -> Target:
     """An image in the form that kernels search."""
     return Target(*pyramid, corners.positions, corners.row_table)
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray, Points3
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.dense.jlinkage import WORD
 
@@ -53,7 +53,7 @@ def variance_along(c: FloatArray, a: float, b: float, e: float) -> float:
 
 @kernel
 def point_information(
-    points: FloatArray, centres: FloatArray, obs_keyframe: IntArray, obs_point: IntArray, obs_noise: FloatArray
+    points: FloatArray, centres: FloatArray, obs_keyframe: Int32Array, obs_point: Int32Array, obs_noise: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(N, 3, 3) information [1/m2], (N, 3) sums of unit rays to the observers and (N, 2) counts and sums of distances.
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.arrays import FloatArray, Int32Array, IntArray
 from vsx_ros.kernels import kernel
 from vsx_ros.kernels.dense.view_choice import VIEWS, Limits, Views, choose_views
 from vsx_ros.kernels.geometry import transform
@@ -172,8 +172,8 @@ def judge_cells(
 
 @kernel
 def count_passing(
-    frame: FloatArray, offset: float, centres: FloatArray, points: FloatArray, obs_keyframe: IntArray,
-    obs_point: IntArray, behind: FloatArray, low: IntArray, size: float, votes: IntArray,
+    frame: FloatArray, offset: float, centres: FloatArray, points: FloatArray, obs_keyframe: Int32Array,
+    obs_point: Int32Array, behind: FloatArray, low: IntArray, size: float, votes: IntArray,
 ) -> None:  # fmt: skip
     """Add to votes (W, H), the cells of a plane from index low (2,) on, how many keyframes see a point through each.
 

@@ -50,7 +50,7 @@ class Counts(NamedTuple):
 
 
 @kernel
-def count_hits(points: FloatArray, obs_point: IntArray, hit: Float32Array, enough: int, lattice: Lattice) -> Counts:
+def count_hits(points: FloatArray, obs_point: Int32Array, hit: Float32Array, enough: int, lattice: Lattice) -> Counts:
     """Count observations (O,) of points (M, 3) with a positive hit (O,), and points with ``enough`` of them."""
     votes = np.zeros((lattice.rows, lattice.columns), np.int32)
     members = np.zeros_like(votes)
@@ -71,7 +71,7 @@ def count_hits(points: FloatArray, obs_point: IntArray, hit: Float32Array, enoug
 
 @kernel
 def height_range(
-    points: FloatArray, obs_point: IntArray, hit: Float32Array, enough: int, lattice: Lattice
+    points: FloatArray, obs_point: Int32Array, hit: Float32Array, enough: int, lattice: Lattice
 ) -> FloatArray:
     """(2, rows, columns) least and greatest height [m] of the points that ``count_hits`` counts as members of a cell;
     1e3 and -1e3 where there is none."""
@@ -129,7 +129,7 @@ def _hold(corners: FloatArray, x: float, y: float) -> None:
 
 
 @kernel
-def scan_corners(scans: PolarScans, points: FloatArray, obs_point: IntArray) -> FloatArray:
+def scan_corners(scans: PolarScans, points: FloatArray, obs_point: Int32Array) -> FloatArray:
     """(2, 2) least and greatest x and y [m] of camera centres, ends of their scans, and hit points."""
     positions, headings, free = scans.positions, scans.headings, scans.free
     corners = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])

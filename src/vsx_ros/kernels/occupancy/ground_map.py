@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, IntArray, Points2, Points3
+from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray, Points2, Points3
 from vsx_ros.kernels import kernel
 
 
@@ -48,7 +48,7 @@ class Surfaces(NamedTuple):
 
 @kernel
 def point_parallax(
-    positions: FloatArray, points: FloatArray, obs_keyframe: IntArray, obs_point: IntArray
+    positions: FloatArray, points: FloatArray, obs_keyframe: Int32Array, obs_point: Int32Array
 ) -> FloatArray:
     """(M,) widest angle [rad] between the first ray to each point and any other; 0 for points seen once.
 
@@ -74,8 +74,8 @@ def point_parallax(
 
 @kernel
 def polar_scans(
-    positions: FloatArray, headings: FloatArray, points: FloatArray, parallax: FloatArray, obs_keyframe: IntArray,
-    obs_point: IntArray, n_bearings: int, heights: tuple[float, float, float, float, float],
+    positions: FloatArray, headings: FloatArray, points: FloatArray, parallax: FloatArray, obs_keyframe: Int32Array,
+    obs_point: Int32Array, n_bearings: int, heights: tuple[float, float, float, float, float],
     ranges: tuple[float, float, float, float, float],
 ) -> PolarScans:  # fmt: skip
     """Scans of the floor around each keyframe, from its observations.
