@@ -102,6 +102,22 @@ def test_the_newest_culled_keyframes_are_asked_as_long_as_their_images_are_store
     assert KeyframeImages(scene.CAMERA).views(thinned, 2).ids.tolist() == [0, 5], "without images"
 
 
+def test_images_that_are_packed_and_loaded_again_are_the_same(monkeypatch) -> None:
+    whole, images = scene.snapshot([FLOOR, textured(2.2)], scene.DRIVE, np.zeros((0, 3))), KeyframeImages(scene.CAMERA)
+    views = images.loaded(images.views(whole, len(scene.DRIVE)))
+    before = views.store[views.slots].copy()
+    monkeypatch.setattr(photoconsistency, "_UNPACKED", 2)
+    views = images.views(whole, len(scene.DRIVE))
+    assert sorted(images.ids) == views.ids.tolist()
+    assert np.count_nonzero(views.slots >= 0) == 2
+    for rows in ([1, 5, 9], [9, 0]):
+        few = images.loaded(images.views(whole, len(scene.DRIVE)).at(np.array(rows)))
+        assert (few.store[few.slots] == before[few.ids]).all()
+        assert len(set(few.slots.tolist())) == len(few.ids)
+    every = images.loaded(views)
+    assert (every.store[every.slots] == before).all()
+
+
 def test_stored_images_are_free_of_distortion() -> None:
     bent = PinholeCamera(640, 480, 500.0, 500.0, 310.0, 250.0, (0.2, -0.3, 0.001, 0.002, 0.0))
     v, u = np.mgrid[0:480, 0:640]

@@ -140,4 +140,4 @@ class Densifier:
         for plane in sorted(planes, key=lambda plane: -int(newest[plane.points].sum())):
             surface = self._surfaces[plane.id]
             if budget > 0 and surface.is_due:
-                budget -= surface.work(plane, views, budget)
+                budget -= surface.work(plane, views, budget, self._images.loaded)

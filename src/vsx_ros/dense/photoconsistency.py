@@ -5,14 +5,14 @@ a gap can correlate as highly as a surface. So the correlation must be higher at
 and behind it."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Set
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, GrayImage, IntArray, Points3, grown
+from vsx_ros.arrays import BoolArray, FloatArray, GrayImage, IntArray, Points3, array_bytes, grown
 from vsx_ros.config import DenseConfig
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import stacked
@@ -22,6 +22,7 @@ from vsx_ros.slam.snapshot import MapSnapshot
 from vsx_ros.vision.pyramid import layout
 
 _CULLED_KEPT = 300  # images of so many culled keyframes stay: until the surfaces that they show are settled
+_UNPACKED = 300  # images that were used last: more than see one place
 _STORE_WIDTH_PX = 320  # images are stored at about this width: a cell at 6 m is 4 px wide
 _RIVAL_DEPTHS = np.array([0.65, 0.8, 1.2, 1.5])  # times the cell's depth; as good there, a cell is not believed
 _ENOUGH_PARALLAX_DEG, _APART_DEG = 8.0, 1.0  # more is no better; views closer than this count as one
@@ -53,7 +54,8 @@ class Judgement(NamedTuple):
 
 class KeyframeImages:
     """Undistorted image pyramids of the keyframes in the map, from about 320 px width down. Finer levels are never
-    needed: at arm's length a cell's samples are about two pixels apart."""
+    needed: at arm's length a cell's samples are about two pixels apart. Those not used for long are packed, without
+    loss."""
 
     def __init__(self, camera: PinholeCamera) -> None:
         shrink = max(0, round(math.log2(camera.width / _STORE_WIDTH_PX)))
@@ -65,53 +67,75 @@ class KeyframeImages:
         self._maps = camera.undistortion()
         table, pixels = layout(camera.height >> shrink, camera.width >> shrink)
         self._table, self._store = table[:, :3].copy(), np.zeros((16, pixels), np.uint8)
-        self._slot: dict[int, int] = {}
+        self._slot: dict[int, int] = {}  # of those in the store, the last used last
+        self._packed: dict[int, bytes] = {}
+        self._used = 0
 
     @property
-    def ids(self) -> Collection[int]:
+    def ids(self) -> Set[int]:
         """Keyframes whose images are stored."""
-        return self._slot.keys()
+        return self._slot.keys() | self._packed.keys()
 
     @property
     def nbytes(self) -> int:
-        """Size of the used part of the store [bytes]."""
-        return self._store[: 1 + max(self._slot.values(), default=-1)].nbytes
+        """Size of the part of the store that was ever used, and of what is packed [bytes]."""
+        return self._store[: self._used].nbytes + array_bytes(self._packed.values())
 
     def views(self, snapshot: MapSnapshot, count: int) -> Views:
-        """The first ``count`` living keyframes of a snapshot, and the newest of the culled ones before them."""
+        """The first ``count`` living keyframes of a snapshot, and the newest of the culled ones before them. To be
+        ``loaded`` before their images are read."""
         living, rays = snapshot.keyframe_ids[:count], snapshot.rays
         culled = np.setdiff1d(rays.ids, snapshot.keyframe_ids)
-        kept = [number for number in culled.tolist() if number in self._slot][-_CULLED_KEPT:]
-        for gone in self._slot.keys() - {*snapshot.keyframe_ids.tolist(), *kept}:
-            del self._slot[gone]
-        for k, number in enumerate(living.tolist()):
-            if number not in self._slot:
-                self._slot[number] = self._add(snapshot.images[k])
+        kept = [number for number in culled.tolist() if number in self.ids][-_CULLED_KEPT:]
+        for gone in self.ids - {*snapshot.keyframe_ids.tolist(), *kept}:
+            self._slot.pop(gone, None)
+            self._packed.pop(gone, None)
+        for k in np.flatnonzero(~np.isin(living, np.array([*self.ids], np.int64))).tolist():
+            self._slot[int(living[k])] = self._stored(cv2.remap(snapshot.images[k], *self._maps, cv2.INTER_LINEAR))
+        self._pack()
         before = [number for number in kept if number < living.max(initial=-1)]
         ids = np.union1d(living, np.array(before, np.int64))
         T_world_cams = [rays.T_world_cams[k] for k in np.searchsorted(rays.ids, ids)]
         R, t = stacked([T.inverse() for T in T_world_cams])
-        slots = np.array([self._slot[number] for number in ids.tolist()], np.int64)
         return Views(
             ids,
             R=R,
             t=t,
             centres=stacked(T_world_cams)[1],
-            slots=slots,
+            slots=np.array([self._slot.get(number, -1) for number in ids.tolist()], np.int64),
             store=self._store,
             table=self._table,
             K=self._K,
         )
 
-    def _add(self, image: GrayImage) -> int:
+    def loaded(self, views: Views) -> Views:
+        """The same views with their images."""
+        for number in views.ids.tolist():
+            slot = self._slot.pop(number, None)
+            self._slot[number] = self._unpacked(number) if slot is None else slot
+        return views._replace(slots=np.array([self._slot[n] for n in views.ids.tolist()], np.int64), store=self._store)
+
+    def _stored(self, image: GrayImage) -> int:
+        """Where the store now has the levels of an undistorted image."""
         taken = set(self._slot.values())
         slot = next(n for n in range(len(taken) + 1) if n not in taken)
-        self._store = grown(self._store, slot + 1)
-        finer = cv2.remap(image, *self._maps, cv2.INTER_LINEAR)
+        self._used = max(self._used, slot + 1)
+        self._store = grown(self._store, self._used)
         for offset, height, width in self._table.tolist():
-            finer = cv2.resize(finer, (width, height), interpolation=cv2.INTER_AREA)
-            self._store[slot, offset : offset + height * width] = finer.ravel()
+            image = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+            self._store[slot, offset : offset + height * width] = image.ravel()
         return slot
+
+    def _pack(self) -> None:
+        """Leave only the images that were used last unpacked."""
+        offset, height, width = self._table[0].tolist()
+        for number in list(self._slot)[:-_UNPACKED]:
+            image = self._store[self._slot.pop(number), offset : offset + height * width]
+            self._packed[number] = bytes(cv2.imencode(".png", image.reshape(height, width))[1])
+
+    def _unpacked(self, number: int) -> int:
+        packed = np.frombuffer(self._packed.pop(number), np.uint8)
+        return self._stored(np.asarray(cv2.imdecode(packed, cv2.IMREAD_GRAYSCALE), np.uint8))
 
 
 def judge(views: Views, frame: FloatArray, centres: Points3, config: DenseConfig, unit: float) -> Judgement:

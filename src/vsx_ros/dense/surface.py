@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -109,11 +110,12 @@ class Surface:
         """Whether there is anything to judge."""
         return bool(self.due.any() or self._untested.any())
 
-    def work(self, plane: Plane, views: Views, budget: int) -> int:
-        """Judge at most ``budget`` of the due cells, and of the columns whose foot is due; returns how many in all."""
+    def work(self, plane: Plane, views: Views, budget: int, load: Callable[[Views], Views]) -> int:
+        """Judge at most ``budget`` of the due cells, and of the columns whose foot is due; returns how many in all.
+        load: gives the views that are needed their images."""
         cells, columns = np.argwhere(self.due)[:budget], np.flatnonzero(self._untested)[:budget]
         centres = self.centres(plane, np.vstack([cells, _bottom(self.due)[columns]]))
-        views = views.at(self._useful(plane, views, centres))
+        views = load(views.at(self._useful(plane, views, centres)))
         said = judge(views, np.vstack([plane.axes, plane.normal]), centres[: len(cells)], self._config, self._unit)
         where = tuple(cells.T)
         self.due[where], self._untested[columns] = False, False

@@ -19,7 +19,7 @@ Limits: TypeAlias = tuple[float, float, float, float, float, float, float]  # Se
 
 class Views(NamedTuple):
     """Keyframes in which cells are compared. ids (N,); R (N, 3, 3) and t (N, 3): T_cam_world; centres (N, 3) world [m];
-    slots (N,): their rows of the store of images.
+    slots (N,): their rows of the store of images, -1 for one that is not in it.
 
     store (S, B) uint8: undistorted, in levels, each half as large as the one before; table (levels, 3): offset, height,
     width; K (4,): fx, fy, cx, cy [px] of its level 0."""
