@@ -115,7 +115,7 @@ class Surface:
         load: gives the views that are needed their images."""
         cells, columns = np.argwhere(self.due)[:budget], np.flatnonzero(self._untested)[:budget]
         centres = self.centres(plane, np.vstack([cells, _bottom(self.due)[columns]]))
-        views = load(views.at(self._useful(plane, views, centres)))
+        views = load(views.at(self._useful(plane, views, plane.coordinates(centres))))
         said = judge(views, np.vstack([plane.axes, plane.normal]), centres[: len(cells)], self._config, self._unit)
         where = tuple(cells.T)
         self.due[where], self._untested[columns] = False, False
@@ -127,11 +127,13 @@ class Surface:
                 column[columns] = tested
         return len(cells) + len(columns)
 
-    def _useful(self, plane: Plane, views: Views, centres: Points3) -> IntArray:
-        middle = centres.mean(axis=0)
-        reach = float(np.linalg.norm(centres - middle, axis=1).max()) + self._config.max_range_m * self._unit
-        near = np.linalg.norm(views.centres - middle, axis=1) < reach
-        return np.flatnonzero(near & (plane.distances(views.centres) > 0.0))
+    def _useful(self, plane: Plane, views: Views, cells: Points2) -> IntArray:
+        """Rows of the views that may show some of the cells: in front of them and in reach. cells (N, 2): their
+        coordinates on the plane."""
+        reach, there = self._config.max_range_m * self._unit, plane.coordinates(views.centres)
+        beside = np.maximum(cells.min(axis=0) - there, there - cells.max(axis=0)).max(axis=1)
+        ahead = plane.distances(views.centres)
+        return np.flatnonzero((beside < reach) & (ahead > 0.0) & (ahead < reach))
 
     def cells(self, plane: Plane, points: Points3, seen_by: IntArray, ids: IntArray) -> Cells:
         """The surface cells. points (M, 3): those of the plane. seen_by (M,): ids of living keyframes that see them, -1
