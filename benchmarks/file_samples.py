@@ -53,7 +53,7 @@ ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE
 
 
 def slam_map() -> SlamMap:
-    """Three keyframes, one of them culled."""
+    """Three keyframes, one of them culled and one compressed."""
     rng, detector, world = np.random.default_rng(3), CornerDetector(), Map()
     for k in range(3):
         pyramid = build_pyramid(cv2.GaussianBlur(rng.integers(0, 256, (120, 160), np.uint8), (0, 0), 1.5))
@@ -68,6 +68,7 @@ def slam_map() -> SlamMap:
         uv = rng.uniform(0.0, 119.0, (60, 2))
         world.observe(k, Observations(np.arange(60), uv, uv + 0.1, rng.integers(0, 4, 60)))
     world.cull_keyframe(1)
+    world.compress_keyframe(2)
     return SlamMap(CAMERA, SE3.exp(np.array([0.1, 0.0, 0.3, -1.2, 1.2, -1.2])), world.view())
 
 
