@@ -30,6 +30,7 @@ from vsx_ros.config import Config
 from vsx_ros.experiments.rows import Store
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
+from vsx_ros.sim.moving import Borders
 
 POST_M, SIDES = 0.05, 12  # radius; number of sides
 LIMITS, BODY_M = Config().limits, Config().robot.radius_m
@@ -51,7 +52,7 @@ class Post:
         from vsx_ros.ros.situation import LocalizationSubscriber
 
         rospy.init_node("post", anonymous=True, disable_signals=True)
-        self._plant, self._lock, self._walls = stack.plant, threading.Lock(), walls(stack.plant.body)
+        self._plant, self._lock, self._walls = stack.plant, threading.Lock(), stack.plant.body._walls
         self._log = stack._folder / "move_base.txt"
         self._centre_map: SE2 | None = None
         self._centre_world: SE2 | None = None
@@ -133,7 +134,7 @@ class Post:
         def stand() -> None:
             self._appeared_ns = self._plant.body.time_ns
             self._centre_world = self._plant.body.T_world_base @ place
-            add_post(self._plant.body, self._walls, self._centre_world)
+            self._plant.body._walls = with_post(self._walls, self._centre_world)
 
         T_map_base = self._where.at(headers.now_ns()).pose("map")
         with self._lock:
@@ -144,7 +145,7 @@ class Post:
     def vanish(self) -> None:
         def go() -> None:
             self._centre_world = None
-            restore(self._plant.body, self._walls)
+            self._plant.body._walls = self._walls
 
         with self._lock:
             self._centre_map = None
@@ -184,21 +185,13 @@ class Post:
         }
 
 
-def walls(body: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return body._a, body._edge, body._length2
-
-
-def restore(body: Any, kept: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-    body._a, body._edge, body._length2 = kept
-
-
-def add_post(body: Any, kept: tuple[np.ndarray, np.ndarray, np.ndarray], centre: SE2) -> None:
-    """Add the post to the obstacles of the body."""
+def with_post(kept: Borders, centre: SE2) -> Borders:
+    """The walls of a body, and the post."""
     angles = np.linspace(0.0, 2.0 * math.pi, SIDES + 1)
     corners = np.array([centre.x, centre.y]) + POST_M * np.column_stack([np.cos(angles), np.sin(angles)])
-    edges = np.diff(corners, axis=0)
-    added = corners[:-1], edges, (edges**2).sum(axis=1)
-    restore(body, tuple(np.concatenate(both) for both in zip(kept, added)))
+    starts = np.concatenate([kept._a, corners[:-1]])
+    ends = np.concatenate([kept._a + kept._edge, corners[1:]])
+    return Borders(np.column_stack([starts, ends]))
 
 
 def stack_with_relay(folder: Path) -> Any:
