@@ -15,7 +15,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, arrays_of
-from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
+from vsx_ros.io.slam_map_file import _check_pictures, image_name, load_slam_map, save_slam_map, suffix_of
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
@@ -23,7 +23,7 @@ from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.vision.corners import CornerDetector, no_corners
 from vsx_ros.vision.patch_search import moving
-from vsx_ros.vision.pyramid import build_pyramid, small_image
+from vsx_ros.vision.pyramid import CompressedPyramid, build_pyramid, picture_file, small_image
 
 CAMERA = PinholeCamera(160, 120, 130.1, 131.7, 80.3, 59.9, (0.1, -0.2, 0.001, -0.002, 1 / 3))
 T_BASE_CAM = SE3.exp(np.array([0.1, 0.0, 0.3, -1.2, 1.2, -1.2]))
@@ -267,6 +267,15 @@ def test_entries_that_are_missing_or_something_else(saved, name, content, messag
 
     rewrite(saved, "all", change)
     refused(saved, message)
+
+
+def test_a_dark_room_may_have_many_pictures_and_bytes_that_hide_more_are_refused():
+    camera, black = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5), np.zeros((480, 640), np.uint8)
+    jpg = CompressedPyramid.of(build_pyramid(black)).content
+    _check_pictures({image_name(k, ".jpg"): jpg for k in range(1000)}, 1000, camera)
+    for short in (jpg[: len(jpg) // 2], picture_file(build_pyramid(black))[: len(jpg)]):
+        with pytest.raises(ValueError, match="1000 pictures asks for"):
+            _check_pictures({image_name(k, suffix_of(short)): short for k in range(1000)}, 1000, camera)
 
 
 def test_pickled_arrays_are_never_unpickled(saved):

@@ -86,11 +86,12 @@ class KeyframeImages:
         ``loaded`` before their images are read."""
         living, rays = snapshot.keyframe_ids[:count], snapshot.rays
         culled = np.setdiff1d(rays.ids, snapshot.keyframe_ids)
-        kept = [number for number in culled.tolist() if number in self.ids][-_CULLED_KEPT:]
-        for gone in self.ids - {*snapshot.keyframe_ids.tolist(), *kept}:
+        stored = self.ids
+        kept = [number for number in culled.tolist() if number in stored][-_CULLED_KEPT:]
+        for gone in stored - {*snapshot.keyframe_ids.tolist(), *kept}:
             self._slot.pop(gone, None)
             self._packed.pop(gone, None)
-        for k in np.flatnonzero(~np.isin(living, np.array([*self.ids], np.int64))).tolist():
+        for k in [k for k, number in enumerate(living.tolist()) if number not in stored]:
             self._slot[int(living[k])] = self._stored(cv2.remap(snapshot.images[k], *self._maps, cv2.INTER_LINEAR))
         self._pack()
         before = [number for number in kept if number < living.max(initial=-1)]

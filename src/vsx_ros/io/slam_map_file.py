@@ -35,14 +35,15 @@ from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import CompressedPyramid, build_pyramid, picture_file, small_image
 
 FORMAT, VERSION = "vsx_ros slam map", 2  # increased when an older vsx_ros cannot read the file
-_PNG, _JPG, _JPG_HEAD = ".png", ".jpg", b"\xff\xd8"
-_PIXELS, _PIXELS_PER_BYTE = (64 * MIB, 160)  # noise takes a byte for two to six pixels, black one for 130
+_PNG, _JPG = ".png", ".jpg"
+_PIXELS, _PIXELS_PER_BYTE = 64 * MIB, {_PNG: 16, _JPG: 100}
+"""With a camera's noise, a byte holds two to three pixels of a .png, six of a .jpg. A black .jpg holds up to 84."""
 
 
 def save_slam_map(slam_map: SlamMap, path: Path) -> None:
     """Bring the file to the disk in one step; the SLAM may continue meanwhile. Raises MapFileError when that fails."""
     files = ((k.id, picture_file(k.data.image)) for k in slam_map.view.keyframes if k.alive)
-    pictures = ((image_name(number, content), content) for number, content in files)
+    pictures = ((image_name(number, suffix_of(content)), content) for number, content in files)
     with (
         explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError),
         replacing(path, durable=True) as file,
@@ -94,8 +95,9 @@ def damage_explained(path: Path) -> Iterator[None]:
 
 def _check_pictures(entries: Mapping[str, bytes], count: int, camera: PinholeCamera) -> None:
     """Raises ValueError if the files are too small for this many images with any content."""
-    packed = sum(len(content) for name, content in entries.items() if name.endswith((_PNG, _JPG)))
-    Allowance(_PIXELS, packed, _PIXELS_PER_BYTE).take(count * camera.width * camera.height, f"{count} pictures")
+    pictures = [content for name, content in entries.items() if name.endswith((_PNG, _JPG))]
+    most = sum(_PIXELS_PER_BYTE[suffix_of(content)] * len(content) for content in pictures)
+    Allowance(_PIXELS, most, 1).take(count * camera.width * camera.height, f"{count} pictures")
 
 
 def _manifest(entries: Mapping[str, bytes]) -> dict[str, Any]:
@@ -181,7 +183,7 @@ def _frame_data(k: int, arrays: Arrays, entries: Mapping[str, bytes], camera: Pi
     T_odom_base = SE2(*arrays["odometry"][k].tolist()) if arrays["has_odometry"][k] else None
     if arrays["anchor"][k] >= 0:
         return FrameData.without_image(stamp_ns, T_odom_base)
-    content = entries.get(image_name(k, _JPG_HEAD)) or entries[image_name(k)]
+    content = entries.get(image_name(k, _JPG)) or entries[image_name(k)]
     pyramid = build_pyramid(_decoded(content, k, camera))
     counts = arrays["corner_count"]
     first = int(counts[:k].sum())
@@ -203,14 +205,14 @@ def array_name(name: str) -> str:
     return f"arrays/{name}.npy"
 
 
-def image_name(index: int, content: bytes = b"") -> str:
-    """The entry of a keyframe's image with this content: a .jpg or, by default, a .png."""
-    return f"keyframes/{index:06d}{suffix_of(content)}"
+def image_name(index: int, suffix: str = _PNG) -> str:
+    """The entry of a keyframe's image."""
+    return f"keyframes/{index:06d}{suffix}"
 
 
 def suffix_of(content: bytes) -> str:
-    """How the name of such a picture file ends."""
-    return _JPG if content.startswith(_JPG_HEAD) else _PNG
+    """How the name of a picture file with this content ends."""
+    return _JPG if content.startswith(b"\xff\xd8") else _PNG
 
 
 def _decoded(content: bytes, index: int, camera: PinholeCamera) -> GrayImage:
