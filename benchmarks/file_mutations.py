@@ -119,7 +119,7 @@ def sealed(rng: random.Random, data: bytes) -> bytes:
     elif kind == 1:
         entries[rng.choice(list(entries))] = entries[name]
     else:
-        change = {"npy": array, "json": text, "png": png}[name.rpartition(".")[2]]
+        change = {"npy": array, "json": text, "png": png, "jpg": jpeg}[name.rpartition(".")[2]]
         entries[name] = change(rng, entries[name])
     if kind == 2:
         return _lying(rng, entries)
@@ -172,6 +172,27 @@ def png(rng: random.Random, data: bytes) -> bytes:
     chunks[k : k + 1] = [(kind, content)] * rng.choice((1, 1, 1, 0, 2))
     body = [struct.pack(">I", len(c)) + n + c + struct.pack(">I", zlib.crc32(n + c)) for n, c in chunks]
     return data[:8] + b"".join(body)
+
+
+def jpeg(rng: random.Random, data: bytes) -> bytes:
+    """Change, lose or double a segment of a JPEG, with its correct length."""
+    at, segments = 2, []
+    while at + 4 <= len(data) and data[at] == 0xFF and data[at + 1] != 0xDA:
+        (size,) = struct.unpack_from(">H", data, at + 2)
+        segments.append((data[at : at + 2], data[at + 4 : at + 2 + size]))
+        at += 2 + size
+    if not segments or rng.random() < 0.2:
+        return raw(rng, data)
+    k = rng.randrange(len(segments))
+    kind, content = segments[k]
+    if kind == b"\xff\xc0" and rng.random() < 0.7 and len(content) >= 6:
+        depth, *size, colours = struct.unpack(">BHHB", content[:6])
+        size[rng.randrange(2)] = integer(rng, 16)
+        content = struct.pack(">BHHB", depth, *size, colours) + content[6:]
+    else:
+        content = raw(rng, content)[:65533]
+    segments[k : k + 1] = [(kind, content)] * rng.choice((1, 1, 1, 0, 2))
+    return data[:2] + b"".join(k + struct.pack(">H", len(c) + 2) + c for k, c in segments) + data[at:]
 
 
 def ros1_bag(rng: random.Random, data: bytes) -> bytes:

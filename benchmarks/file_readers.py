@@ -216,6 +216,7 @@ def _by_suffix(rng: random.Random, path: Path) -> None:
     how = {
         ".npy": mutations.array,
         ".png": mutations.png,
+        ".jpg": mutations.jpeg,
         ".zip": mutations.sealed,
         **dict.fromkeys((".pgm", ".stl", ".glb"), mutations.raw),
     }
@@ -278,8 +279,12 @@ READERS = [
     Reader("campaign", samples.results_jsonl, (), _any_text, _read_rows),
     Reader("raw image", lambda p: p.write_text("{}"), (), _raw_image, _read_raw_image),
     *(
-        Reader(f"{kind} image", samples.picture, (), mutations.png if kind == "png" else mutations.raw, _image)
-        for kind in ("png", "jpg", "pgm", "bmp", "tiff")
+        Reader(f"{kind} image", samples.picture, (), how, _image)
+        for kind, how in {
+            "png": mutations.png,
+            "jpg": mutations.jpeg,
+            **dict.fromkeys(("pgm", "bmp", "tiff"), mutations.raw),
+        }.items()
     ),
     Reader("png plan", samples.picture, (), mutations.png, load_plan),
 ]
