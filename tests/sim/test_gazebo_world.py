@@ -3,6 +3,7 @@
 import struct
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import trimesh
@@ -112,6 +113,17 @@ def test_meshes_of_other_kinds_are_placed_and_scaled(tmp_path: Path, kind: str) 
     world = load_gazebo(write_world(tmp_path, model, FLOOR, WALLS), [])
     np.testing.assert_allclose(world.parts.seen.corners[0].max(axis=0), [3.0, 2.0, 2.0])
     np.testing.assert_allclose(world.parts.seen.corners[0].min(axis=0), [1.0, 0.0, 2.0])
+
+
+def test_a_texture_of_one_coordinate_lies_along_its_first_axis(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "t.png"), np.full((8, 8, 3), 90, np.uint8))
+    (tmp_path / "t.mtl").write_text("newmtl a\nmap_Kd t.png\n")
+    lines = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0\nvt 0.5\nvt 1\n"
+    (tmp_path / "t.obj").write_text(f"mtllib t.mtl\n{lines}usemtl a\nf 1/1 2/2 3/3\n")
+    mesh = '<visual name="v"><geometry><mesh><uri>t.obj</uri></mesh></geometry></visual>'
+    model = f'<model name="m"><link name="l">{mesh}</link></model>'
+    world = load_gazebo(write_world(tmp_path, FLOOR, WALLS, model), [])
+    assert [[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]] in world.parts.seen.uv.tolist()
 
 
 def test_a_world_that_cannot_be_is_refused_in_one_sentence(tmp_path: Path) -> None:

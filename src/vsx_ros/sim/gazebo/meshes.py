@@ -105,7 +105,7 @@ def _collada_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Ite
             corners = metres * np.asarray(triangles.vertex, float)[index]
             uv = np.zeros((len(index), 3, 2))
             if len(triangles.texcoordset):
-                uv = np.asarray(triangles.texcoordset[0], float)[triangles.texcoord_indexset[0]][..., :2]
+                uv = _uv(triangles.texcoordset[0], triangles.texcoord_indexset[0])
             if triangles.material not in surfaces:
                 surfaces[triangles.material] = _collada_surface(triangles.material, path, find_texture)
             surface, missing = surfaces[triangles.material]
@@ -184,11 +184,18 @@ def _trimesh_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Ite
         budget.take("triangles", len(faces), str(path))
         corners = (np.asarray(mesh.vertices, float) @ T[:3, :3].T + T[:3, 3])[faces]
         given = getattr(mesh.visual, "uv", None)
-        uv = np.asarray(given, float)[faces][..., :2] if given is not None else np.zeros((len(faces), 3, 2))
+        uv = _uv(given, faces) if given is not None else np.zeros((len(faces), 3, 2))
         surface = _trimesh_surface(getattr(mesh.visual, "material", None), path)
         lost = missing[0] if missing and given is not None and surface.picture is None else ""
         surface = surface._replace(picture=substitute(lost)) if lost else surface
         yield MeshPart(corners=corners, uv=uv, surface=surface, name=str(name), missing=lost)
+
+
+def _uv(given: Any, index: Any) -> FloatArray:
+    """(T, 3, 2) texture coordinates (N, C) of corners (T, 3); one that the file leaves out is 0."""
+    uv, shown = np.zeros((*np.shape(index), 2)), np.asarray(given, float)[index][..., :2]
+    uv[..., : shown.shape[-1]] = shown
+    return uv
 
 
 def _trimesh_surface(material: Any, path: Path) -> Surface:
