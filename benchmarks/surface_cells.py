@@ -37,10 +37,10 @@ TOLERANCE_M = 0.10
 
 
 class Drive(NamedTuple):
-    """Snapshots as the map grew, true poses of their keyframes by stamp, and the robot."""
+    """Snapshots as the map grew, true poses of all keyframes by their ids, and the robot."""
 
     snapshots: list[MapSnapshot]
-    truth: dict[int, SE3]
+    truth: list[SE3]
     robot: EmulatedRobot
 
 
@@ -92,13 +92,14 @@ def explored(world: World, seed: int, limit_s: float) -> Drive:
         snapshot = system.slam.snapshot()
         if len(snapshot.images) >= (len(snapshots[-1].images) if snapshots else 0) + KEYFRAMES_PER_UPDATE:
             snapshots.append(snapshot)
-    return Drive([*snapshots, system.slam.snapshot()], truth, robot)
+    keyframes = [] if (slam_map := system.slam.slam_map()) is None else slam_map.view.keyframes
+    return Drive([*snapshots, system.slam.snapshot()], [truth[k.data.stamp_ns] for k in keyframes], robot)
 
 
 def in_truth(drive: Drive, snapshot: MapSnapshot, points: np.ndarray, keyframe: np.ndarray) -> np.ndarray:
-    """(N, 3) points in the true world, through the true poses of their keyframes."""
-    stamps = snapshot.keyframe_stamps_ns.tolist()
-    moves = [drive.truth[stamp] @ T.inverse() for stamp, T in zip(stamps, snapshot.T_world_cams)]
+    """(N, 3) points in the true world, through the true poses of their keyframes (N,), indices of the rays'."""
+    rays = snapshot.rays
+    moves = [drive.truth[number] @ T.inverse() for number, T in zip(rays.ids, rays.T_world_cams)]
     R, t = np.array([m.rotation for m in moves]), np.array([m.translation for m in moves])
     return np.einsum("nij,nj->ni", R[keyframe], points) + t[keyframe]
 
@@ -121,8 +122,8 @@ def visible_samples(drive: Drive, snapshot: MapSnapshot, segments: np.ndarray) -
         normals.append(np.tile(np.array([by - ay, ax - bx]) / length, (n, 1)))
     place, normal = np.concatenate(places), np.concatenate(normals)
     seen, a, e = np.zeros(len(place), int), segments[:, :2], segments[:, 2:] - segments[:, :2]
-    for stamp in snapshot.keyframe_stamps_ns[:-2].tolist():
-        T = drive.truth[stamp]
+    for number in snapshot.keyframe_ids[:-2].tolist():
+        T = drive.truth[number]
         way = T.translation[:2] - place
         far, axis = np.linalg.norm(way, axis=1), T.rotation[:2, 2] / np.linalg.norm(T.rotation[:2, 2])
         shown = (far > 0.8) & (far < 3.5) & ((way * normal).sum(axis=1) > 0.26 * far) & (-(way @ axis) > 0.87 * far)
@@ -177,7 +178,8 @@ def row(name: str, seed: int) -> str:
         dense = densifier.update(snapshot)
     segments = np.asarray(world.obstacle_segments(*BAND_M)).reshape(-1, 4)
     cells = in_band(wall_cells(drive, snapshot, dense))
-    point = in_band(in_truth(drive, snapshot, snapshot.points_world[snapshot.obs_point], snapshot.obs_keyframe))
+    rays = snapshot.rays
+    point = in_band(in_truth(drive, snapshot, snapshot.points_world[rays.point], rays.keyframe))
     places = visible_samples(drive, snapshot, segments)
     filled, sparse = near(places, cells[:, :2]), near(places, point[:, :2])
     wrong = float(np.mean(distances(cells[:, :2], segments) > TOLERANCE_M))

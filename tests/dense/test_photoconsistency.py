@@ -116,6 +116,9 @@ def test_images_that_are_packed_and_loaded_again_are_the_same(monkeypatch) -> No
         assert len(set(few.slots.tolist())) == len(few.ids)
     every = images.loaded(views)
     assert (every.store[every.slots] == before).all()
+    at_once = KeyframeImages(scene.CAMERA)
+    at_once.views(whole, len(scene.DRIVE))
+    assert at_once.nbytes < before.nbytes, "no more than two were ever there unpacked"
 
 
 def test_stored_images_are_free_of_distortion() -> None:

@@ -82,7 +82,7 @@ def zero_arrays(count):
     arrays = {n: np.zeros([sizes.get(s, s) for s in shape], kind) for n, (kind, shape, _) in LAYOUT.items()}
     for name in ("rotation", "anchor_rotation"):
         arrays[name][:] = np.eye(3)
-    arrays["anchor"][:] = -1
+    arrays["anchor"][:], arrays["scale"][:] = -1, 1.0
     return arrays
 
 

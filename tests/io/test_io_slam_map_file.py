@@ -17,6 +17,7 @@ from vsx_ros.io.sealed_archive import seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, arrays_of
 from vsx_ros.io.slam_map_file import _check_pictures, image_name, load_slam_map, save_slam_map, suffix_of
 from vsx_ros.kernels.vision.patches import PATCH
+from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import SlamMap
@@ -49,6 +50,8 @@ def slam_map():
         world.observe(k, Observations(np.arange(150), uv, uv + 0.1, rng.integers(0, 4, 150)))
     world.remove_points(np.array([3, 77]))
     world.cull_keyframe(1)
+    holder = world.keyframes[1].anchor.keyframe
+    world.resize_keyframe(holder, world.keyframes[holder].T_world_cam, 1.05)
     world.compress_keyframe(3)
     world.version = 42
     return SlamMap(CAMERA, T_BASE_CAM, world.view())
@@ -68,7 +71,7 @@ def test_everything_comes_back_bit_for_bit(slam_map, saved):
     assert [k.alive for k in back.view.keyframes] == [True, False, True, True, True]
     for ours, theirs in zip(slam_map.view.keyframes, back.view.keyframes, strict=True):
         assert (ours.id, ours.odom_segment, ours.map_id) == (theirs.id, theirs.odom_segment, theirs.map_id)
-        assert ours.median_depth == theirs.median_depth
+        assert (ours.median_depth, ours.scale) == (theirs.median_depth, theirs.scale)
         assert (ours.data.stamp_ns, ours.data.T_odom_base) == (theirs.data.stamp_ns, theirs.data.T_odom_base)
         assert all(np.array_equal(a, b) for a, b in zip(ours.data.pyramid, theirs.data.pyramid, strict=True))
         assert ours.data.corners.counts == theirs.data.corners.counts
@@ -78,6 +81,22 @@ def test_everything_comes_back_bit_for_bit(slam_map, saved):
         assert all(np.array_equal(a, b) for a, b in zip(ours.observations, theirs.observations, strict=True))
     ours, theirs = arrays_of(slam_map.view), arrays_of(back.view)
     assert {name: array.tobytes() for name, array in ours.items()} == {n: a.tobytes() for n, a in theirs.items()}
+
+
+def test_what_was_seen_from_a_keyframe_before_and_after_it_was_scaled_comes_back(slam_map, saved):
+    keyframes, back = slam_map.view.keyframes, load_slam_map(saved).view.keyframes
+    culled = keyframes[1].anchor
+    assert back[1].anchor.pose(back).matrix() == pytest.approx(culled.pose(keyframes).matrix(), abs=1e-12)
+    for scale in (1.0, keyframes[culled.keyframe].scale):
+        frame = Anchor(culled.keyframe, SE3(np.eye(3), [0.3, 0.0, 0.0]), scale)
+        assert frame.pose(back).matrix().tobytes() == frame.pose(keyframes).matrix().tobytes()
+
+
+def test_a_file_from_before_scales_were_kept_is_read(saved):
+    entries = unseal(saved.read_bytes())
+    del entries["arrays/scale.npy"]
+    saved.write_bytes(seal(entries))
+    assert {keyframe.scale for keyframe in load_slam_map(saved).view.keyframes} == {1.0}
 
 
 def test_the_same_map_gives_the_same_file_and_replaces_the_old_one(slam_map, saved, tmp_path):

@@ -22,7 +22,7 @@ from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.snapshot import snapshot
 from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.vision.corners import dense_corners
-from vsx_ros.vision.pyramid import CompressedPyramid, build_pyramid
+from vsx_ros.vision.pyramid import CompressedPyramid, build_pyramid, picture_file
 
 CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 319.5, 239.5)
 RULE = CullingConfig(seen_ratio=0.9, viewers=3, keep_newest=2)
@@ -126,6 +126,42 @@ def test_what_the_camera_left_behind_is_thinned_and_nothing_of_it_is_forgotten()
     living = world.living[1:]
     shared = [np.isin(world.keyframes[a].observations.rows, sees[b - 1]).sum() for a, b in zip(living, living[1:])]
     assert min(shared) >= TIED_POINTS
+
+
+def test_what_was_driven_beside_a_culled_keyframe_stays_with_its_pass_of_the_place():
+    first, second = range(12), range(12, 24)
+    world, ground = made_map([first, first, first, second, second]), MappedGround(Config())
+    for k, place in enumerate([(0.0, 0.0), (0.3, 0.0), (0.6, 0.0), (0.35, 0.1), (0.65, 0.1)]):
+        world.move_keyframe(k, SE3(np.eye(3), [*place, 0.0]))
+    ground.moved(SE2(0.3, 0.06, 0.0), 1, beside=1)
+    driven = ground.trail(snapshot(world.view()))
+    world.cull_keyframe(1)
+    assert ground.trail(snapshot(world.view())) == driven
+    for k in (3, 4):  # a loop is closed: only the second pass moves
+        world.move_keyframe(k, SE3(np.eye(3), world.keyframes[k].T_world_cam.translation - [0.0, 0.1, 0.0]))
+    assert ground.trail(snapshot(world.view())) == driven
+
+
+def test_none_is_passed_over_where_another_map_begins_with_two_keyframes():
+    picture = build_pyramid(noisy_picture())
+    frame = FrameData.without_image(0, SE2())._replace(image=picture, corners=dense_corners(picture, 500))
+    world, rule = Map(), CullingConfig(behind=5)
+    for added in (2, *[1] * 10, 2, *[1] * 10):
+        for _ in range(added):
+            world.add_keyframe(frame, SE3.identity(), Observations.none())
+        leave_behind(world, rule, added)
+    behind = [isinstance(world.keyframes[k].data.image, CompressedPyramid) for k in world.living]
+    assert behind == [True] * (len(behind) - 5) + [False] * 5
+
+
+def test_a_picture_from_a_file_becomes_as_small_as_any_other():
+    picture = build_pyramid(noisy_picture())
+    frame = FrameData.without_image(0, SE2())._replace(image=picture, corners=dense_corners(picture, 500))
+    read = frame._replace(image=CompressedPyramid(picture_file(picture))).compressed()
+    small = frame.compressed()
+    assert read.image.content == small.image.content
+    assert read.small.tobytes() == small.small.tobytes()
+    assert small.compressed() is small
 
 
 def test_a_keyframe_that_ties_its_neighbours_together_stays():

@@ -17,7 +17,7 @@ from vsx_ros.dense.densify import DenseMap
 from vsx_ros.dense.planes import Plane
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import stacked
+from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.kernels.occupancy.ground_map import Surfaces
 from vsx_ros.occupancy.anchored_poses import (
     BUMP_STEP_M,
@@ -89,6 +89,12 @@ def _rows_of(keyframe_ids: IntArray, wanted: IntArray) -> tuple[IntArray, BoolAr
     return index, keyframe_ids[index] == wanted
 
 
+def _every(snapshot: MapSnapshot) -> tuple[IntArray, tuple[SE3, ...]]:
+    """Ids and poses of all keyframes, also of culled ones: what was tied to one stays where that was."""
+    rays = snapshot.rays
+    return rays.ids, rays.T_world_cams
+
+
 def _off_plane(plane: Plane, points: Points3) -> FloatArray:
     """(N,) standard deviation [m] of the plane's position along its normal, at points on it."""
     middle = np.array([0.5 * (plane.extent[0] + plane.extent[1]), 0.5 * (plane.extent[2] + plane.extent[3])])
@@ -137,7 +143,7 @@ class MappedGround:
     def dock(self, snapshot: MapSnapshot) -> SE2 | None:
         """Where the base stands when it charges, in the map of a snapshot; None if it never charged in this map. Who
         saves the map asks beside the thread that calls ``grid``, so nothing is taken over here."""
-        return next(iter(self._docked.poses(snapshot.keyframe_ids, snapshot.T_world_cams)), None)
+        return next(iter(self._docked.poses(*_every(snapshot))), None)
 
     def pushed(self, pose: SE2, now_ns: int) -> None:
         """The wheels turn here [m] without moving the base: an obstacle is suspected ahead, for some time."""
@@ -182,11 +188,11 @@ class MappedGround:
     def trail(self, snapshot: MapSnapshot) -> list[SE2]:
         """The driven poses, in the map of a snapshot."""
         self._take_over()
-        return self._trail.poses(snapshot.keyframe_ids, snapshot.T_world_cams)
+        return self._trail.poses(*_every(snapshot))
 
     def zones_in(self, snapshot: MapSnapshot) -> tuple[Zone, ...]:
         """The zones, in the map of a snapshot."""
-        return self.zones.zones(snapshot.keyframe_ids, snapshot.T_world_cams)
+        return self.zones.zones(*_every(snapshot))
 
     def zoned(self, grid: OccupancyGrid, snapshot: MapSnapshot) -> OccupancyGrid:
         """The ground map of a snapshot with the zones laid over it."""
@@ -196,7 +202,7 @@ class MappedGround:
     def grid(self, snapshot: MapSnapshot, with_surfaces: bool = True) -> OccupancyGrid:
         """The ground map of a snapshot; without surfaces, the sparse one of the paper."""
         self._take_over()
-        keyframes = snapshot.keyframe_ids, snapshot.T_world_cams
+        keyframes = _every(snapshot)
         dock, bumps = self.dock(snapshot), self._bumps.poses(*keyframes)
         if dock is not None:  # the dock is touched on purpose
             bumps = [bump for bump in bumps if bump.distance_to(dock) > _AT_DOCK_M]

@@ -92,6 +92,7 @@ class KeyframeImages:
             self._slot.pop(gone, None)
             self._packed.pop(gone, None)
         for k in [k for k, number in enumerate(living.tolist()) if number not in stored]:
+            self._pack()  # a map from a file brings many at once
             self._slot[int(living[k])] = self._stored(cv2.remap(snapshot.images[k], *self._maps, cv2.INTER_LINEAR))
         self._pack()
         before = [number for number in kept if number < living.max(initial=-1)]

@@ -27,7 +27,7 @@ def _pose(T: SE2 | None) -> tuple[float, float, float]:
 
 
 def _anchors(view: MapView) -> list[Anchor]:
-    """The anchor of each keyframe, for keyframes of scale 1, as in a map that is read."""
+    """The anchor of each keyframe, of the present scale of what holds it, as in a map that is read."""
     carried = [keyframe.anchor or _LIVING for keyframe in view.keyframes]
     sizes = [view.keyframes[anchor.keyframe].scale / anchor.scale for anchor in carried]
     return [a._replace(T_keyframe_this=a.T_keyframe_this.scaled(size)) for a, size in zip(carried, sizes)]
@@ -44,6 +44,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] =
     "rotation": ("<f8", ("K", 3, 3), lambda v: v.R_world_cam),
     "translation": ("<f8", ("K", 3), lambda v: v.centres),
     "median_depth": ("<f8", ("K",), lambda v: [k.median_depth for k in v.keyframes]),
+    "scale": ("<f8", ("K",), lambda v: [k.scale for k in v.keyframes]),
     "chain": ("<i8", ("K",), lambda v: [k.odom_segment for k in v.keyframes]),
     "map_id": ("<i8", ("K",), lambda v: [k.map_id for k in v.keyframes]),
     "has_odometry": ("|b1", ("K",), lambda v: [k.data.T_odom_base is not None for k in v.keyframes]),
@@ -73,11 +74,12 @@ odometry: x, y, theta where there is any. readout_motion: as ``moving`` takes it
 
 MAX_KEYFRAMES = 2**16  # many times more than the largest buildings need
 _ORTHONORMAL = 1e-6  # rounding of rotations
+_LEAST_SCALE, _MOST_SCALE = 1e-6, 1e6  # of what is corrected by some per cent at a time
 _MOST = np.iinfo(np.int64).max
 _RANGES: dict[str, tuple[float, float | str]] = {
     "anchor": (-1, "K"), "observation_row": (0, "P"), "observation_level": (0, LEVELS), "point_source": (0, "K"),
     "point_templates": (-1, "T"), "template_source": (0, "K"), "median_depth": (0, np.inf), "chain": (0, _MOST),
-    "map_id": (0, _MOST),
+    "map_id": (0, _MOST), "scale": (_LEAST_SCALE, _MOST_SCALE),
 }  # fmt: skip
 """Lowest allowed value of an array, and the exclusive upper limit."""
 

@@ -32,7 +32,7 @@ from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.templates import Templates
 from vsx_ros.vision.corners import PackedCorners, indexed
 from vsx_ros.vision.patch_search import moving
-from vsx_ros.vision.pyramid import CompressedPyramid, build_pyramid, picture_file, small_image
+from vsx_ros.vision.pyramid import JPEG, CompressedPyramid, build_pyramid, picture_file, small_image
 
 FORMAT, VERSION = "vsx_ros slam map", 2  # increased when an older vsx_ros cannot read the file
 _PNG, _JPG = ".png", ".jpg"
@@ -75,7 +75,9 @@ def slam_map_of(entries: Mapping[str, bytes]) -> SlamMap:
     culled. Raises one of ``limits.DAMAGE`` for anything else."""
     manifest = _manifest(entries)
     camera, mount = _camera(manifest), _mount(manifest)
-    arrays = {name: array_of(entries[array_name(name)]) for name in LAYOUT}
+    arrays = {name: array_of(entries[array_name(name)]) for name in LAYOUT if name != "scale"}
+    scale = entries.get(array_name("scale"))  # older files have none
+    arrays["scale"] = np.ones(arrays["stamp_ns"].shape) if scale is None else array_of(scale)
     check(arrays, camera.width, camera.height)
     _check_pictures(entries, int((arrays["anchor"] < 0).sum()), camera)
     return SlamMap(camera, mount, _view(arrays, entries, camera, int(manifest["map_version"])))
@@ -160,8 +162,9 @@ def _keyframe(k: int, part: slice, arrays: Arrays, entries: Mapping[str, bytes],
     observed = Observations(*(arrays[f"observation_{name}"][part] for name in ("row", "uv", "ideal", "level")))
     anchor = None
     if arrays["anchor"][k] >= 0:
+        holder = int(arrays["anchor"][k])
         T = SE3(arrays["anchor_rotation"][k], arrays["anchor_translation"][k])
-        anchor, observed = Anchor(int(arrays["anchor"][k]), T), observed.without_pixels()
+        anchor, observed = Anchor(holder, T, float(arrays["scale"][holder])), observed.without_pixels()
     T_world_cam = SE3(arrays["rotation"][k], arrays["translation"][k])
     depth, segment, map_id = float(arrays["median_depth"][k]), int(arrays["chain"][k]), int(arrays["map_id"][k])
     return KeyFrame(
@@ -173,6 +176,7 @@ def _keyframe(k: int, part: slice, arrays: Arrays, entries: Mapping[str, bytes],
         odom_segment=segment,
         anchor=anchor,
         map_id=map_id,
+        scale=float(arrays["scale"][k]),
     )
 
 
@@ -212,7 +216,7 @@ def image_name(index: int, suffix: str = _PNG) -> str:
 
 def suffix_of(content: bytes) -> str:
     """How the name of a picture file with this content ends."""
-    return _JPG if content.startswith(b"\xff\xd8") else _PNG
+    return _JPG if content.startswith(JPEG) else _PNG
 
 
 def _decoded(content: bytes, index: int, camera: PinholeCamera) -> GrayImage:

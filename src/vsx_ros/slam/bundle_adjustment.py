@@ -15,6 +15,7 @@ from vsx_ros.kernels.slam.factors import Factors, Floor, no_floor
 from vsx_ros.kernels.slam.pose import TUKEY
 from vsx_ros.kernels.slam.schur import Observations
 from vsx_ros.slam.gauge import size_kept
+from vsx_ros.slam.held_points import carry_points
 from vsx_ros.slam.keyframe import Observations as Seen
 from vsx_ros.slam.map import Map
 
@@ -60,8 +61,9 @@ class BundleAdjuster:
         self, world: Map, free: list[int], iterations: int, interrupted: Callable[[], bool] = lambda: False
     ) -> bool:
         """Adjust the keyframes ``free`` (indices) and all points they see. Other keyframes that see these points stay
-        fixed. Keyframe 0 never moves; where the floor is known it is only levelled. (Its first tilt comes from the
-        mount, which is slightly wrong and would tilt the world.)
+        fixed; a point that fewer than two see moves with the keyframe that holds it. Keyframe 0 never moves; where the
+        floor is known it is only levelled. (Its first tilt comes from the mount, which is slightly wrong and would tilt
+        the world.)
 
         ``interrupted`` is called between slices of the work: a few iterations of a small problem, one of a large one.
         Returns whether the adjustment finished. If not, the map holds the progress so far and no outlier is removed."""
@@ -76,10 +78,12 @@ class BundleAdjuster:
         R, t, points, bad, finished = self._solve(world, frames, free, rows, observed, iterations, interrupted)
         if self._floats(world, frames, free):
             R, t, points = _resized(world, frames, free, R, t, points)
+        before = {k: world.keyframes[k].T_world_cam for k in free}
         for k, pose in zip(frames, zip(R, t)):
             if k in free:
                 world.move_keyframe(k, SE3(*pose).inverse())
         world.points[rows] = points
+        carry_points(world, before, rows)
         if finished:
             _discard(world, np.array(frames)[observed.frame[bad]], rows[observed.point[bad]])
         for k in free:

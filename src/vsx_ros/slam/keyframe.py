@@ -77,9 +77,9 @@ class FrameData(NamedTuple):
 
     def compressed(self) -> FrameData:
         """The same in a fifth of the memory, and as a map that is saved and loaded gives it back."""
-        if isinstance(self.image, CompressedPyramid):
+        if isinstance(self.image, CompressedPyramid) and self.image.is_small:
             return self
-        image, corners = CompressedPyramid.of(self.image), PackedCorners.of(self.corners, self.image.table)
+        image, corners = CompressedPyramid.of(self.pyramid), PackedCorners.of(self.corners, self.pyramid.table)
         return self._replace(image=image, corners=corners, small=small_image(image.pyramid))
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.kernels.slam.pose_graph import Edges, count_shared, optimize_graph
+from vsx_ros.slam.held_points import move_keyframes
 from vsx_ros.slam.keyframe import METRIC, KeyFrame, unit_of
 from vsx_ros.slam.local_map import nearest_keyframes, path_lengths
 from vsx_ros.slam.map import Map
@@ -75,21 +76,6 @@ def optimize_pose_graph(world: Map, map_id: int, loops: list[LoopClosure], free_
     move_keyframes(world, nodes, after, s)
     last = number[loops[-1].newer]
     return float(np.linalg.norm(after[last].translation - before[last].translation))
-
-
-def move_keyframes(world: Map, nodes: list[int], poses: list[SE3], factors: FloatArray) -> None:
-    """Move keyframes (indices) to new poses and scale them by ``factors``, with the points first seen in them or in
-    culled keyframes anchored to them."""
-    before = [world.keyframes[k].T_world_cam for k in nodes]
-    # Points of a culled keyframe move with its anchor.
-    holders = [k.id if k.anchor is None else k.anchor.keyframe for k in world.keyframes]
-    holder = np.array(holders, np.int64)[world.source]
-    order = np.argsort(holder, kind="stable")
-    first, last = (np.searchsorted(holder, nodes, side, order) for side in ("left", "right"))
-    for n, (k, old, new, factor) in enumerate(zip(nodes, before, poses, factors)):
-        mine = order[first[n] : last[n]]
-        world.points[mine] = new @ (factor * (old.inverse() @ world.points[mine]))
-        world.resize_keyframe(k, new, float(factor))
 
 
 def _edges_within(world: Map, nodes: list[int], poses: list[SE3]) -> list[_Edge]:

@@ -190,9 +190,8 @@ class Map:
         return mask
 
     def seen(self, rows: IntArray) -> IntArray:
-        """(P,) how many keyframes saw each of the points (rows), culled ones included; counts of other points may be
-        too low."""
-        every = [self.keyframes[k].observations.rows for k in self._observers.of(rows)]
+        """(P,) how many living keyframes see each of the points (rows); counts of other points may be too low."""
+        every = [self.keyframes[k].observations.rows for k in self.observers(rows)]
         return np.bincount(np.concatenate([np.zeros(0, np.int64), *every]), minlength=len(self.points))
 
     def cull_keyframe(self, index: int) -> None:

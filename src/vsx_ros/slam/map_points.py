@@ -128,10 +128,10 @@ def cull_redundant(world: Map, among: list[int], config: CullingConfig) -> list[
     return culled
 
 
-def leave_behind(world: Map, config: CullingConfig) -> list[int]:
+def leave_behind(world: Map, config: CullingConfig, added: int = 1) -> list[int]:
     """Cull the keyframe that the camera has just left behind, if it is redundant among those around it; returns it. If
-    it stays, its image is compressed."""
-    behind = world.living[-config.behind - 1 : -config.behind]
+    it stays, its image is compressed. added: how many new keyframes there are, and as many are left behind."""
+    behind = world.living[-config.behind - added : -config.behind]
     culled = cull_redundant(world, behind, replace(config, viewers=config.viewers_behind))
     for index in set(behind) - set(culled):
         world.compress_keyframe(index)

@@ -82,6 +82,7 @@ class Mapper:
         self._adjuster.adjust(world, [second], 20)
         if pair.odometry is None and first == 0:
             self._watch = StartWatch(world, self._initialization)
+        leave_behind(world, self._culling, added=2)
         world.version += 1
         return world.view()
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.slam.loop_correction import move_keyframes
+from vsx_ros.slam.held_points import move_keyframes
 from vsx_ros.slam.map import Map
 
 

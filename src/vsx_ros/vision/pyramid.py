@@ -20,6 +20,7 @@ from vsx_ros.kernels.vision.alignment import align_small
 LEVELS = 4  # each half as large as the one before: VGA down to 80 x 60
 SHRINK = 16  # factor of the small image: 40 x 30 for VGA
 FINE, COARSE = 0, 3  # levels compared: the first and the last
+JPEG = b"\xff\xd8"  # how such a file begins
 _QUALITY = 90  # of 100: 53 kB for VGA and 1.9 grey levels off, where a lossless .png takes 150 kB
 NEIGHBOURS, LEAST = 9, 3  # most and least number of earlier frames to compare with (half a second)
 # A fifth of the rows is as good as all of them.
@@ -53,6 +54,11 @@ class CompressedPyramid(NamedTuple):
     def of(image: Pyramid) -> CompressedPyramid:
         """As a .jpg, which is off by less than a camera's noise."""
         return CompressedPyramid(bytes(cv2.imencode(".jpg", image.level(0), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]))
+
+    @property
+    def is_small(self) -> bool:
+        """Whether it was made by ``of``: files also hold larger pictures."""
+        return self.content.startswith(JPEG)
 
     @property
     def pyramid(self) -> Pyramid:
