@@ -8,6 +8,7 @@ from vsx_ros.config import Config
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
+from vsx_ros.slam import loop_correction
 from vsx_ros.slam.frontend import FrontEnd
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.loop_closing import LoopDetector
@@ -19,6 +20,7 @@ from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.slam.tracker import Tracker
 from vsx_ros.vision.corners import features_of
+from vsx_ros.vision.patch_search import Predictions
 
 CONFIG = Config().slam
 
@@ -137,6 +139,33 @@ def test_a_true_loop_is_closed_and_the_error_falls_everywhere():
     assert np.allclose(world.keyframes[0].T_world_cam.matrix(), np.eye(4), atol=1e-15)
     after = [k.T_world_cam.inverse() @ world.points[20 * n] for n, k in enumerate(world.keyframes)]
     assert np.allclose(after, relative, atol=1e-9), "points go with the keyframe they were made in"
+
+
+def test_a_point_that_was_fused_is_seen_by_nobody_any_more(monkeypatch):
+    """One keyframe sees the point itself and its other copy; another one finds both."""
+    here = np.array([[50.0, 50.0]])
+
+    def found(keyframe, view, rows, radius_px):
+        rows = rows[~np.isin(rows, keyframe.observations.rows)]
+        uv = here.repeat(len(rows), 0)
+        return Predictions(rows, np.zeros(len(rows), np.int64), uv, np.zeros((len(rows), 4)), rows), uv
+
+    monkeypatch.setattr(loop_correction, "find_unseen", found)
+    monkeypatch.setattr(loop_correction, "observe_at", lambda world, k, *seen: world.observe(k, observing(*seen)))
+    world = Map()
+    for k, sees in enumerate([[], [0], []]):
+        world.add_keyframe(FrameData.without_image(k, None), SE3.identity(), Observations.none())
+        if k == 0:
+            none = NewTemplates(np.zeros((2, 4)), np.zeros((2, 2)), np.zeros((2, PATCH, PATCH), np.uint8))
+            world.add_points(np.tile([0.0, 0.0, 1.0], (2, 1)), none, 0)
+        world.observe(k, observing(np.array(sees, int), here.repeat(len(sees), 0), np.zeros(len(sees), int)))
+    assert loop_correction.fuse(world, [1, 2], np.array([0, 1])) == 1
+    assert [world.keyframes[k].observations.rows.tolist() for k in (1, 2)] == [[1], [1]]
+    assert world.alive.tolist() == [False, True]
+
+
+def observing(rows, uv, level):
+    return Observations(rows, uv, uv, level)
 
 
 def test_a_keyframe_that_was_culled_confirms_no_loop(arc_drive):

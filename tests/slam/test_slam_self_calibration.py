@@ -1,5 +1,6 @@
 """Wheels and gyro that nobody calibrated: a short drive finds them, and the map gets its true size."""
 
+import itertools
 import math
 from typing import Any
 
@@ -70,6 +71,32 @@ def test_keyframes_of_another_time_keep_their_odometry() -> None:
     world = small_map()
     recount(world, Recount({2: SE2()}, 1.0, 3, "gyro"))
     assert [k.data.T_odom_base for k in world.keyframes] == [SE2(), None, SE2(2.0, 0.0, 0.0)]
+
+
+def test_odometry_from_before_what_is_counted_again_follows_in_one_piece() -> None:
+    world = Map()
+    for k in range(6):
+        data = FrameData.without_image(k, SE2(float(k), 0.0, 0.0))
+        world.add_keyframe(data, SE3(np.eye(3), np.array([k, 0.0, 0.3])), Observations.none())
+    counted = {k: SE2(1.0 + 0.9 * (k - 3), 0.5 * (k - 3), 0.2 * (k - 3)) for k in range(3, 6)}
+    recount(world, Recount(counted, 1.0, 6, "wheels"))
+    bases = [keyframe.data.T_odom_base for keyframe in world.keyframes]
+    steps = [a.inverse() @ b for a, b in itertools.pairwise(bases) if a is not None and b is not None]
+    np.testing.assert_allclose([step.as_array() for step in steps[:3]], [[1.0, 0.0, 0.0]] * 3, atol=1e-12)
+    wanted = (counted[3].inverse() @ counted[4]).as_array()
+    assert steps[3].as_array() == pytest.approx(wanted)
+    assert bases[5].as_array() == pytest.approx([5.0, 0.0, 0.0])
+
+
+def test_every_map_that_the_wheels_measured_is_resized() -> None:
+    world = Map()
+    for k in range(5):
+        place = SE3(np.eye(3), np.array([k % 3, 0.0, 0.3]))
+        data = FrameData.without_image(k, SE2(float(k), 0.0, 0.0))
+        world.add_keyframe(data, place, Observations.none(), map_id=k // 3)
+    recount(world, Recount({k: SE2(1.1 * k, 0.0, 0.0) for k in range(5)}, 1.1, 6, "wheels"))
+    x = [keyframe.T_world_cam.translation[0] for keyframe in world.keyframes]
+    assert x == pytest.approx([0.0, 1.1, 2.2, 0.0, 1.1])
 
 
 def test_without_a_map_there_is_nothing_to_put_right() -> None:

@@ -101,4 +101,8 @@ def test_lifetimes_in_frames_seconds_and_metres():
     assert statistics.u2_frames == pytest.approx((2 * 4 + 3 * 3) / 5)
     assert statistics.u2_seconds == pytest.approx(statistics.u2_frames)
     assert statistics.u2_metres == pytest.approx(0.1 * statistics.u2_frames)
+    record.missed(5 * 10**9)
+    record.tracked(65 * 10**9, track(5, 5, x=5.0), 5, True)
+    again = record.statistics(2, 5)
+    assert (again.u2_seconds, again.u2_metres) == (statistics.u2_seconds, statistics.u2_metres), "lost time is nobody's"
     assert statistics.visible_ratio == pytest.approx((1 + 1 + 1 + 0.4) / 4)

@@ -1,5 +1,7 @@
 """How well a pose is known: more along the way, less where a loop is closed, and as odometry goes on alone."""
 
+import dataclasses
+
 import numpy as np
 from test_slam_culling import made_map
 
@@ -61,6 +63,24 @@ def test_a_map_made_before_is_known_by_the_way_through_it():
     uncertainty = PoseUncertainty(CONFIG)
     uncertainty.enter(local)
     assert 0.02 < sigma_m(local, uncertainty) < 0.5
+
+
+def test_a_map_that_is_joined_is_no_more_certain_than_what_it_is_joined_to():
+    sees = [list(range(25 * k, 25 * k + 200)) for k in range(60)]
+    world, uncertainty = made_map(sees), PoseUncertainty(CONFIG)
+    for k in range(40, 60):
+        world.keyframes[k] = dataclasses.replace(world.keyframes[k], map_id=1)
+    apart = world.view()
+    for map_id, numbers in ((0, range(40)), (1, range(40, 60))):
+        for k in numbers:
+            uncertainty.enter(LocalMap(apart.part(map_id), k))
+    alone = sigma_m(LocalMap(apart.part(0), 39), uncertainty)
+    world.join(1, 0)
+    joined = world.view()
+    for k in [*range(39, 60), *range(59, 37, -1)]:
+        uncertainty.enter(LocalMap(joined, k))
+    assert sigma_m(LocalMap(joined, 39), uncertainty) > 0.9 * alone
+    assert sigma_m(LocalMap(joined, 50), uncertainty) > alone
 
 
 def test_odometry_alone_adds_its_own_noise():

@@ -122,6 +122,8 @@ class FrontEnd:
         frame; None when the camera was found in another map meanwhile and stays there."""
         pair, newest = self._bootstrap.done(), view.keyframes[-1]
         found, in_world = len(newest.observations.rows), newest.map_id == 0
+        if in_world and self._view.keyframes:  # meanwhile the map before was given up
+            self.use(Map().view())
         if in_world:
             self._event(pair.second.stamp_ns, "initialised", f"{found} points from two frames")
             self.record.initialised(pair.second.stamp_ns, newest.T_world_cam.translation)
@@ -131,12 +133,10 @@ class FrontEnd:
             self.use(view)
             return None
         self._enter(view, newest.map_id)
-        self._segment = newest.odom_segment
-        self._reference = len(view.keyframes) - 1
+        self._segment, self._reference = newest.odom_segment, len(view.keyframes) - 1
         self._motion.update(pair.second, newest.T_world_cam, measured=False)
         self._recovery.over(pair.second)
-        self._since_keyframe, self._keyframe_ns = 0, pair.second.stamp_ns
-        self.tracking.coarse_next = True
+        self._since_keyframe, self._keyframe_ns, self.tracking.coarse_next = 0, pair.second.stamp_ns, True
         result = TrackingResult(
             pair.second.stamp_ns, TrackingState.GOOD, searched=found, found=found, keyframe_added=True,
             reason="map started", map_id=newest.map_id,

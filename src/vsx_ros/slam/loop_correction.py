@@ -153,7 +153,7 @@ def fuse(world: Map, keyframes: list[int], rows: IntArray) -> int:
     old = np.array(sorted(becomes), np.int64)
     world.replace_points(old, np.array([becomes[int(k)] for k in old], np.int64))
     for k, (predictions, uv) in found_in.items():
-        unseen = ~np.isin(predictions.rows, world.keyframes[k].observations.rows)
+        unseen = world.alive[predictions.rows] & ~np.isin(predictions.rows, world.keyframes[k].observations.rows)
         observe_at(world, k, predictions.rows[unseen], uv[unseen], predictions.level[unseen])
     return len(old)
 

@@ -16,6 +16,7 @@ from vsx_ros.vision.pyramid import rotation_between
 DAMPING = 0.9  # a camera is more likely to slow down than to keep its speed
 MAX_GAP_S = 0.5  # after so long without a pose, the last velocity is not used
 WINDOWS = (8, 30)  # frames: a jump shows over the short window, drift over the long one
+LONGEST = 2  # times as many frames: the window of those that the image is sure of
 # Beyond this, wheels slip, spin or are disconnected: a constant, and shares of distance and turn.
 GAP_M, GAP_PER_M, GAP_PER_RAD = 0.008, 0.08, 0.02
 GAP_RAD, GAP_RAD_PER_RAD = 0.02, 0.06
@@ -98,10 +99,11 @@ class MotionModel:
 
 
 class _PosePair(NamedTuple):
-    """Pose of the base in one frame, by odometry and by the image."""
+    """Pose of the base in one frame, by odometry and by the image; the number of the frame."""
 
     odometry: SE2
     seen: SE2
+    frame: int
 
 
 class OdometryConsistency:
@@ -111,6 +113,7 @@ class OdometryConsistency:
         self._T_cam_base = SE3.identity() if T_base_cam is None else T_base_cam.inverse()
         self._pairs: deque[_PosePair] = deque(maxlen=max(WINDOWS) + 1)
         self._odometry: SE2 | None = None
+        self._frame = 0
         self._T_used_odom = SE2()
         self._last_used: _PosePair | None = None
         self._unproven_m = 0.0
@@ -118,7 +121,7 @@ class OdometryConsistency:
 
     def admit(self, data: FrameData) -> FrameData:
         """The frame with the odometry to use: none while it is doubted, later corrected to be continuous."""
-        before, self._odometry = self._odometry, data.T_odom_base
+        before, self._odometry, self._frame = self._odometry, data.T_odom_base, self._frame + 1
         if self._odometry is None:
             return data
         if before is not None:
@@ -130,9 +133,11 @@ class OdometryConsistency:
         if self._odometry is None or self._unproven_m > 0.0:
             self._pairs.clear()
             return ""
-        now = _PosePair(self._odometry, (T_world_cam @ self._T_cam_base).to_se2())
+        now = _PosePair(self._odometry, (T_world_cam @ self._T_cam_base).to_se2(), self._frame)
         self._pairs.append(now)
-        gaps = [self._gap(self._pairs[-1 - n], now) for n in WINDOWS if n < len(self._pairs)]
+        then = [(n, self._pairs[-1 - n]) for n in WINDOWS if n < len(self._pairs)]
+        # Over frames that the image is not sure of, odometry may err by more than a short way or turn explains.
+        gaps = [self._gap(pair, now) for n, pair in then if self.doubted or now.frame - pair.frame <= LONGEST * n]
         if self.doubted:
             if len(gaps) == len(WINDOWS) and not any(gaps):
                 # Continue as if odometry had measured the motion seen in the images.

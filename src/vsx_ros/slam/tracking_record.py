@@ -63,8 +63,8 @@ class TrackingRecord:
         """A frame with a pose from the map of n_points rows; in a loaded map the first one is the start. Outside the
         world, in a map not yet joined with the first one, the frame counts as lost."""
         more = max(0, n_points - len(self._of_point["found"]))
-        for name, column in self._of_point.items():
-            self._of_point[name] = np.append(column, np.zeros(more, column.dtype)) if more else column
+        if more:  # all columns at once: another thread may read them
+            self._of_point = {name: np.append(of, np.zeros(more, of.dtype)) for name, of in self._of_point.items()}
         # Missing points are not counted as searched in a blurred image or at a doubtful pose, nor when others hide
         # them.
         clear = track.state is TrackingState.GOOD and not track.blurred
@@ -93,6 +93,7 @@ class TrackingRecord:
         """A frame after the start without a pose from the map."""
         self.frame_without_map(stamp_ns)
         self._lost += 1
+        self._last = None  # the time and way until the next pose are nobody's
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Copies of all counts, for ``restored``."""
@@ -134,10 +135,10 @@ class TrackingRecord:
         """The run so far."""
         started = self._initialized_ns != _NEVER_NS
         after = max(1, self._tracked + self._lost - self._uncounted)
-        lived = self._of_point["found"] >= LONG_LIVED
+        of_point = self._of_point
+        lived = of_point["found"] >= LONG_LIVED
         frames, seconds, metres = (
-            float(self._of_point[name][lived].mean()) if lived.any() else None
-            for name in ("found", "seconds", "metres")
+            float(of_point[name][lived].mean()) if lived.any() else None for name in ("found", "seconds", "metres")
         )
         return SlamStatistics(
             frames=self._frames,

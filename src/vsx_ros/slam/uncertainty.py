@@ -40,8 +40,9 @@ class PoseUncertainty:
 
     def __init__(self, config: UncertaintyConfig) -> None:
         self._config = config
-        # Keyframes whose covariance is known.
+        # Keyframes whose covariance is known, relative to the first of this map.
         self._known: BoolArray = np.zeros(0, np.bool_)
+        self._map_id: IntArray = np.zeros(0, np.int64)
         self._of_keyframe: FloatArray = np.zeros((0, 6, 6))
         self.covariance: FloatArray = np.zeros((6, 6))
 
@@ -51,12 +52,20 @@ class PoseUncertainty:
         more = len(view.keyframes) - len(self._known)
         self._known = np.append(self._known, np.zeros(more, np.bool_))
         self._of_keyframe = np.append(self._of_keyframe, np.zeros((more, 6, 6)), axis=0)
+        self._map_id = np.append(self._map_id, [k.map_id for k in view.keyframes[len(self._map_id) :]])
+        self._forget_joined(view, np.append(local.near, local.reference))
         if not self._known[view.living].any():
             self._begin(view)
         tied = (local.shared >= LINKED_POINTS) & (local.near != local.reference)
         near, points = local.near[tied], local.shared[tied]
         self._pass_on(view, near, reference, points)
         self._pass_on(view, reference, near, points)
+
+    def _forget_joined(self, view: MapView, near: IntArray) -> None:
+        """Covariances of keyframes whose map was joined with another count from another keyframe."""
+        map_id = np.array([view.keyframes[k].map_id for k in near.tolist()], np.int64)
+        joined = near[map_id != self._map_id[near]]
+        self._known[joined], self._map_id[near] = False, map_id
 
     def _begin(self, view: MapView) -> None:
         """The first keyframe of a map has covariance 0; in a loaded map each next one follows from the one before."""
