@@ -4,7 +4,7 @@ The lock-step run, the node vslam and replays each have one, so that all begin, 
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 from numpy.typing import NDArray
 
@@ -23,6 +23,7 @@ from vsx_ros.slam.state import TrackingResult
 from vsx_ros.slam.tracking_record import TrackingRecord
 
 SlamT = TypeVar("SlamT", bound=TrackerAndMapper)
+_BLIND_M = 1.0  # from the last place that the camera knew: farther away, dead reckoning is no place in the map
 
 
 class SlamSession:
@@ -50,6 +51,7 @@ class SlamSession:
         self._corrected: Odometry | None = None
         self._read: Odometry | None = None
         self.where: LocalizationState = UNLOCALIZED
+        self._seen_at: SE2 | None = None  # where the camera knew its place last
         self.ground = MappedGround(config)
         if state is not None:
             self.ground.restore(state)
@@ -106,11 +108,22 @@ class SlamSession:
             placed = late.anchor if late.T_world_cam is not None else None
             self._beside = NEAREST if placed is None else placed.keyframe
         self.where = where = localization.at(now_ns)._replace(odometry=self._read)
+        self._seen_at = where.T_map_base if where.slam_state.tracked else self._seen_at
         if where.stuck is not None:
             self.ground.pushed(where.stuck.T_world_push, now_ns)
-        elif where.T_map_base is not None:
+        elif self._is_placed(where.T_map_base):
             self.ground.moved(where.T_map_base, now_ns, self._beside)
         return where
+
+    def bumped(self, T_map_base: SE2 | None) -> None:
+        """Something was touched here; forgotten where the camera has been lost for too long."""
+        if self._is_placed(T_map_base):
+            self.ground.bumped(T_map_base)
+
+    def _is_placed(self, T_map_base: SE2 | None) -> TypeGuard[SE2]:
+        """Whether this is a place in the map, and not only odometry's guess since the camera was lost."""
+        seen_at = self._seen_at  # None before the map: it will begin as the odometry frame
+        return T_map_base is not None and (seen_at is None or T_map_base.distance_to(seen_at) < _BLIND_M)
 
     @property
     def T_map_odom(self) -> SE2 | None:

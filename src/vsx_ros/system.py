@@ -99,8 +99,8 @@ class ExplorationSystem:
         time (``ComputingTime``)."""
         now_ns, odometry = tracking.stamp_ns, self.odometry
         where = self.session.locate(tracking, odometry, self._computing_time.frame_ns())
-        if hazard and where.T_map_base is not None:
-            self.ground.bumped(where.T_map_base)
+        if hazard:
+            self.session.bumped(where.T_map_base)
         self._refresh_map(now_ns)
         decision = None
         if self._decided is None and now_ns >= self._next_decision_ns:

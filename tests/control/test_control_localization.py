@@ -85,6 +85,23 @@ def test_a_relocalisation_is_believed_at_once():
     assert close(fuser.pose(), SE2(2.0, 0.0, 0.0), 1e-9, 1e-9)
 
 
+def test_a_corrected_map_is_believed_at_once_and_a_single_wrong_pose_is_not():
+    fuser, here, there = Localization(), SE2(1.0, 0.0, 0.0), SE2(1.0, 0.25, 0.02)
+
+    def stands_at(*poses: SE2) -> SE2 | None:
+        for pose in poses:
+            stands_at.now_ns += 100 * MS
+            fuser.add_odometry(Odometry(stands_at.now_ns, SE2()))
+            fuser.add_pose(stands_at.now_ns, pose)
+        return fuser.pose()
+
+    stands_at.now_ns = 0
+    assert close(stands_at(*[here] * 100), here, 1e-6, 1e-6)
+    assert close(stands_at(there, here, here), here, 0.02, 0.02)
+    assert close(stands_at(there, SE2(1.0, -0.2, 0.0), here, here), here, 0.02, 0.02)
+    assert close(stands_at(there, there), there, 1e-6, 1e-6)
+
+
 @pytest.mark.parametrize("silence_ns", [20 * MS, 4000 * MS])
 def test_odometry_that_restarts_does_not_move_the_base(silence_ns: int):
     fuser, epochs, T_world_odom = Localization(), OdometryEpochs(), SE2(-4.0, 1.0, 0.3)

@@ -100,6 +100,18 @@ def test_it_does_not_wait_for_ever_for_what_stays(drive: Drive) -> None:
     assert drive.status is FollowStatus.FOLLOWING
 
 
+def test_it_waits_for_what_hides_the_map_on_each_drive_anew(drive: Drive) -> None:
+    drive.ahead = "something hides 30 of 40 points ahead"
+    drive.go_on(1.0)
+    drive.follower.end(drive.base.now_ns, "cancelled")
+    drive.ahead = ""
+    drive.go_on(10.0)
+    drive.ahead = "something hides 20 of 40 points ahead"
+    drive.follower.follow(drive.base.now_ns, ahead(drive.base.pose, CONFIG.limits), "map", 2)
+    drive.go_on(1.0)
+    assert drive.told[-1] == 0.0
+
+
 @pytest.mark.parametrize(
     ("ages", "reason"),
     [(MessageAges(vslam_s=0.31), "no word from vslam"), (MessageAges(odometry_s=0.51), "no odometry")],

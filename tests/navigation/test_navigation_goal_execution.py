@@ -63,6 +63,23 @@ class Drive:
         assert self.step() == []
 
 
+def test_a_goal_in_odom_ends_when_the_odometry_restarts_and_begins_in_any_epoch() -> None:
+    begun = Drive()
+    place = UNLOCALIZED._replace(odometry=Odometry(begun.now_ns, SE2(), odom_epoch=3))
+    begun.execution.begin(begun.now_ns, SE2(1.0, 0.0, 0.0), "odom")
+    seen = ExecutionInput(place, begun.grid, begun.report)
+    (request,) = begun.execution.step(begun.now_ns, seen)
+    assert isinstance(request, PlanRequest)
+    begun.execution.planned(begun.now_ns, 1, begun.planner.timed(request.start, request.goal, request.frame))
+    (follow,) = begun.execution.step(begun.now_ns, seen)
+    assert isinstance(follow, Follow)
+    moving = FollowerReport(follow.identity, FollowStatus.FOLLOWING, "", "odom", at_s=1.0)
+    assert begun.execution.step(begun.now_ns, seen._replace(follower=moving)) == []
+    again = seen._replace(where=place._replace(odometry=Odometry(begun.now_ns, SE2(), odom_epoch=4)), follower=moving)
+    assert any(isinstance(act, Brake) for act in begun.execution.step(begun.now_ns, again))
+    assert ended(begun.execution.step(begun.now_ns, again), False, "the odometry has restarted")
+
+
 @pytest.fixture
 def drive() -> Drive:
     begun = Drive()

@@ -14,9 +14,10 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower import FollowerReport
 from vsx_ros.navigation.navigator import GoalPlanner
 from vsx_ros.navigation.way_watch import WayWatch
+from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import ZonedGrid, with_zones
 from vsx_ros.occupancy.zones import Zone, ZoneKind
-from vsx_ros.planning.path import Refusal, RefusalKind
+from vsx_ros.planning.path import Refusal, RefusalKind, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import Odometry
@@ -142,6 +143,23 @@ def test_a_zone_on_the_way_counts_as_soon_as_the_place_is_recognised() -> None:
     assert found is not None
     assert "the zone 'rug'" in found.reason
     assert watch.hindrance(way, "odom", report, grid, lost._replace(T_map_base=SE2())) is None, "judged once"
+
+
+def test_what_stands_farther_on_is_seen_on_the_same_map_as_the_base_comes_nearer() -> None:
+    cells = np.zeros((80, 160), np.int8)
+    cells[38:42, 80:84] = 100  # 3 m ahead
+    grid, watch, told = OccupancyGrid(cells, 0.05, -1.0, -2.0), WayWatch(CONFIG), list[float | None]()
+    times_s = np.arange(0.0, 16.0, 0.1)
+    x = 0.25 * times_s
+    way = Trajectory(times_s, np.column_stack([x, 0.0 * x, 0.0 * x]), np.full(len(x), 0.25), 0.0 * x)
+    watch.begin(None)
+    for at_s in times_s.tolist():
+        report = FollowerReport(1, FollowStatus.FOLLOWING, "", "map", at_s=at_s)
+        found = watch.hindrance(way, "map", report, grid, UNLOCALIZED._replace(T_map_base=SE2()))
+        told += [found.ahead_m] if found is not None else []
+    assert told
+    assert told[0] is not None
+    assert told[0] > 1.0
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.5, 3.0, 4.5])

@@ -81,11 +81,12 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
         (Hazard.NONE, False),
         (Hazard.WHEEL_DROP_LEFT, False),
         (Hazard.WHEEL_DROP, False),
+        (Hazard.CLIFF | Hazard.BUMPER_LEFT | Hazard.WHEEL_DROP_LEFT, False),  # it is lifted
     ],
 )
 def test_bumpers_and_cliffs_meet_something_and_a_raised_wheel_nothing(hazard: Hazard, met: bool) -> None:
     ground = Notes()
-    session = SimpleNamespace(base_at=lambda odometry: odometry.T_odom_base, ground=ground)
+    session = SimpleNamespace(base_at=lambda odometry: odometry.T_odom_base, bumped=ground.bumped)
     heard = bare(SlamInput, _session=session, _odometry=None)
     heard._on_hazards(UInt8(hazard))
     assert ground.said == [], "nobody knows where"

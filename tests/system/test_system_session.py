@@ -81,6 +81,29 @@ def test_the_ground_driven_while_the_camera_is_lost_is_free() -> None:
     assert session.where.T_map_base.x == pytest.approx(0.55)
 
 
+def test_far_from_where_the_camera_was_lost_nothing_is_driven_or_met_on_the_map() -> None:
+    session = session_at(SE2())
+    session.bumped(SE2(0.6, 0.0, 0.0))
+    for k in range(1, 61):
+        lost = TrackingResult(1 + k, TrackingState.LOST, None, 9, 0, False, "dark")
+        session.locate(lost, Odometry(1 + k, SE2(0.5 + 0.1 * k, 0.0, 0.0)))
+    session.bumped(session.base_at(Odometry(62, SE2(6.5, 0.0, 0.0))))
+    state = session.ground.state()
+    assert state["trail"][:, 0].max() == pytest.approx(1.4)
+    assert len(state["bumps"]) == 1
+    found = TrackingResult(
+        63, TrackingState.GOOD, SE3.from_se2(SE2(6.0, 0.2, 0.0)) @ session.T_base_cam, 9, 9, False, ""
+    )
+    session.locate(found, Odometry(63, SE2(6.5, 0.0, 0.0)))
+    assert session.ground.state()["trail"][-1, :2] == pytest.approx([6.0, 0.2])
+
+
+def test_what_is_met_before_there_is_a_map_is_on_it() -> None:
+    session = SlamSession(mounted(Config().robot.mount), Config())
+    session.bumped(session.base_at(WHEELS))
+    assert session.ground.state()["bumps"][0, :2] == pytest.approx([3.0, 0.5])
+
+
 def test_a_bump_after_the_last_map_is_kept_for_the_next_session() -> None:
     ground = MappedGround(Config())
     ground.start = SE2(0.5, 0.0, 0.0)

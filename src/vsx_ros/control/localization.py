@@ -17,6 +17,9 @@ MAP_FRAME, ODOM_FRAME = "map", "odom"
 
 _MEMORY = 400  # readings of odometry: 8 s at 50 Hz, more than SLAM is ever late
 _JUMP_M, _JUMP_RAD = 0.3, 0.35  # more is a loop closure or a recognised place: taken at once, not filtered
+# Two successive SLAM poses farther off than this, in standard deviations and at least, that agree so well: the map has
+# moved, or the base was pushed.
+_BEYOND, _LEAST_M, _LEAST_RAD, _ALIKE_M, _ALIKE_RAD = 5.0, 0.04, 0.04, 0.03, 0.03
 # Standard deviations: of a SLAM pose; of odometry per square root of a metre; of the bend at first and its drift.
 _SLAM_M, _SLAM_RAD = 0.01, 0.008
 _DRIFT_M, _DRIFT_RAD, _STANDING_VARIANCE = 0.02, 0.03, 1e-8  # m, rad per sqrt(m); of a base that stands
@@ -119,7 +122,8 @@ class Localization:
     A SLAM pose belongs to the time of its image, so it is compared with the odometry of that time, even when it arrives
     late. Wheels of unequal size bend the path by an unknown angle per metre. That bend is estimated too, because at the
     curvatures allowed here it leads off the path. A SLAM pose too far from the prediction to be noise (a
-    relocalisation) is used as it is. A new odometry epoch does not move the base."""
+    relocalisation) is used as it is, and so is the second of two that are off alike (the map was corrected). A new
+    odometry epoch does not move the base."""
 
     def __init__(self) -> None:
         self._odometry: deque[Odometry] = deque(maxlen=_MEMORY)
@@ -129,6 +133,7 @@ class Localization:
         self._anchor: tuple[SE2, SE2] | None = None
         self._bend_rad_m = 0.0
         self._covariance: FloatArray = np.zeros((4, 4))
+        self._off: FloatArray | None = None  # by how much the last SLAM pose was off, if that was no noise
         self._stuck_detector = StuckDetector()
         self._slam = (TrackingState.NOT_INITIALISED, "waiting for vslam")
         self._ahead = ""
@@ -159,8 +164,10 @@ class Localization:
         T_odom_base = odometry.T_odom_base
         if self._anchor is not None:
             believed = self._carried(T_odom_base)
-            if believed.distance_to(T_world_base) <= _JUMP_M and abs(believed.angle_to(T_world_base)) <= _JUMP_RAD:
-                self._anchor = self._corrected(believed, T_world_base), T_odom_base
+            near = believed.distance_to(T_world_base) <= _JUMP_M and abs(believed.angle_to(T_world_base)) <= _JUMP_RAD
+            corrected = self._corrected(believed, T_world_base) if near else None
+            if corrected is not None:
+                self._anchor = corrected, T_odom_base
                 return
         self._stand_at(T_world_base, T_odom_base, _SLAM_M, _SLAM_RAD)
 
@@ -196,7 +203,7 @@ class Localization:
             self._stand_at(stood, T_odom_base, _JUMP_M, _JUMP_RAD)
 
     def _stand_at(self, T_world_base: SE2, T_odom_base: SE2, sigma_m: float, sigma_rad: float) -> None:
-        self._anchor = T_world_base, T_odom_base
+        self._anchor, self._off = (T_world_base, T_odom_base), None
         bend_variance = float(self._covariance[3, 3]) or _BEND_RAD_M**2
         self._covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2, bend_variance])
 
@@ -209,12 +216,12 @@ class Localization:
         half = SE2(0.0, 0.0, 0.5 * turn)
         return T_world_anchor @ half @ SE2(step.x, step.y, step.theta) @ half
 
-    def _corrected(self, believed: SE2, measured: SE2) -> SE2:
-        """Predict the covariance to the new stamp and apply the measurement; returns the pose there."""
+    def _corrected(self, believed: SE2, measured: SE2) -> SE2 | None:
+        """Predict the covariance to the new stamp and apply the measurement; returns the pose there, None if this and
+        the last measurement were off alike by more than noise."""
         assert self._anchor is not None
         before = self._anchor[0]
-        dx, dy = believed.x - before.x, believed.y - before.y
-        way = math.hypot(dx, dy)
+        dx, dy, way = believed.x - before.x, believed.y - before.y, believed.distance_to(before)
         F = np.eye(4)
         F[0, 2], F[1, 2], F[2, 3] = -dy, dx, way
         F[0, 3], F[1, 3] = -0.5 * dy * way, 0.5 * dx * way
@@ -222,11 +229,22 @@ class Localization:
         P = F @ self._covariance @ F.T + np.diag(drift + np.array([_STANDING_VARIANCE] * 3 + [0.0]))
         residual = np.array([measured.x - believed.x, measured.y - believed.y, believed.angle_to(measured)])
         S = P[:3, :3] + np.diag([_SLAM_M**2, _SLAM_M**2, _SLAM_RAD**2])
+        before_it, self._off = self._off, residual if _is_no_noise(residual, S) else None
+        if self._off is not None and before_it is not None:
+            unlike = np.abs(residual - before_it)
+            if math.hypot(unlike[0], unlike[1]) < _ALIKE_M and unlike[2] < _ALIKE_RAD:
+                return None
         gain = np.linalg.solve(S, P[:3, :]).T
         change = gain @ residual
         self._covariance = P - gain @ P[:3, :]
         self._bend_rad_m += float(change[3])
         return SE2(believed.x + float(change[0]), believed.y + float(change[1]), believed.theta + float(change[2]))
+
+
+def _is_no_noise(residual: FloatArray, covariance: FloatArray) -> bool:
+    """Whether a residual (3,) of this covariance is one that noise hardly ever makes."""
+    far = math.hypot(residual[0], residual[1]) > _LEAST_M or abs(residual[2]) > _LEAST_RAD
+    return far and float(residual @ np.linalg.solve(covariance, residual)) > _BEYOND**2
 
 
 UNLOCALIZED = LocalizationState()

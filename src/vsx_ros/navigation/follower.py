@@ -114,6 +114,7 @@ class Follower:
     def step(self, now_ns: int, where: LocalizationState, ages: MessageAges = ALL_FRESH) -> VelocityCommand | None:
         """The command for now; None when there is none, so that others may drive."""
         was_stuck, self._is_stuck = self._is_stuck, where.stuck is not None
+        is_hidden = self._waits(now_ns, where.ahead)
         if not self._following:
             return STOP if 0 <= now_ns - self._rested_ns < _ZERO_FOR_S * 1e9 and self._rested_ns >= 0 else None
         if ages.executor_s > LEASE_S:
@@ -122,19 +123,19 @@ class Follower:
             return self.end(now_ns, "vslam is silent")
         if where.stuck is not None and not was_stuck:
             return self.end(now_ns, where.stuck.reason)
-        self.result = result = self._followed(now_ns, where, _why_stale(ages))
+        self.result = result = self._followed(now_ns, where, _why_stale(ages), is_hidden)
         if self._stop is not None and self._tracker.stands:
             return self.end(now_ns, "stopped on the way")
         if result.status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED):
             return self._rest(now_ns)
         return result.command
 
-    def _followed(self, now_ns: int, where: LocalizationState, stale: str) -> FollowResult:
+    def _followed(self, now_ns: int, where: LocalizationState, stale: str, is_hidden: bool) -> FollowResult:
         blind = self._frame == ODOM_FRAME
         age_s = 0.0 if blind else where.slam_age_s
         tracking_ok = not stale and (blind or where.slam_state.tracked)
         factor = 1.0 if blind else self._speed_factor(now_ns, where.slam_state)
-        waits_for = f"waiting: {where.ahead}" if not blind and self._waits(now_ns, where.ahead) else ""
+        waits_for = f"waiting: {where.ahead}" if is_hidden and not blind else ""
         result = self._tracker.command(now_ns, where.pose(self._frame), age_s, tracking_ok, factor, waits_for)
         if stale:
             self._tracker.halted()

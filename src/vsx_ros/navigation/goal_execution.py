@@ -8,9 +8,7 @@
       +<---- RESTING <----(cancelled: brake; nothing left to try)-------+
 
 While the operator holds the wheels, PLANNING waits; then it plans from where the base stands. No try is used up.
-
-``step`` takes what is known and returns what to do. While the planner works, the base stands or brakes. The caller
-passes the planner's answers to ``planned``."""
+``step`` takes what is known and returns what to do. The caller passes the planner's answers to ``planned``."""
 
 import math
 from enum import Enum
@@ -96,7 +94,7 @@ class GoalExecution:
         self._phase, self._since_ns = _Phase.IDLE, 0
         self._goal, self._frame = SE2(), MAP_FRAME
         self._replans_left, self._least_m = 0, math.inf
-        self._again, self._number = "", 0
+        self._again, self._number, self._epoch = "", 0, -1
         self._waits_for_plan = self._start_is_predicted = False
         self._answer: TimedPlan | Refusal | None = None
         self._asked_in: OccupancyGrid | None = None
@@ -106,7 +104,7 @@ class GoalExecution:
 
     def begin(self, now_ns: int, goal: SE2, frame: str) -> None:
         """Pursue this goal, in ``frame``, from now on; a previous goal gets no ``Done`` any more."""
-        self._goal, self._frame, self._again = goal, frame, ""
+        self._goal, self._frame, self._again, self._epoch = goal, frame, "", -1
         self._replans_left, self._least_m = self._replans, math.inf
         self._enter(_Phase.PLANNING, now_ns)
 
@@ -127,6 +125,10 @@ class GoalExecution:
             return []
         if seen.silent_client:
             return [self._done(False, f"the client {seen.silent_client} is silent")]
+        if self._frame != MAP_FRAME and seen.where.odometry is not None:
+            before, self._epoch = self._epoch, seen.where.odom_epoch
+            if before not in (-1, self._epoch):  # the goal's numbers mean another place now
+                self.cancel(now_ns, "the odometry has restarted; send the goal again")
         if self._was_held(seen.follower) and self._phase in (_Phase.PLANNING, _Phase.DRIVING):
             self._driven = None
             self._enter(_Phase.PLANNING, now_ns)

@@ -16,6 +16,7 @@ from vsx_ros.planning.path import Trajectory
 from vsx_ros.slam.state import TrackingState
 
 _FASTER_M_S = 0.01  # rounding of times
+_AGAIN_S = 1.0  # obstacles are looked for some way ahead only, so a way is judged again after driving on for so long
 
 
 class Hindrance(NamedTuple):
@@ -26,12 +27,13 @@ class Hindrance(NamedTuple):
 
 
 class WayWatch:
-    """Judges a way once for each new map. Ways in odom are driven over ground that was driven before, so that obstacles
-    do not count there; zones do."""
+    """Judges a way for each new map, and again every second of the drive. Ways in odom are driven over ground that was
+    driven before, so that obstacles do not count there; zones do."""
 
     def __init__(self, config: Config) -> None:
         self._radius_m = config.robot.radius_m
         self._checked: OccupancyGrid | None = None
+        self._checked_s = 0.0
         self._drawn: int | None = None
 
     def begin(self, grid: OccupancyGrid | None) -> None:
@@ -41,12 +43,13 @@ class WayWatch:
     def hindrance(
         self, trajectory: Trajectory, frame: str, report: FollowerReport, grid: OccupancyGrid, where: LocalizationState
     ) -> Hindrance | None:
-        """What is new on the rest of the way; None when nothing is, for the map judged last, and as long as the frame's
-        place in the map is not known."""
+        """What is new on the rest of the way; None when nothing is, for what was judged already, and as long as the
+        frame's place in the map is not known."""
         T_map_frame = frame_in_map(frame, where)
-        if grid is self._checked or T_map_frame is None:
+        judged = grid is self._checked and report.at_s < self._checked_s + _AGAIN_S
+        if judged or T_map_frame is None:
             return None
-        self._checked = grid
+        self._checked, self._checked_s = grid, report.at_s
         found = [(math.inf, "")]
         if frame == MAP_FRAME:
             obstacle_m = obstacle_ahead(trajectory, report.at_s, grid, self._radius_m)

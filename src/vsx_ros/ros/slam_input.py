@@ -59,9 +59,10 @@ class SlamInput:
         self._sync.add_odometry(odometry)
 
     def _on_hazards(self, msg: UInt8) -> None:
-        touches = Hazard(msg.data) & (Hazard.BUMPER | Hazard.CLIFF)
-        if touches and self._odometry is not None and (pose := self._session.base_at(self._odometry)) is not None:
-            self._session.ground.bumped(pose)
+        hazards = Hazard(msg.data)
+        touches = hazards & (Hazard.BUMPER | Hazard.CLIFF) and not hazards & Hazard.WHEEL_DROP  # else it is lifted
+        if touches and self._odometry is not None:
+            self._session.bumped(self._session.base_at(self._odometry))
 
     def _on_shutter(self, msg: Float64MultiArray) -> None:
         self._shutter = images.shutter(msg)
