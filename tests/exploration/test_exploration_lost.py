@@ -236,7 +236,18 @@ def test_a_robot_that_was_carried_in_the_air_does_not_back_along_the_way_it_came
     for k in range(3):
         mission.decide((3 + k) * SECOND, held._replace(lifted=True))
     drives = [mission.decide((7 + k) * SECOND, held._replace(hazard=None)) for k in range(3)]
-    assert "turning to look elsewhere" in next(drive.reason for drive in drives if drive.action is Action.GO)
+    assert "looking around on the spot" in next(drive.reason for drive in drives if drive.action is Action.GO)
+
+
+def test_a_robot_that_was_carried_in_the_air_trusts_the_map_no_more_until_it_knows_its_place():
+    mission = mapping_mission()
+    wheels_driven(mission, 1.0, SE2())
+    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", T_odom_base=SE2(1, 0, 0), grid=OPEN)
+    mission.decide(3 * SECOND, lost._replace(lifted=True))
+    goals = [mission.decide((4 + 2 * k) * SECOND, lost).goal for k in range(6)]
+    driven = [goal for goal in goals if goal is not None]
+    assert driven
+    assert [goal.distance_to(SE2(1, 0, 0)) for goal in driven] == pytest.approx([0.0] * len(driven)), "on the spot"
 
 
 def test_a_resumed_mission_goes_back_along_the_way_it_remembers_although_its_odometry_restarts():

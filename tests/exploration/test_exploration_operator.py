@@ -1,10 +1,11 @@
 """The operator is heard: held wheels and goals of the user's hold the mission, and nothing is blamed for them."""
 
+import numpy as np
 import pytest
 from test_exploration_mission import SECOND, euclid, mapping_mission, situation
 
 from vsx_ros.config import Config, overridden
-from vsx_ros.exploration.decision import DOCK, Action, MissionState, NavigationState
+from vsx_ros.exploration.decision import DOCK, OPERATOR, Action, MissionState, NavigationState
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.user_goals import GoalState, UserGoals
 from vsx_ros.geometry.se2 import SE2
@@ -64,6 +65,35 @@ def test_a_held_start_drive_is_no_attempt():
         mission.decide(now_ns + SECOND, blind._replace(navigation=NavigationState.ACTIVE, held=TELEOP))
         mission.decide(now_ns + 5 * SECOND, blind._replace(navigation=FAILED))
         assert mission.state is MissionState.STARTING
+
+
+@pytest.mark.parametrize("by", [OPERATOR, DOCK])
+def test_a_paused_start_drive_is_no_attempt(by):
+    mission, drive_m = Mission(Config(), euclid), Config().exploration.init_drive_m
+    begin = situation(slam_state=TrackingState.NOT_INITIALISED, T_map_base=None, grid=None)
+    assert mission.decide(0, begin).goal.x == pytest.approx(drive_m)
+    mission.pause(SECOND, by)
+    cut = begin._replace(T_odom_base=SE2(0.05, 0.0, 0.0))
+    for k in range(3):
+        mission.decide((1 + k) * SECOND, cut._replace(navigation=NavigationState.ACTIVE))
+    elsewhere = cut._replace(T_odom_base=SE2(-0.45, 0.0, np.pi), navigation=NavigationState.ABORTED)
+    mission.decide(9 * SECOND, elsewhere)
+    mission.resume(10 * SECOND, by)
+    assert mission.decide(10 * SECOND, elsewhere).goal.x == pytest.approx(-0.45 - drive_m), (
+        "ahead, from where it is now"
+    )
+    there = elsewhere._replace(T_odom_base=SE2(-0.45 - drive_m, 0.0, np.pi), navigation=NavigationState.SUCCEEDED)
+    assert mission.decide(20 * SECOND, there).goal.x == pytest.approx(-0.45)
+
+
+def test_a_goal_of_the_user_before_the_first_drive_has_begun_is_no_attempt():
+    mission, drive_m = Mission(Config(), euclid), Config().exploration.init_drive_m
+    begin = situation(slam_state=TrackingState.NOT_INITIALISED, T_map_base=None, grid=None)
+    mission.decide(0, begin)
+    assert mission.decide(0, begin._replace(user_goal=UserGoal("a-1", "a", 0, "odom"))).action is Action.WAIT
+    for k in range(1, 9):
+        decision = mission.decide(k * SECOND, begin)
+    assert decision.goal is None or decision.goal.x == pytest.approx(drive_m)
 
 
 def test_driving_by_hand_makes_the_trail_longer():

@@ -10,7 +10,7 @@ from vsx_ros.config import Config, DockingConfig
 from vsx_ros.errors import ConfigError
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.navigation.dock_light import DOCK_LIGHTS, DockBeam, DockSight
+from vsx_ros.navigation.dock_light import DOCK_LIGHTS, DockBeam, DockSight, dock_light
 from vsx_ros.navigation.docking import Docking
 from vsx_ros.navigation.docking_state import DockingSeen, DockingState
 from vsx_ros.robot import STOP, Odometry
@@ -116,6 +116,20 @@ def test_it_asks_navigation_for_a_place_before_the_dock_and_leaves_the_wheels_to
     other = docking.step(4, seen()).goal
     assert math.hypot(other.x, other.y) == pytest.approx(0.8)
     assert other.y == pytest.approx(0.8 * math.sin(math.radians(35.0)))
+
+
+def test_a_dock_that_moves_with_the_map_is_driven_to_and_looked_for_where_it_is_now():
+    docking = begun()
+    seat = dock_light("kobuki").seat
+    first = docking.step(1, seen(seat=seat(SE2()))).goal
+    assert docking.step(2, seen(seat=seat(SE2(0.02, 0.01, 0.02)))).goal is None, "a centimetre is no other place"
+    goal = docking.step(3, seen(seat=seat(SE2(0.0, 0.6, 0.0)))).goal
+    assert (goal.x - first.x, goal.y - first.y) == pytest.approx((0.0, 0.6))
+    arrived = seen(navigation=NavigationState.SUCCEEDED, T_map_base=goal, odometry=Odometry(4, goal))
+    docking.step(4, arrived._replace(seat=seat(SE2(0.0, 0.6, 0.0))))
+    docking.step(5, arrived)
+    assert docking.state is DockingState.SEARCHING
+    assert docking.T_odom_dock().distance_to(SE2(0.0, 0.6, 0.0)) < 0.05
 
 
 def test_without_a_way_to_any_place_it_tells_the_planners_reason():

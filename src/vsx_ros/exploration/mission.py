@@ -128,8 +128,7 @@ class Mission:
         """One action for the situation. Call it at 2 to 10 Hz; choosing a view takes some tenths of a second."""
         backing = self._tour.backing_off or (self.state is MissionState.RECOVERING and self._recovery.is_on_trail)
         restarted = situation.T_odom_base is not None and self._trail.enter_epoch(situation.odom_epoch)
-        if situation.lifted:
-            self._trail.clear()
+        self._recovery.observe(situation, self._trail)
         if situation.T_odom_base is not None:
             (self._trail.driven_back_to if backing else self._trail.add)(situation.T_odom_base)
         self._home.observe(situation)
@@ -139,6 +138,7 @@ class Mission:
             return self._log.answer(Action.FINISH, self._log.reason)
         active = situation.navigation is NavigationState.ACTIVE
         if self.state is MissionState.PAUSED:
+            self._start_drives.interrupt(situation.navigation)
             claim = self.claim.of(now_ns, situation)
             told = "paused" if OPERATOR in self.paused_by else f"paused by {DOCK}"
             reason = told if claim is None else f"{told}; {claim[1]}"
@@ -148,6 +148,7 @@ class Mission:
         if situation.T_odom_base is None:
             return self._log.answer(Action.WAIT, "waiting for odometry")
         if restarted:
+            self._start_drives.interrupt(situation.navigation)
             return self._tour.rest(now_ns, active, "odometry restarted: coming to rest")
         if (claim := self.claim.of(now_ns, situation)) is not None:
             return self._yield(now_ns, situation, *claim)
@@ -165,10 +166,8 @@ class Mission:
 
     def _yield(self, now_ns: int, situation: Situation, state: MissionState, reason: str) -> Decision:
         """Leave the robot to the operator. What failed since, or just before it was told, was nobody's fault."""
-        ended = situation.navigation in (NavigationState.ACTIVE, NavigationState.ABORTED)
         if self.state not in _YIELDING:
-            if self.state is MissionState.STARTING and ended:
-                self._start_drives.withdraw()
+            self._start_drives.interrupt(situation.navigation)
             self._after_pause = self.state
             since_ns = min(fact.since_ns for fact in (situation.held, situation.user_goal) if fact is not None)
             self.view_selector.blacklist.withdraw(min(since_ns, now_ns) - _RACE_NS)

@@ -109,12 +109,19 @@ class Recovery:
     def __init__(self, config: ExplorationConfig, radius_m: float, bend_rad_m: float) -> None:
         """radius_m: of the robot [m]. bend_rad_m: of the arcs to the sides [rad/m]."""
         self._config, self._radius_m, self._bend_rad_m = config, radius_m, bend_rad_m
-        self._over_ns = -_AGAIN_NS
+        self._over_ns, self._is_displaced = -_AGAIN_NS, False
         self.owes_a_step = False
         """Whether to continue although the camera is tracked."""
         self.is_on_trail = True
         """Whether it drives back along the trail; else what it drives belongs to the trail, too."""
         self.begin(0)
+
+    def observe(self, situation: Situation, trail: Trail) -> None:
+        """After being lifted the robot may stand anywhere: neither trail nor map show what is around it until the
+        camera knows the place."""
+        if situation.lifted:
+            trail.clear()
+        self._is_displaced = situation.lifted or (self._is_displaced and not situation.slam_state.tracked)
 
     def begin(self, now_ns: int) -> None:
         """The camera is lost. If it was found shortly before, continue with at least one step; else start afresh."""
@@ -142,6 +149,7 @@ class Recovery:
     def next(self, trail: Trail, situation: Situation) -> tuple[SE2, str] | None:
         """The next pose of the base in the frame odom, and why; None when nothing is left to try."""
         self.owes_a_step, self._tracked_since_ns = False, None
+        situation = situation._replace(T_map_base=None) if self._is_displaced else situation
         step_m, left_m = self._config.backtrack_step_m, trail.length_m
         if self._lost_at_m is None:
             self._lost_at_m = left_m

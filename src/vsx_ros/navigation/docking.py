@@ -26,6 +26,7 @@ from vsx_ros.robot import STOP, VelocityCommand
 _SEEN_PLACES = 4  # at so many the dock was seen: no ghost
 _ON_AXIS_RATIO, _NEAREST_M, _FARTHEST_M = 0.10, 0.42, 1.0  # off the axis per metre; where creeping may begin
 _AT_PLACE_M, _FACING_RAD = 0.05, 0.06
+_MOVED_M, _MOVED_RAD = 0.05, 0.1  # of the dock with the map: its places are driven to anew
 _AT_DOCK_M = 0.25  # before its seat: a contact here, in the light of the dock, is one with the dock
 _BESIDE_M = (0.0, 0.02, -0.02)
 """How far beside the estimated axis a try goes. In the middle beam nothing tells where the middle is: if a contact is
@@ -48,7 +49,9 @@ class Docking:
         self._light = dock_light("kobuki")
         self._filter = DockFilter(self._light, self._rng)
         self.state, self.reason, self.tries = DockingState.IDLE, "", 0
-        self._T_map_dock, self._places = SE2(), list[SE2]()
+        # T_map_dock now and when the goal was given; directions from the dock: of the goal, and still to be tried.
+        self._T_map_dock = self._given_for = SE2()
+        self._around_rad, self._left_rad = 0.0, list[float]()
         self._prior = SE2(), 0.0, 0.0
         self._turn_rad, self._reached = 0.0, False
         self._since_ns, self._entered, self._epoch = 0, True, 0
@@ -59,11 +62,10 @@ class Docking:
 
     def dock(self, now_ns: int, kind: str, T_map_dock: SE2) -> None:
         """Dock a base of this kind; the dock was last here. Raises ConfigError for a base without a known dock."""
-        self._light = light = dock_light(kind)
-        self._filter = DockFilter(light, self._rng)
+        self._light = dock_light(kind)
+        self._filter = DockFilter(self._light, self._rng)
         self._T_map_dock, self.tries, self._reached = T_map_dock, 0, False
-        around = (0.0, _AROUND_RAD, -_AROUND_RAD)
-        self._places = [T_map_dock @ SE2(0.0, 0.0, a) @ SE2(light.stand_m, 0.0, math.pi) for a in around]
+        self._left_rad = [0.0, _AROUND_RAD, -_AROUND_RAD]
         self._enter(now_ns, DockingState.APPROACHING, "driving to the dock")
 
     def undock(self, now_ns: int, turn_rad: float = 0.0) -> None:
@@ -124,11 +126,18 @@ class Docking:
     def _approach(self, now_ns: int, seen: DockingSeen, begins: bool) -> DockingAct:
         if seen.T_map_base is None:
             return self._fail(now_ns, "the base does not know where it is in the map")
+        if seen.seat is not None:
+            self._T_map_dock = self._light.dock_at(seen.seat)
         if begins:
-            if not self._places:
+            if not self._left_rad:
                 unseen = "the dock is not to be seen from any place before it that can be driven to"
                 return self._fail(now_ns, unseen if self._reached else f"no way to the dock: {seen.navigation_reason}")
-            return DockingAct(None, self._places.pop(0))
+            self._around_rad = self._left_rad.pop(0)
+        moved = self._given_for.inverse() @ self._T_map_dock
+        if begins or math.hypot(moved.x, moved.y) > _MOVED_M or abs(wrap_angle(moved.theta)) > _MOVED_RAD:
+            self._given_for = self._T_map_dock
+            stand = SE2(0.0, 0.0, self._around_rad) @ SE2(self._light.stand_m, 0.0, math.pi)
+            return DockingAct(None, self._T_map_dock @ stand)
         if seen.navigation is NavigationState.SUCCEEDED:
             T_odom_dock = seen.odometry.T_odom_base @ seen.T_map_base.inverse() @ self._T_map_dock
             self._reached = True

@@ -32,7 +32,8 @@ class DockingState(Enum):
 
 class DockingSeen(NamedTuple):
     """What is known. sight: None until the receivers were read again. charging: current flows, or the battery is full.
-    hazard: what stops the base, e.g. a bumper; empty: nothing. navigation: how the goal of ``DockingAct`` fares."""
+    hazard: what stops the base, e.g. a bumper; empty: nothing. navigation: how the goal of ``DockingAct`` fares. seat:
+    where a docked base stands by now, in the map, which may have moved; None: where it was first."""
 
     odometry: Odometry
     sight: DockSight | None
@@ -42,10 +43,12 @@ class DockingSeen(NamedTuple):
     T_map_base: SE2 | None
     navigation: NavigationState
     navigation_reason: str = ""
+    seat: SE2 | None = None
 
 
 class DockingAct(NamedTuple):
-    """command: None: leave the wheels to navigation. goal: drive there, in the map; given once."""
+    """command: None: leave the wheels to navigation. goal: drive there, in the map; given once, and again when the dock
+    has moved with the map."""
 
     command: VelocityCommand | None
     goal: SE2 | None = None

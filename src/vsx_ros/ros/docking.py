@@ -67,6 +67,7 @@ class HeardDock:
         self._keeper = keeper
         self.kind, self.docked, self._charging, self._hazard = "", False, False, ""
         self.seat: SE2 | None = None
+        self._is_named = False
         self.hold: OperatorHold | None = None
         self._sight: DockSight | None = None
         self._where = LocalizationSubscriber()
@@ -107,6 +108,11 @@ class HeardDock:
         """The base in the map, if known."""
         return self._where.at(headers.now_ns()).T_map_base
 
+    def place(self, named: SE2 | None) -> SE2 | None:
+        """Where to dock: at the named seat, else at the known one, also when that moves with the map."""
+        self._is_named = named is not None
+        return named or self.seat
+
     def seen(self, now_ns: int, navigation: tuple[NavigationState, str]) -> DockingSeen | None:
         """What is known now; each reading of the receivers once. None before the first odometry. navigation: state and
         reason of the goal."""
@@ -117,6 +123,7 @@ class HeardDock:
         return DockingSeen(
             odometry=where.odometry, sight=sight, docked=self.docked, charging=self._charging, hazard=self._hazard,
             T_map_base=where.T_map_base, navigation=navigation[0], navigation_reason=navigation[1],
+            seat=None if self._is_named else self.seat,
         )  # fmt: skip
 
 

@@ -54,7 +54,7 @@ class DockNode:
         threads.every(_BATTERY_S, "battery", self._watch)
 
     def _start(self, text: str = "{}") -> str:
-        seat, kind = wanted_dock(text) or self._heard.seat, self._heard.kind
+        seat, kind = self._heard.place(wanted_dock(text)), self._heard.kind
         if seat is None:
             raise InputError("no dock is known in this map: give its place with 'vsx dock --at', or drive onto it once")
         light = dock_light(kind)
