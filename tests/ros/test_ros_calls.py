@@ -13,7 +13,8 @@ import rosgraph
 import rospy
 from std_srvs.srv import SetBool
 
-from vsx_ros.ros import calls
+from vsx_ros.ros import calls, operator_command
+from vsx_ros.runs.process import STOPPED
 
 
 @pytest.fixture
@@ -53,3 +54,16 @@ def test_other_nodes_are_not_the_master(hanging_master: None) -> None:
     calls.bound_master_calls()
     connection = xmlrpc.client.Transport().make_connection("127.0.0.1:1")
     assert connection.timeout is not calls.MASTER_S
+
+
+def test_a_stop_that_is_interrupted_before_the_base_has_confirmed_is_no_success(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(seconds: float, call: object, whom: str) -> None:
+        if whom == "the base":
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(calls, "within", interrupted)
+    monkeypatch.setattr(operator_command.logs, "quiet_failures", lambda: None)
+    assert operator_command.stop(release=False) == STOPPED
+    assert "look whether its wheels stand" in capsys.readouterr().err

@@ -1,11 +1,22 @@
 """The camera node's calibration, without a master."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 pytest.importorskip("rospy")
 
+import rospy
+
+from vsx_hw.readings import ImageReading
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros.cameras import nominal, open_camera
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.ros import headers, topic_drivers
+from vsx_ros.ros.cameras import CameraCalibration, nominal, open_camera
+from vsx_ros.ros.topic_drivers import TopicCamera
+
+MEASURED = PinholeCamera(640, 480, 511.0, 512.0, 321.0, 243.0)
 
 
 @pytest.mark.parametrize(("size", "focal", "centre"), [((640, 480), 525, 239.5), ((1280, 1024), 1050, 479.5)])
@@ -24,3 +35,32 @@ def test_an_uncalibrated_kinect_has_nominal_values_in_every_mode(
 def test_a_device_or_mode_without_meaning_is_refused(device: str, mode: str) -> None:
     with pytest.raises(ConfigError, match="give"):
         open_camera(device, lambda reading: None, mode)
+
+
+def test_a_calibration_that_comes_after_the_first_image_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rospy, "logwarn", lambda *_: None)
+    source = SimpleNamespace(calibration=None, serial="nobody_has_this_one")
+    calibration = CameraCalibration("ros:/cam/image_raw", "")
+    assert calibration.of(source, 640, 480) == nominal("ros:/cam/image_raw", 640, 480)
+    assert not calibration.known
+    source.calibration = MEASURED
+    assert calibration.of(source, 640, 480) == MEASURED
+    assert calibration.known
+
+
+def test_the_first_images_of_a_driver_wait_for_their_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s, seen, rng = [50.0], list[ImageReading](), np.random.default_rng(0)
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: name)
+    monkeypatch.setattr(headers, "refuse_future", lambda _: None)
+    monkeypatch.setattr(topic_drivers, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    monkeypatch.setattr(topic_drivers, "image_of", lambda *_: (1, rng.integers(0, 256, (48, 64)).astype(np.uint8)))
+    msg = SimpleNamespace(_connection_header={"type": "sensor_msgs/Image"}, _buff=b"")
+    quick, never = (TopicCamera("/cam/image_raw", seen.append) for _ in range(2))
+    quick._on_any(msg)
+    assert seen == []
+    quick.calibration = MEASURED
+    quick._on_any(msg)
+    assert len(seen) == 1
+    for now_s[0] in (60.0, 60.5, 61.1):
+        never._on_any(msg)
+    assert len(seen) == 2, "without any it goes on after a second"

@@ -24,6 +24,7 @@ from vsx_ros.control.localization import MAP_FRAME
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.dock_light import DOCK_LIGHTS
+from vsx_ros.navigation.docking_state import DockingState
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.ros import (
     base_messages,
@@ -212,6 +213,31 @@ def test_a_user_docks_and_undocks_it_and_teleop_ends_a_docking(wires, monkeypatc
     assert wires.served[topics.DOCK_LEAVE](None).success
     robot.until("undocked", 20.0)
     assert wires.asked.count(topics.EXPLORE_PAUSE) == wires.asked.count(topics.EXPLORE_RESUME) == 2
+
+
+def test_a_robot_that_is_taken_off_its_dock_explores_on(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    robot.wait(0.5)
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.until("docked", 90.0)
+    robot.wait(5.0)
+    assert wires.paused
+    robot.plant.at_dock = None
+    robot.wait(2.0)
+    assert wires.paused, "the contact may come back"
+    robot.wait(5.0)
+    assert not wires.paused
+    assert (wires.status()["state"], wires.status()["reason"]) == ("idle", "taken off the dock")
+
+
+def test_an_exploration_that_begins_on_the_dock_and_does_not_pause_ends_no_thread(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    wires.refuses = True
+    wires.say(topics.EXPLORE_STATUS, json.dumps({"state": "starting", "paused_by": []}))
+    wires.say(topics.DOCKED, Bool(True))
+    robot.node._watch()
+    assert topics.EXPLORE_PAUSE in wires.asked
+    assert robot.node._docking.state is DockingState.IDLE
 
 
 def test_an_exploration_that_does_not_pause_is_not_docked_under(wires, monkeypatch):

@@ -7,7 +7,7 @@ pytest.importorskip("rospy")
 from std_msgs.msg import String
 
 from vsx_ros.ros import driving
-from vsx_ros.ros.driving import Lease
+from vsx_ros.ros.driving import Lease, LeaseWatch
 
 
 class Topic:
@@ -55,3 +55,18 @@ def test_a_holder_that_leaves_keeps_no_promise(topic: Topic) -> None:
     held.keep()
     held.renew()
     assert topic.said == []
+
+
+def test_a_goal_is_a_sign_of_life_of_one_who_renews_and_of_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The dock renews only while it docks: its second goal comes before its first renewal."""
+    now_s = [100.0]
+    monkeypatch.setattr(driving.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr(driving.rospy, "Subscriber", lambda *_, **__: None)
+    watch = LeaseWatch("any/lease")
+    watch.grant("/dock")
+    now_s[0] = 700.0
+    assert watch.age_s("/dock") == 600.0
+    for client in ("/dock", "/rviz"):
+        watch.heard(client)
+    assert watch.age_s("/dock") == 0.0
+    assert not watch.is_known("/rviz"), "who never renews is not waited for"

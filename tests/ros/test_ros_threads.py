@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ import rospy.core
 from waiting import PATIENCE_S
 
 from vsx_hw import base_driver
+from vsx_hw.errors import DeviceError
 from vsx_ros.errors import InputError
 from vsx_ros.ros import headers, logs, threads
 from vsx_ros.ros.logs import ERROR, OK, WARN, DiagnosticArray, Diagnostics
@@ -44,9 +46,23 @@ def test_topics_that_close_at_the_end_are_no_failure(
     assert bool(caplog.records) != ending
 
 
-def test_a_thread_that_fails_ends_the_node(told: list[str], caplog: pytest.LogCaptureFixture) -> None:
-    threads.worker("sums", lambda: [][0]).join(PATIENCE_S)
-    assert told == ["thread 'sums' failed: list index out of range"]
+def unplugged() -> None:
+    raise DeviceError("no base")
+
+
+@pytest.mark.parametrize(
+    ("loop", "reason", "code"),
+    [(lambda: [][0], "list index out of range", 1), (unplugged, "no base", 2), (lambda: None, "", 0)],
+)
+def test_a_thread_that_fails_ends_the_node_with_an_exit_code(
+    loop: Callable[[], None], reason: str, code: int, told: list[str], monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(threads, "_failures", [])
+    monkeypatch.setattr(rospy, "logfatal", lambda *_: None)
+    threads.worker("sums", loop).join(PATIENCE_S)
+    assert told == ([f"thread 'sums' failed: {reason}"] if reason else [])
+    assert threads.exit_code() == code
 
 
 @pytest.mark.parametrize("ros_time", [None, rospy.Time(), rospy.Time(1)], ids=["wall", "not begun", "stands"])

@@ -34,7 +34,7 @@ missed there, the next tries are made to both sides of it. Then the dock is look
 touched, but its axis may be wrong."""
 _TOUCHED_M, _TOUCHED_RAD = 0.08, 0.6  # how well the dock is then known
 _BEYOND_M = 0.20  # driven past the seat without contact: the dock was believed so much too near, or missed
-_BLOCKED_S, _DARK_S, _NO_CONTACT_S, _NO_CURRENT_S, _STEADY_S = 1.5, 1.5, 2.5, 10.0, 1.0
+_BLOCKED_S, _DARK_S, _NO_CONTACT_S, _NO_CURRENT_S, _STEADY_S, _TAKEN_S = 1.5, 1.5, 2.5, 10.0, 1.0, 3.0
 _STATE_S = 60.0  # longest time in one state
 _AROUND_RAD, _ALIGNMENTS = math.radians(35.0), 4
 _BEGINNINGS = DockingState.APPROACHING, DockingState.SEARCHING, DockingState.UNDOCKING
@@ -49,9 +49,8 @@ class Docking:
         self._light = dock_light("kobuki")
         self._filter = DockFilter(self._light, self._rng)
         self.state, self.reason, self.tries = DockingState.IDLE, "", 0
-        # T_map_dock now and when the goal was given; directions from the dock: of the goal, and still to be tried.
-        self._T_map_dock = self._given_for = SE2()
-        self._around_rad, self._left_rad = 0.0, list[float]()
+        self._T_map_dock = self._given_for = SE2()  # now, and when the goal was given
+        self._around_rad, self._left_rad = 0.0, list[float]()  # direction of the goal from the dock; still to be tried
         self._prior = SE2(), 0.0, 0.0
         self._turn_rad, self._reached = 0.0, False
         self._since_ns, self._entered, self._epoch = 0, True, 0
@@ -77,6 +76,15 @@ class Docking:
         """Stand, and give up."""
         if not self.state.rests:
             self._fail(now_ns, reason)
+
+    def is_taken_off(self, now_ns: int, docked: bool) -> bool:
+        """Whether somebody has just taken a docked base off its dock. docked: whether the contacts touch now."""
+        if self.state is DockingState.DOCKED and docked:
+            self._steady_ns = now_ns
+        elif self.state is DockingState.DOCKED and now_ns - self._steady_ns > _TAKEN_S * 1e9:
+            self._enter(now_ns, DockingState.IDLE, "taken off the dock")
+            return True
+        return False
 
     def T_odom_dock(self) -> SE2:
         """Where the dock is believed to be."""
@@ -126,20 +134,17 @@ class Docking:
     def _approach(self, now_ns: int, seen: DockingSeen, begins: bool) -> DockingAct:
         if seen.T_map_base is None:
             return self._fail(now_ns, "the base does not know where it is in the map")
-        if seen.seat is not None:
-            self._T_map_dock = self._light.dock_at(seen.seat)
-        if begins:
-            if not self._left_rad:
-                unseen = "the dock is not to be seen from any place before it that can be driven to"
-                return self._fail(now_ns, unseen if self._reached else f"no way to the dock: {seen.navigation_reason}")
-            self._around_rad = self._left_rad.pop(0)
-        moved = self._given_for.inverse() @ self._T_map_dock
-        if begins or math.hypot(moved.x, moved.y) > _MOVED_M or abs(wrap_angle(moved.theta)) > _MOVED_RAD:
-            self._given_for = self._T_map_dock
-            stand = SE2(0.0, 0.0, self._around_rad) @ SE2(self._light.stand_m, 0.0, math.pi)
-            return DockingAct(None, self._T_map_dock @ stand)
+        self._T_map_dock = dock = self._light.dock_at(seen.seat) if seen.seat is not None else self._T_map_dock
+        if begins and not self._left_rad:
+            unseen = "the dock is not to be seen from any place before it that can be driven to"
+            return self._fail(now_ns, unseen if self._reached else f"no way to the dock: {seen.navigation_reason}")
+        self._around_rad = self._left_rad.pop(0) if begins else self._around_rad
+        before = self._given_for
+        if begins or before.distance_to(dock) > _MOVED_M or abs(before.angle_to(dock)) > _MOVED_RAD:
+            self._given_for = dock
+            return DockingAct(None, dock @ SE2(0.0, 0.0, self._around_rad) @ SE2(self._light.stand_m, 0.0, math.pi))
         if seen.navigation is NavigationState.SUCCEEDED:
-            T_odom_dock = seen.odometry.T_odom_base @ seen.T_map_base.inverse() @ self._T_map_dock
+            T_odom_dock = seen.odometry.T_odom_base @ seen.T_map_base.inverse() @ dock
             self._reached = True
             self._prior = T_odom_dock, self._config.remembered_sigma_m, self._config.remembered_sigma_rad
             return self._enter(now_ns, DockingState.SEARCHING, "looking for the light of the dock")

@@ -114,7 +114,8 @@ class CameraCalibration:
 
     def of(self, source: Camera, width: int, height: int) -> PinholeCamera:
         """The calibration for images of this size from the opened ``source``."""
-        camera = self._camera or self._given(source) or self._read(source, width, height)
+        measured = self._camera if self.known else None
+        camera = measured or self._given(source) or self._camera or self._read(source, width, height)
         if (camera.width, camera.height) != (width, height):
             rospy.logwarn("calibration is of %dx%d, images are %dx%d", camera.width, camera.height, width, height)
             camera, self.known = nominal(self._device, width, height), False

@@ -72,6 +72,11 @@ class LeaseWatch:
         """Count as a renewal: the holder has shown by other means that it is alive."""
         self._renewed_s[holder] = time.monotonic()
 
+    def heard(self, holder: str) -> None:
+        """A sign of life from one who renews while it needs something; nothing for all others."""
+        if self.is_known(holder):
+            self.grant(holder)
+
     def is_known(self, holder: str) -> bool:
         """Whether the holder ever renewed."""
         return holder in self._renewed_s

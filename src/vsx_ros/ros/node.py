@@ -17,7 +17,7 @@ from vsx_hw.errors import DeviceError
 from vsx_ros.config import Config, from_dict
 from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.registry import load_plugins
-from vsx_ros.ros import headers, logs
+from vsx_ros.ros import headers, logs, threads
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs import memory
 
@@ -40,7 +40,7 @@ class Node(Protocol):
 def run(name: str, build: Callable[[Config], Node]) -> None:
     """Run the node ``name`` until ROS shuts down. ``build`` makes it from the configuration in the parameter
     ``~config`` and compiles everything before it advertises. A VsxError is logged as one sentence and ends the process
-    with exit code 1; a DeviceError does the same with exit code 2."""
+    with exit code 1; a DeviceError does the same with exit code 2. So does a thread that fails later."""
     _die_with_parent()
     memory.return_freed_memory()
     logs.quiet_failures()
@@ -80,6 +80,8 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
             trimmed_s = time.monotonic()
     let_go()
     close()
+    if (code := threads.exit_code()) != 0:
+        sys.exit(code)
 
 
 def _start(name: str, build: Callable[[Config], Node]) -> Node:

@@ -19,7 +19,7 @@ from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.ros import calls, convert, logs, topics
 from vsx_ros.ros.environment import DEFAULT_MASTER, export_ros_address
 from vsx_ros.ros.master_watch import master_watch
-from vsx_ros.runs.process import DONE
+from vsx_ros.runs.process import DONE, STOPPED
 
 P = ParamSpec("P")
 
@@ -81,6 +81,11 @@ def stop(*, release: bool) -> int:
 
     try:
         calls.within(_STOP_S, call, "the base")
+        if not release:
+            _see_it_stand()
+    except KeyboardInterrupt:
+        sys.stderr.write("vsx: interrupted before the base had confirmed; look whether its wheels stand\n")
+        return STOPPED
     except calls.NoAnswer as error:
         raise DeviceTimeout(f"{error}; use its power button") from error
     except (rospy.ServiceException, rospy.ROSException) as error:
@@ -91,7 +96,6 @@ def stop(*, release: bool) -> int:
     if release:
         sys.stdout.write("released: the robot may drive\n")
         return DONE
-    _see_it_stand()
     sys.stdout.write("stopped: the wheels stand until 'vsx stop --release'\n")
     return DONE
 

@@ -19,9 +19,17 @@ def is_ending() -> bool:
     return bool(rospy.core.is_shutdown_requested())
 
 
+_failures: list[Exception] = []
+
+
+def exit_code() -> int:
+    """Of a node that ends: 0, or if one of its threads failed 1, and 2 if the device was the reason."""
+    return 0 if not _failures else 2 if isinstance(_failures[0], DeviceError) else 1
+
+
 def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
-    """Run ``loop`` on a thread. If it raises, the node logs the reason and ends: a node with a dead thread looks alive
-    to all others, which is worse than a dead node."""
+    """Run ``loop`` on a thread. If it raises, the node logs the reason and ends with an exit code, to be started
+    again: a node with a dead thread looks alive to all others, which is worse than a dead node."""
 
     def guarded() -> None:
         try:
@@ -29,6 +37,7 @@ def worker(name: str, loop: Callable[[], None]) -> threading.Thread:
         except Exception as error:
             if isinstance(error, rospy.ROSException) and is_ending():
                 return  # topics close while threads still run
+            _failures.append(error)
             if isinstance(error, VsxError | DeviceError):
                 rospy.logfatal("%s", error)
             else:

@@ -34,6 +34,7 @@ _PERIOD_S = 0.05  # commands are repeated: a base stops without new ones
 _ZERO_FOR_S = 0.5  # after that, other nodes may use the topic
 _ODOMETRY_WITHIN_S = 0.5  # Slow drivers publish odometry ten times a second
 _IMAGE_WITHIN_S = 1.0  # longer gaps are reported
+_INFO_WITHIN_S = 1.0  # so long the first images wait for their calibration, which drivers send after them
 _UNKNOWN_BATTERY = BatteryReading(float("nan"), float("nan"), False, "unknown")
 _TYPES: dict[str, type[Image] | type[CompressedImage]] = {
     "sensor_msgs/Image": Image,
@@ -189,7 +190,7 @@ class TopicCamera:
         self.calibration: PinholeCamera | None = None
         self._topic, self._on_image, self._frames = topic, on_image, images.Frames()
         self._counters = {"frames": 0, "frozen_frames": 0}
-        self._heard_s = 0.0
+        self._heard_s = self._first_s = 0.0
         self._frozen, self._watch = False, FrozenImageDetector()
 
     def start(self) -> None:
@@ -217,7 +218,10 @@ class TopicCamera:
         stamp_ns, image = image_of(msg._connection_header["type"], msg._buff, self._topic, self._frames)
         headers.refuse_future(stamp_ns)
         self._heard_s = time.monotonic()
+        self._first_s = self._first_s or self._heard_s
         self._counters["frames"] += 1
+        if self.calibration is None and self._heard_s - self._first_s < _INFO_WITHIN_S:
+            return
         self._frozen = self._watch.is_frozen(image)
         if self._frozen:
             self._counters["frozen_frames"] += 1

@@ -87,8 +87,9 @@ class DockNode:
             if ended:
                 self._goals.cancel()
                 self._command_pub.publish(convert.twist(STOP))
+            taken = self._docking.is_taken_off(now_ns, self._heard.docked)
             self._status.publish(self._docking, self._heard, self._keeper.meter.left_s)
-        if ended and self._docking.state in (DockingState.UNDOCKED, DockingState.FAILED):
+        if taken or (ended and self._docking.state in (DockingState.UNDOCKED, DockingState.FAILED)):
             self._errands.pause.end()
 
     def _drive(self, now_ns: int) -> None:
@@ -102,9 +103,8 @@ class DockNode:
             self._command_pub.publish(convert.twist(command))
 
     def _watch(self) -> None:
-        errand = self._errands.due(headers.now_ns(), self._docking.state)
         try:
-            if errand is not None:
+            if (errand := self._errands.due(headers.now_ns(), self._docking.state)) is not None:
                 (self._start if errand is Errand.DOCK else self._leave)()
         except VsxError as error:
             rospy.logwarn("%s", error)

@@ -69,6 +69,8 @@ class MoveBaseNode:
     def _pursue(self, target: PoseStamped) -> Done:
         """Step the execution until the goal ends; a goal replaced by a new one ends while the base still brakes."""
         frame = headers.bare(target.header.frame_id)
+        client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
+        self._clients.heard(client)  # its first renewal may come after its goal
         try:
             self._execution.begin(headers.now_ns(), convert.se2(target.pose), frame)
         except VsxError as error:
@@ -82,7 +84,7 @@ class MoveBaseNode:
                     return Done(False, _REPLACED)
             for number, answer in self._planner.answers():
                 self._execution.planned(now_ns, number, answer)
-            for act in self._execution.step(now_ns, self._seen(now_ns, frame)):
+            for act in self._execution.step(now_ns, self._seen(now_ns, frame, client)):
                 if isinstance(act, Done):
                     self._follower.brake(now_ns, math.inf)
                     return act
@@ -90,14 +92,12 @@ class MoveBaseNode:
             time.sleep(PERIOD_S)
         return Done(False, "shutting down")
 
-    def _seen(self, now_ns: int, frame: str) -> ExecutionInput:
-        where = self._where.at(now_ns)
+    def _seen(self, now_ns: int, frame: str, client: str) -> ExecutionInput:
+        where, told = self._where.at(now_ns), self._follower
         if (pose := where.pose(frame)) is not None:
             self._server.publish_feedback(MoveBaseFeedback(convert.pose_stamped(frame, now_ns, pose)))
-        client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
-        gone = LEASE_S < self._clients.age_s(client) < math.inf
-        silent, told, age_s = client if gone else "", self._follower.report, self._follower.age_s
-        return ExecutionInput(where, self._planner.grid, told, follower_age_s=age_s, silent_client=silent)
+        silent = client if LEASE_S < self._clients.age_s(client) < math.inf else ""
+        return ExecutionInput(where, self._planner.grid, told.report, follower_age_s=told.age_s, silent_client=silent)
 
     def _do(self, now_ns: int, act: Act) -> None:
         if isinstance(act, PlanRequest):
