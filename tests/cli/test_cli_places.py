@@ -19,6 +19,7 @@ from vsx_ros.io.zone_file import load_zones, zone_file
 from vsx_ros.occupancy.grid import FREE
 from vsx_ros.occupancy.rooms import RoomTracker
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.places import places_of
 
 
 @pytest.fixture
@@ -175,3 +176,56 @@ def test_zones_rooms_and_dock_go_with_a_map_that_is_saved_and_exported(
     assert execute(["map", "save", str(killed), "--out", str(lab)]) == 0
     assert [zone.name for zone in load_zones(zone_file(lab))] == ["rug"]
     assert load_dock(dock_file(lab)) is None
+
+
+def copied(run: RunFolder, to: Path) -> RunFolder:
+    shutil.copytree(run.path, to)
+    return RunFolder(to)
+
+
+def test_zones_drawn_beside_a_run_hold_in_its_next_session_and_stay(zoned_run: RunFolder, tmp_path: Path) -> None:
+    run = copied(zoned_run, tmp_path / "run")
+    beside = ["--map", str(run.path)]
+    assert execute(["zone", "add", "stairs", "no-go", "3,3 4,3 4,4", *beside]) == 0
+    assert execute(["zone", "remove", "rug", *beside]) == 0
+    assert execute(["explore", "--fast", "--resume", str(run.path), "--time", "6"]) == 0
+    for zones in (load_zones(zone_file(run.path / "map.yaml")), places_of(run, run.checkpoint.read())[0]):
+        names = [zone.name for zone in zones]
+        assert "stairs" in names
+        assert "rug" not in names
+
+
+def test_the_zones_of_a_run_whose_map_was_written_without_them_are_not_lost(
+    zoned_run: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As when the process that knows the zones is killed at the end, and another one writes the ground map."""
+    run = copied(zoned_run, tmp_path / "run")
+    zone_file(run.path / "map.yaml").unlink()
+    (run.path / "map.yaml").touch()
+    assert execute(["zone", "list", "--map", str(run.path)]) == 0
+    assert "rug" in capsys.readouterr().out
+    assert execute(["zone", "add", "door", "wall", "-2,-2 -2,2", "--map", str(run.path)]) == 0
+    assert execute(["map", "save", str(run.path), "--out", str(tmp_path / "lab.vsxmap")]) == 0
+    assert [zone.name for zone in load_zones(zone_file(tmp_path / "lab.vsxmap"))] == ["rug", "door"]
+
+
+@pytest.mark.parametrize("option", ["--load-map", "--zones"])
+def test_a_new_run_does_not_empty_the_folder_of_the_map_it_begins_with(
+    zoned_run: RunFolder, tmp_path: Path, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = copied(zoned_run, tmp_path / "run")
+    assert execute(["map", "save", str(run.path)]) == 0
+    before = {path: path.read_bytes() for path in run.path.rglob("*") if path.is_file()}
+    given = run.path / {"--load-map": "map.vsxmap", "--zones": "map_zones.yaml"}[option]
+    assert execute(["explore", "--fast", option, str(given), "--out", str(run.path), "--time", "2"]) == 1
+    assert "which a new run empties; choose another folder" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in run.path.rglob("*") if path.is_file()} == before
+
+
+def test_a_map_saved_over_another_has_no_rooms_of_that(zoned_run: RunFolder, map_file: Path, tmp_path: Path) -> None:
+    run, lab = copied(zoned_run, tmp_path / "run"), map_file.with_name("flat.vsxmap")
+    room_file(run.path / "map.yaml").unlink()
+    assert room_file(lab).exists()
+    assert execute(["map", "save", str(run.path), "--out", str(lab)]) == 0
+    assert not room_file(lab).exists()
+    assert not room_file(lab).with_suffix(".pgm").exists()

@@ -15,9 +15,13 @@ from chromium import EXECUTABLE, Chromium
 
 from vsx_ros.cli.main import execute
 from vsx_ros.evaluation.summary import Summary
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
+from vsx_ros.io.dock_file import dock_file, load_dock, save_dock
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.io.trajectory_file import format_stamp, write_trajectory
+from vsx_ros.io.zone_file import load_zones, save_zones, zone_file
+from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.robot import VelocityCommand
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.record import RunRecord
@@ -249,6 +253,27 @@ def test_a_saved_map_is_gone_on_in(drive, tmp_path, capsys):
     assert summary["ate_rmse_m"] < 0.03
     assert [event.state for event in second.read_events()][:2] == ["lost", "relocalised"]
     assert "map continued after 0.0 s" in capsys.readouterr().out
+
+
+def test_what_lies_beside_a_map_goes_on_with_it_and_not_with_another(drive, tmp_path, capsys):
+    lab, other = tmp_path / "lab.vsxmap", tmp_path / "other.vsxmap"
+    stairs = Zone("stairs", ZoneKind.WALL, ((0.0, 0.0), (1.0, 0.0)))
+    assert execute(["replay", str(drive), "--save-map", str(lab), "--out", str(tmp_path / "first")]) == 0
+    save_zones([stairs], zone_file(lab))
+    save_dock(SE2(1.0, 0.5, 0.0), dock_file(lab))
+    again = ["replay", str(drive), "--load-map", str(lab), "--save-map", str(other)]
+    assert execute([*again, "--out", str(tmp_path / "second")]) == 0
+    assert load_zones(zone_file(other)) == [stairs]
+    assert load_dock(dock_file(other)) == SE2(1.0, 0.5, 0.0)
+    assert execute(["replay", str(drive), "--save-map", str(other), "--out", str(tmp_path / "third")]) == 0
+    assert load_zones(zone_file(other)) == []
+    assert load_dock(dock_file(other)) is None
+    shutil.copy(lab, tmp_path / "first/map.vsxmap")
+    capsys.readouterr()
+    inside = ["--load-map", str(tmp_path / "first/map.vsxmap"), "--out", str(tmp_path / "first")]
+    assert execute(["replay", str(drive), *inside]) == 1
+    assert "which a new run empties" in capsys.readouterr().err
+    assert (tmp_path / "first/summary.json").exists()
 
 
 def test_a_map_that_does_not_fit_or_cannot_be_saved_stops_before_the_replay(drive, tmp_path, capsys):

@@ -151,6 +151,8 @@ def test_the_whole_map_may_move_and_its_cells_move_along(textured: MapSnapshot) 
 def test_planes_without_keyframes_yet_settled_give_no_cell(textured: MapSnapshot) -> None:
     dense = densifier().update(first(textured, 2))
     assert not np.isin(dense.cells.kind, (CellKind.PHOTO, CellKind.CONTACT)).any()
+    assert dense.planes
+    assert dense.complete, "a run resumed in so small a map waits for it"
 
 
 def test_a_map_without_points_has_no_cell() -> None:

@@ -24,7 +24,8 @@ def test_what_is_saved_is_loaded(tmp_path: Path) -> None:
     save_zones(ZONES, path)
     assert load_zones(path) == ZONES
     save_zones([], path)
-    assert not path.exists()
+    assert load_zones(path) == []
+    path.unlink()
     assert load_zones(path) == []
 
 

@@ -10,8 +10,9 @@ from typing import Any
 
 from vsx_ros.errors import ConfigError, InputError, VsxError
 from vsx_ros.io.room_file import load_rooms, room_file, room_tree, save_rooms
-from vsx_ros.io.zone_file import load_zones, save_zones, zone_file
+from vsx_ros.io.zone_file import save_zones, zone_file
 from vsx_ros.occupancy.zones import Zone, zone_of
+from vsx_ros.runs.places import zones_beside
 from vsx_ros.runs.process import DONE
 from vsx_ros.runs.rooms import renamed
 
@@ -54,7 +55,7 @@ def _list_zones(args: argparse.Namespace) -> int:
         tree = _heard("zones")
         zones = [zone_of(entry) for entry in tree["zones"]]
     else:
-        zones = load_zones(zone_file(_existing(args.map)))
+        zones = zones_beside(_existing(args.map))
     if args.json:
         print(json.dumps([zone.tree() for zone in zones]))
         return DONE
@@ -77,8 +78,9 @@ def _corners(text: str) -> list[list[float]]:
 
 
 def _in_file(map_file: Path, change: Callable[[list[Zone]], list[Zone]], said: str) -> int:
-    path = zone_file(_existing(map_file))
-    save_zones(change(load_zones(path)), path)
+    map_file = _existing(map_file)
+    path = zone_file(map_file)
+    save_zones(change(zones_beside(map_file)), path)
     print(f"{said} ({path})")
     return DONE
 

@@ -16,7 +16,6 @@ from vsx_ros.control.localization import MAP_FRAME
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.map_file import load_map
-from vsx_ros.io.zone_file import load_zones, zone_file
 from vsx_ros.navigation.navigator import GoalPlanner
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import with_zones
@@ -24,6 +23,7 @@ from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.planning.joint_qp import check_question
 from vsx_ros.planning.path import Plan, Refusal, Trajectory
 from vsx_ros.runs.parameters import load
+from vsx_ros.runs.places import zones_beside
 from vsx_ros.runs.process import DONE, FAILED
 from vsx_ros.sim.picture import write_picture
 
@@ -45,7 +45,7 @@ def plan(args: argparse.Namespace) -> int:
     start, goal = SE2(*args.start), SE2(*args.goal)
     check_question(start, goal, config.planner.phi_rad_m)
     grid = load_map(args.map) if args.map is not None else _open_floor(start, goal)
-    zones = load_zones(zone_file(args.map)) if args.map is not None else []
+    zones = zones_beside(args.map) if args.map is not None else []
     planner = GoalPlanner(config, args.planner, args.seed)
     planner.take_grid(with_zones(grid, zones, config.planner.zone_margin_m, config.robot.radius_m), 0)
     timed = planner.timed(start, goal, MAP_FRAME)

@@ -15,13 +15,14 @@ from vsx_ros.evaluation.trajectory import AlignmentKind
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.map_export import write_planes, write_ply
 from vsx_ros.io.recording import Recording
-from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
+from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.process import STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import RunRecord
 from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.saved_map import save_continued
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import RunWriter
 from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
@@ -57,7 +58,10 @@ def replay(args: argparse.Namespace) -> int:
     grid = finished.grid([pose.T for pose in record.estimate()]) if finished is not None else None
     note = finished.note or None if finished is not None else None
     summary = _summary(slam, recording, record).with_values(**facts, map_note=note)
-    more: list[Callable[[], object]] = [lambda: _save_slam_map(slam, args.save_map), lambda: write_report(folder)]
+    more: list[Callable[[], object]] = [
+        lambda: _save_slam_map(slam, args.load_map, args.save_map),
+        lambda: write_report(folder),
+    ]
     more.insert(0, lambda: write_self_calibration(folder.path, session.calibration, config.robot.odometry))
     if finished is not None:
         more[:0] = _surface_files(folder, finished)
@@ -133,14 +137,14 @@ def _stop_reason(frames: Sequence[FrameLine]) -> str:
     return "the recording was tracked to its end"
 
 
-def _save_slam_map(slam: SequentialSlam, path: Path | None) -> None:
+def _save_slam_map(slam: SequentialSlam, before: Path | None, path: Path | None) -> None:
     if path is None:
         return
     slam_map = slam.slam_map()
     if slam_map is None:
         print(f"vsx: {path} is not written: there is no map, it was never started", file=sys.stderr)
     else:
-        save_slam_map(slam_map, path)
+        save_continued(slam_map, before, path)
 
 
 def finished_map(slam_map: SlamMap | None, config: Config, seed: int = 0) -> FinishedMap | None:

@@ -34,7 +34,7 @@ def update_every_s(keyframes: int) -> float:
 
 class DenseMap(NamedTuple):
     """The surface cells. version, newest_keyframe (id) and keyframe indices refer to the snapshot it was made of.
-    complete: True if every cell has been judged with all keyframes, False if some wait for the next update.
+    complete: True if every cell has been judged with all settled keyframes, False if some wait for the next update.
     nbytes: size of what the next update continues from, images and evidence about cells."""
 
     version: int
@@ -95,7 +95,7 @@ class Densifier:
         planes = self._believed(planes, snapshot)
         seen = [(self._surfaces[p.id], p, p.points) for p in planes if p.kind is not PlaneKind.FLOOR]
         cells = Cells.concatenated([on.cells(plane, points[rows], seen_by[rows], rays.ids) for on, plane, rows in seen])
-        complete = not any(surface.is_due for surface in self._surfaces.values())
+        complete = not len(views.ids) or not any(surface.is_due for surface in self._surfaces.values())
         newest = int(snapshot.keyframe_ids[-1]) if len(snapshot.keyframe_ids) else -1
         nbytes = self._images.nbytes + sum(surface.nbytes for surface in self._surfaces.values())
         return DenseMap(

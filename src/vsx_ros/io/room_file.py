@@ -30,8 +30,14 @@ def room_tree(rooms: RoomMap) -> dict[str, Any]:
     return {"version": _VERSION, **place, "rooms": [room._asdict() for room in rooms.rooms]}
 
 
-def save_rooms(rooms: RoomMap, path: Path) -> None:
-    """Write both files. Raises MapFileError when they cannot be written, or for more than 255 rooms."""
+def save_rooms(rooms: RoomMap | None, path: Path) -> None:
+    """Write both files. Without rooms, earlier ones are removed. Raises MapFileError when they cannot be written, or
+    for more than 255 rooms."""
+    if rooms is None:
+        with explained(MapFileError, f"rooms {path} cannot be removed", "choose another folder", OSError):
+            path.unlink(missing_ok=True)
+            path.with_suffix(".pgm").unlink(missing_ok=True)
+        return
     if any(room.number > MOST_ROOMS for room in rooms.rooms):
         raise MapFileError(f"rooms {path}: a picture has {MOST_ROOMS} grey values, too few for these; start a new map")
     rows, columns = rooms.labels.shape

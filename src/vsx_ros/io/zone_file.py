@@ -20,11 +20,8 @@ def zone_file(map_file: Path) -> Path:
 
 
 def save_zones(zones: Sequence[Zone], path: Path) -> None:
-    """Write the file in one step. Without zones, an earlier file is removed. Raises MapFileError."""
+    """Write the file in one step, without zones, too. Raises MapFileError."""
     with explained(MapFileError, f"zones {path} cannot be written", "choose another folder", OSError):
-        if not zones:
-            path.unlink(missing_ok=True)
-            return
         tree = {"version": _VERSION, "zones": [zone.tree() for zone in zones]}
         text = _HEADER + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True)
         write_text(path, text, durable=True)

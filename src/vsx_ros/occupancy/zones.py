@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from typing import Any, NamedTuple
 
@@ -165,6 +165,13 @@ class AnchoredZones:
             raise InputError(f"there is no zone {name!r:.60}; the zones are: {there}")
         self._zones = left
         self.version += 1
+
+    def replace(self, zones: Sequence[Zone], kept: Callable[[Zone], bool]) -> None:
+        """Have these zones instead of all others but those to be kept. Raises InputError for one too many."""
+        self._zones = [pair for pair in self._zones if kept(pair[0])]
+        self.version += 1
+        for zone in zones:
+            self.add(zone)
 
     def clear(self) -> None:
         """Remove all zones."""

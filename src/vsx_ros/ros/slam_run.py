@@ -18,7 +18,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import logs, node
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.places import begin_places, rooms_known
+from vsx_ros.runs.places import begin_places, resume_places, rooms_known
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import PreviousSessions, RunWriter
 from vsx_ros.session import SlamSession
@@ -46,8 +46,9 @@ class SlamRun:
         self.continued = rooms_known(self._folder, load_map)
         self.map_file = self._folder.path / "map.yaml" if self._folder is not None else None
         before = PreviousSessions.of(self._folder) if self._folder is not None else None
-        if before is not None:
+        if before is not None and self._folder is not None:
             self.session = SlamSession(T_base_cam, config, before.saved.slam_map, before.saved.state)
+            resume_places(self.session.ground, self._folder)
         else:
             path = Path(load_map) if load_map else None
             self.session = SlamSession(T_base_cam, config, load_slam_map(path) if path else None)

@@ -51,6 +51,11 @@ class Checkpoint:
         """Whether there is a map to resume."""
         return (self.path / "map.zip").exists()
 
+    def is_older_than(self, path: Path) -> bool:
+        """Whether the file exists and was written after the checkpoint, or there is none."""
+        map_file = self.path / "map.zip"
+        return path.exists() and (not self.exists or path.stat().st_mtime_ns >= map_file.stat().st_mtime_ns)
+
     def write(self, saved: CheckpointData) -> None:
         """Replace the checkpoint in one step. Raises InputError when the folder cannot be written."""
         living = {_stem(k): k for k in saved.slam_map.view.keyframes if k.alive}

@@ -19,7 +19,7 @@ from vsx_ros.runs import memory
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
 from vsx_ros.runs.judge import MapJudge
-from vsx_ros.runs.places import begin_places, rooms_known, write_places
+from vsx_ros.runs.places import begin_places, resume_places, rooms_known, write_places
 from vsx_ros.runs.process import DONE, LOST, STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.rooms import write_rooms
@@ -230,6 +230,8 @@ def explore_fast(args: argparse.Namespace) -> int:
     if before is None:
         map_file = Path(args.load_map) if args.load_map else None
         begin_places(run.system.ground, map_file, Path(args.zones) if args.zones else None, args.room)
+    else:
+        resume_places(run.system.ground, folder)
     reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)
     facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
     summary = run.summary(reason, **facts)

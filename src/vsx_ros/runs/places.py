@@ -3,12 +3,15 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from vsx_ros.config import Config
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.errors import ConfigError
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.dock_file import dock_file, load_dock, save_dock
 from vsx_ros.io.room_file import room_file
 from vsx_ros.io.zone_file import load_zones, save_zones, zone_file
 from vsx_ros.occupancy.zones import Zone, ZoneKind
+from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.rooms import OF_ONE_RUN, look_into
 from vsx_ros.slam.snapshot import SlamMap, snapshot
@@ -34,6 +37,36 @@ def begin_places(ground: MappedGround, map_file: Path | None, zones: Path | None
         look_into(ground, map_file, room)
 
 
+def resume_places(ground: MappedGround, folder: RunFolder) -> None:
+    """Take over the zones beside the ground map of a resumed run if they were changed after its checkpoint, as by
+    'vsx zone'. Raises MapFileError."""
+    path = zone_file(folder.path / "map.yaml")
+    if folder.checkpoint.is_older_than(path):
+        ground.zones.replace(load_zones(path), kept=_is_of_one_run)
+
+
+def zones_beside(map_file: Path) -> list[Zone]:
+    """The zones of a map; of a run's own ground map those with which its next session goes on. Raises MapFileError or
+    InputError."""
+    folder = RunFolder(map_file.parent)
+    if map_file.name != "map.yaml" or folder.checkpoint.is_older_than(zone_file(map_file)):
+        return load_zones(zone_file(map_file))
+    return places_of(folder, folder.checkpoint.read())[0] if folder.checkpoint.exists else []
+
+
+def places_of(folder: RunFolder, saved: CheckpointData) -> tuple[list[Zone], SE2 | None]:
+    """Zones and dock of a run: from the files beside its ground map that were written after the checkpoint, else from
+    that. Raises MapFileError or InputError."""
+    beside, ground, seen = folder.path / "map.yaml", MappedGround(Config()), snapshot(saved.slam_map.view)
+    ground.restore(saved.state)
+    zones, docked = list(ground.zones_in(seen)), ground.dock(seen)
+    if folder.checkpoint.is_older_than(zone_file(beside)):
+        zones = load_zones(zone_file(beside))
+    if folder.checkpoint.is_older_than(dock_file(beside)):
+        docked = load_dock(dock_file(beside))
+    return zones, docked
+
+
 def write_places(ground: MappedGround, slam_map: SlamMap | None, map_file: Path) -> None:
     """Write zones and dock beside a map, where they are in it; nothing without a map. Raises MapFileError."""
     if slam_map is not None:
@@ -45,8 +78,11 @@ def write_places(ground: MappedGround, slam_map: SlamMap | None, map_file: Path)
 def keep_zones(zones: Sequence[Zone], map_file: Path) -> None:
     """Write the zones beside a map, without that of the room which only one run was to explore: the next run in this
     map explores all of it. Raises MapFileError."""
-    lasting = [zone for zone in zones if zone.kind is not ZoneKind.LOOK or not zone.name.startswith(OF_ONE_RUN)]
-    save_zones(lasting, zone_file(map_file))
+    save_zones([zone for zone in zones if not _is_of_one_run(zone)], zone_file(map_file))
+
+
+def _is_of_one_run(zone: Zone) -> bool:
+    return zone.kind is ZoneKind.LOOK and zone.name.startswith(OF_ONE_RUN)
 
 
 def rooms_known(folder: RunFolder | None, load_map: str) -> Path | None:

@@ -89,6 +89,15 @@ def check_files(args: argparse.Namespace) -> None:
     if args.zones is not None:
         args.zones = str(Path(args.zones).resolve())
         given_zones(Path(args.zones))
+    if args.out is not None:
+        keep_apart(args.out, args.load_map, args.zones)
+
+
+def keep_apart(out: Path, *inputs: Path | str | None) -> None:
+    """Raises ConfigError for an input file in the run folder that a new run is about to empty."""
+    for file in inputs:
+        if file is not None and Path(file).resolve().is_relative_to(out.resolve()):
+            raise ConfigError(f"{file} lies in {out}, which a new run empties; choose another folder with --out")
 
 
 def tell_remarks(world: EmulatedWorld | None) -> None:
@@ -145,7 +154,10 @@ def opened_recording(args: argparse.Namespace) -> Recording:
 
 
 def replay_folder(args: argparse.Namespace, config: Config) -> RunFolder:
-    """The run folder, with the configuration in it. Raises InputError if something else has this path."""
+    """The run folder, with the configuration in it. Raises InputError if something else has this path, ConfigError if
+    the map to go on with lies in it."""
+    if args.out:
+        keep_apart(args.out, args.load_map)
     folder = RunFolder.create(args.out) if args.out else RunFolder.create_dated(args.input.stem)
     folder.write_config(config, args.line, seed=args.seed, input=str(args.input.resolve()))
     return folder

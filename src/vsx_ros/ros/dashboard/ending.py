@@ -7,14 +7,14 @@ import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from vsx_ros.errors import ConfigError, MapFileError, VsxError
+from vsx_ros.errors import ConfigError, InputError, MapFileError, VsxError
 from vsx_ros.io.room_file import load_rooms, room_file, room_tree
-from vsx_ros.io.zone_file import load_zones, zone_file
 from vsx_ros.ros import convert, topics
 from vsx_ros.ros.dashboard import feed
 from vsx_ros.ros.dashboard.feed import Board
 from vsx_ros.ros.dashboard.server import LOOPBACK, Answer, Command, ViewServer
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.places import zones_beside
 from vsx_ros.runs.report import one_line_facts
 from vsx_ros.runs.saved_map import save_map_of
 
@@ -72,8 +72,8 @@ def post(board: Board, ended: Ended) -> None:
 def places_of(folder: RunFolder) -> dict[str, Any]:
     """The zones and rooms beside the map of a run, as on their topics; without those that cannot be read."""
     file, found = folder.path / "map.yaml", {}
-    with contextlib.suppress(MapFileError):
-        found["zones"] = {"zones": [zone.tree() for zone in load_zones(zone_file(file))]}
+    with contextlib.suppress(MapFileError, InputError):
+        found["zones"] = {"zones": [zone.tree() for zone in zones_beside(file)]}
     with contextlib.suppress(MapFileError):
         rooms = load_rooms(room_file(file))
         found["rooms"] = {"rooms": []} if rooms is None else room_tree(rooms)
