@@ -48,6 +48,13 @@ def test_a_failed_write_leaves_what_was_there_and_nothing_beside_it(tmp_path):
     assert list(tmp_path.iterdir()) == [file]
 
 
+def test_a_device_or_a_pipe_is_never_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OSError, match="a device or a pipe, not a file"):
+        write_bytes(tmp_path / "pipe", b"text")
+    assert [path.is_fifo() for path in tmp_path.iterdir()] == [True]
+
+
 def test_a_file_that_could_not_be_made_leaves_what_was_there(tmp_path):
     file = tmp_path / "map"
     write_bytes(file, b"before")

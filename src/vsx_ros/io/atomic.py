@@ -15,8 +15,10 @@ _TRIAL_BYTES = 1 << 15  # as a run begins: parameters and world
 def replacing(path: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
     """An empty file to write and read; at the end it replaces the one at the path in one step. durable: it survives a
     power cut after that. Raises OSError with the path; then, and after any other error, the old file stays, and no
-    temporary file."""
+    temporary file. A device is never replaced."""
     beside = path.with_name(f".{path.name}.part")
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError(errno.EINVAL, "it is a device or a pipe, not a file", str(path))
     try:
         with beside.open("w+b") as file:
             yield file
