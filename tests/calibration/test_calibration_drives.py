@@ -55,7 +55,7 @@ def test_the_way_is_scaled_to_the_ruler_s(straight, tmp_path):
     expected = straight.way / wheels_way(straight)
     assert abs(expected - 1.0) > 0.003, "this drive's wheels are too good to show anything"
     assert found["linear_scale"] == pytest.approx(expected, rel=1e-3)
-    assert found["angular_scale"] == 1.0
+    assert set(found) == {"linear_scale"}
 
 
 def test_the_turn_is_scaled_to_what_the_camera_sees_after_a_whole_turn(spin, tmp_path):
@@ -86,6 +86,18 @@ def test_the_file_keeps_what_other_calibrations_found(straight, spin, tmp_path):
     assert "known to" in remarks[0]
     assert "turn known to" in remarks[1]
     assert execute(["config", "--config", str(out)]) == 0
+
+
+def test_the_factor_that_a_drive_does_not_tell_and_what_was_measured_by_hand_stay(straight, spin, tmp_path):
+    out = tmp_path / "robot.yaml"
+    by_hand = {"forward_m": -0.07, "left_m": 0.012}
+    out.write_text(yaml.safe_dump({"robot": {"mount": by_hand}}), encoding="utf-8")
+    way = calibrated(["odometry", straight.folder, "--distance", straight.way], out)["odometry"]["linear_scale"]
+    found = calibrated(["odometry", spin.folder, "--turns", 1], out)
+    assert found["odometry"]["linear_scale"] == way != 1.0
+    assert calibrated(["mount", straight.folder], out)["mount"].items() >= by_hand.items()
+    more = ["--set", "robot.mount.forward_m=-0.05"]
+    assert calibrated(["mount", straight.folder, *more], out)["mount"]["forward_m"] == -0.05
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,15 @@ from vsx_ros.calibration.board import Board, board_poses
 from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_mount
 from vsx_ros.calibration.verdict import Verdict
 from vsx_ros.cli.recorded_drive import camera_of, conclude, recorded_drive
-from vsx_ros.config import MountConfig, SlamConfig
+from vsx_ros.config import MountConfig, OdometryConfig, SlamConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.recording import Recording
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.self_calibration import FILE
 from vsx_ros.slam.slam import SequentialSlam
+
+_MEASURED_BY_HAND = "forward_m", "left_m"
 
 
 def calibrate_odometry(args: argparse.Namespace) -> int:
@@ -35,13 +37,13 @@ def calibrate_odometry(args: argparse.Namespace) -> int:
         else:
             drive, _ = _seen_by_slam(recording, config.slam)
         result = odometry.from_camera(drive, T_base_cam, metric=args.board is not None)
-    values, sure, known = {}, [], config.robot.odometry
+    values, sure, known = dict[str, float](), list[str](), config.robot.odometry
     for name, before, factor, word, of in (
         ("linear_scale", known.linear_scale, result.linear, "way", "m of way"),
         ("angular_scale", known.angular_scale, result.angular, "turn", "rad of turning"),
     ):
         if factor is None:
-            values[name] = before
+            values |= _given(known, OdometryConfig(), name)
             print(f"{name:14} {before:.4f}: this drive does not tell")
             continue
         values[name], exact = round(before * factor.value, 5), f"known to {100 * factor.sigma:.2f} %"
@@ -49,6 +51,12 @@ def calibrate_odometry(args: argparse.Namespace) -> int:
         print(f"{name:14} {values[name]:.4f}: {recorded}; {exact} from {factor.measured:.2f} {of}")
         sure.append(f"{word} {exact}")
     return conclude(args.out, "robot.odometry", values, result.verdict, ", ".join(sure))
+
+
+def _given(config: OdometryConfig | MountConfig, usual: OdometryConfig | MountConfig, *names: str) -> dict[str, float]:
+    """Those of the parameters that --config or --set give other than the usual. The others stay as they are in the
+    robot's file."""
+    return {name: getattr(config, name) for name in names if getattr(config, name) != getattr(usual, name)}
 
 
 def _from_run(args: argparse.Namespace) -> int:
@@ -60,15 +68,16 @@ def _from_run(args: argparse.Namespace) -> int:
 
 
 def calibrate_mount_of(args: argparse.Namespace) -> int:
-    """The camera's direction and height, from a straight drive."""
+    """The camera's direction and height, from a straight drive, and its place as far as it is given."""
     config, recording = load(args.config, args.set), recorded_drive(args)
     before = config.robot.mount
     drive, points = _seen_by_slam(recording, config.slam)
     result = calibrate_mount(drive, points, before.forward_m, before.left_m)
     print(*_mount_lines(result, before), sep="\n")
-    height_m = before.height_m if result.floor is None else round(result.floor.height, 4)
     values = {"pitch_down_rad": round(result.pitch_down, 5), "yaw_left_rad": round(result.yaw_left, 5)}
-    values |= {"forward_m": before.forward_m, "left_m": before.left_m, "height_m": height_m}
+    values |= _given(before, MountConfig(), *_MEASURED_BY_HAND)
+    if result.floor is not None:
+        values["height_m"] = round(result.floor.height, 4)
     sure = f"direction known to {math.degrees(result.direction_sigma):.2f} deg"
     sure += "" if result.floor is None else f", height to {result.floor.sigma:.3f} m"
     return conclude(args.out, "robot.mount", values, result.verdict, sure)
