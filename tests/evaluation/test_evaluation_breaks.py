@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vsx_ros.evaluation.breaks import find_breaks, find_odometry_jumps
+from vsx_ros.evaluation.breaks import continuity
 from vsx_ros.geometry.se3 import SE3, so3_exp
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
@@ -21,6 +21,14 @@ def shifted(poses, start, metres=0.0, degrees=0.0):
     return [p @ jump if i >= start else p for i, p in enumerate(poses)]
 
 
+def find_breaks(told, reference):
+    return continuity(told, reference).breaks
+
+
+def find_odometry_jumps(told, reference):
+    return continuity(told, reference).odometry_jumps
+
+
 def test_a_faithful_run_has_no_break():
     moved = [SE3.exp(np.array([3.0, 1, 0, 0, 0, 1.0])) @ p for p in drive()]
     assert find_breaks(results(moved, [GOOD] * 20), drive()) == []
@@ -30,6 +38,14 @@ def test_a_faithful_run_has_no_break():
 def test_jumps_are_counted_from_the_promised_size(metres, degrees, count):
     found = find_breaks(results(shifted(drive(), 10, metres, degrees), [GOOD] * 20), drive())
     assert [b.stamp_ns for b in found] == [10 * 10**8] * count
+
+
+@pytest.mark.parametrize("degrees", [80.0, 120.0, 170.0, -170.0])
+def test_turns_of_any_size_are_told_and_those_of_both_are_none(degrees):
+    turned = shifted(drive(), 10, 0.0, degrees)
+    (found,) = find_breaks(results(turned, [GOOD] * 20), drive())
+    assert f"{abs(degrees):.1f} deg" in found.reason
+    assert find_breaks(results(turned, [GOOD] * 20), turned) == []
 
 
 def test_where_odometry_leaves_its_course_and_the_image_does_not_odometry_jumped():

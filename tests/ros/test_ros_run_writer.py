@@ -16,12 +16,13 @@ from ros_ports import HOST, free_port
 
 from vsx_ros.config import Config
 from vsx_ros.errors import MapFileError
+from vsx_ros.evaluation.breaks import Continuity, continuity
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Frame, Odometry, VelocityCommand
 from vsx_ros.ros import logs, slam_run
 from vsx_ros.ros.slam_run import SlamRun
-from vsx_ros.runs import session
+from vsx_ros.runs import record, session
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, RunEvent
 from vsx_ros.runs.moments import Moments
@@ -153,6 +154,46 @@ def test_pictures_wait_for_the_writing_thread(driven, tmp_path: Path, monkeypatc
     whole_seconds = {result.stamp_ns // 10**9 for result, _ in frames}
     assert [line.stamp_ns // 10**9 for line in kept.pictures] == sorted(whole_seconds)
     assert len(kept.maps) == 1, "it has not changed"
+
+
+def test_a_node_that_is_killed_while_it_computes_results_has_kept_what_only_it_knows(
+    driven, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After an hour the results take seconds, and a node that does not end is killed; they can be made again."""
+    robot, slam, frames = driven
+    monkeypatch.setattr(slam_run.rospy, "get_param", lambda name, usual: {"~run_dir": str(tmp_path)}.get(name, usual))
+    run, beside = SlamRun(Config()), list[Path]()
+    for result, odometry in frames:
+        run.frame(slam, result, odometry, 0.01)
+
+    class Killed(BaseException):
+        pass
+
+    def killed(*_) -> None:
+        raise Killed
+
+    monkeypatch.setattr(RunWriter, "finish", killed)
+    with pytest.raises(Killed):
+        run.end(slam, GROUND, None, None, lambda _, path: beside.append(path))
+    assert beside == [tmp_path / "map.yaml"]
+    before = PreviousSessions.of(RunFolder(tmp_path))
+    assert before is not None
+    assert before.saved.stamp_ns == frames[-1][0].stamp_ns
+
+
+def test_the_way_of_a_run_is_judged_once_for_all_its_results(driven, tmp_path: Path, monkeypatch) -> None:
+    robot, slam, frames = driven
+    run, judged = RunWriter(robot.T_base_cam_given), list[int]()
+    for result, odometry in frames:
+        run.frame(result, odometry, 0.01, None, [])
+
+    def told(results, *others) -> Continuity:
+        judged.append(len(results))
+        return continuity(results, *others)
+
+    monkeypatch.setattr(record, "continuity", told)
+    assert run.finish(RunFolder(tmp_path), slam) == ""
+    assert judged == [len(frames)]
 
 
 def test_a_run_whose_results_cannot_be_written_can_be_gone_on_with(driven, tmp_path: Path, monkeypatch) -> None:

@@ -112,7 +112,7 @@ def test_results_that_cannot_be_written_cost_neither_the_checkpoint_nor_the_map(
         SlamRun, _save_map="end.vsxmap", _folder=SimpleNamespace(path=Path("run")), map_file=Path("run/map.yaml"),
         _keeper=SimpleNamespace(
             finish=finish, write_seen=lambda: None, write=lambda ground: saved.append(f"bumps {ground['bumps']}"),
-            record=SimpleNamespace(results=[]),
+            record=SimpleNamespace(frames=[]),
         ),
     )  # fmt: skip
     slam = SimpleNamespace(close=lambda: saved.append("slam ended"), slam_map=lambda: "a map")
@@ -121,7 +121,7 @@ def test_results_that_cannot_be_written_cost_neither_the_checkpoint_nor_the_map(
         write_beside=lambda _, path: saved.append(f"beside {path}"),
     )  # fmt: skip
     bare(VslamNode, _lease=Notes(), _tracking=Notes(), _maps=maps, _slam=slam, _run=run).close()
-    kept = ["slam ended", "maps ended", "bumps 1", "end.vsxmap", "beside end.vsxmap", "beside run/map.yaml"]
+    kept = ["slam ended", "maps ended", "bumps 1", "beside run/map.yaml", "end.vsxmap", "beside end.vsxmap"]
     assert [entry for entry in saved if entry != "told"] == kept
     assert ("told" in saved) != ("failed" in caplog.text), "one sentence, but for a mistake in here"
 

@@ -1,14 +1,13 @@
 """Breaks of the tracking: where it jumped or was finally lost, and where odometry jumped instead."""
 
 import itertools
-import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray
-from vsx_ros.geometry.se3 import SE3, so3_log
+from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.geometry.se3 import SE3, so3_log, stacked
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 _MAX_JUMP_M, _MAX_JUMP_DEG = 0.15, 5.0  # between two frames, against odometry: more is a jump, not drift
@@ -22,92 +21,73 @@ class Break(NamedTuple):
     reason: str
 
 
-class _Step(NamedTuple):
-    """The motion between two tracked frames in ``seconds``: seen by the images, expected by the reference. Motions
-    (6,): translation in the earlier camera [m], turn in the world, whose z is up [rad]."""
+class Continuity(NamedTuple):
+    """What ``continuity`` finds: breaks of the tracking, and where odometry jumped instead."""
 
-    stamp_ns: int
-    seconds: float
-    seen: FloatArray
-    expected: FloatArray
+    breaks: list[Break]
+    odometry_jumps: list[Break]
 
 
-def find_breaks(
+def continuity(
     results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int] = ()
-) -> list[Break]:
-    """Jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end. results: frames in
+) -> Continuity:
+    """Breaks: jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end. Odometry
+    jumps: such jumps where the images show a steady motion of the camera and odometry does not. results: frames in
     order. reference: as many camera poses by odometry (or truth), None where unknown. epochs: of the odometry, if it
     may have restarted. Only frames tracked from the map are compared, each with the tracked frame before it in its
-    epoch. A jump of the map at a loop closure and a jump of odometry do not count. Turns are compared by heading:
-    odometry measures no tilt, and a drone banks."""
-    breaks = [jump for jump, by_odometry in _jumps(results, reference, epochs) if not by_odometry]
+    epoch. A jump of the map at a loop closure does not count. Turns are compared by heading: odometry measures no
+    tilt, and a drone banks. Raises ValueError where the frames beside a jump have one stamp."""
+    jumps = list(_jumps(results, reference, epochs or [0] * len(results)))
+    breaks = [jump for jump, by_odometry in jumps if not by_odometry]
     tracked = any(result.state.tracked and result.T_world_cam is not None for result in results)
     if tracked and results[-1].state is TrackingState.LOST:
         since = list(itertools.takewhile(lambda result: result.state is TrackingState.LOST, reversed(results)))[-1]
         breaks.append(Break(since.stamp_ns, f"lost for good: {since.reason}"))
-    return breaks
-
-
-def find_odometry_jumps(
-    results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int] = ()
-) -> list[Break]:
-    """Such jumps where the images show a steady motion of the camera and odometry does not."""
-    return [jump for jump, by_odometry in _jumps(results, reference, epochs) if by_odometry]
+    return Continuity(breaks, [jump for jump, by_odometry in jumps if by_odometry])
 
 
 def _jumps(
     results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int]
 ) -> Iterator[tuple[Break, bool]]:
     """Every step that contradicts the reference, and whether the reference jumped and not the images."""
-    steps = _steps(results, reference, epochs)
-    for n, step in enumerate(steps):
-        if step is None or not _contradicts(step):
-            continue
-        near = [other for other in (steps[n - 1] if n else None, *steps[n + 1 : n + 2]) if other is not None]
-        longer = [step.seconds / other.seconds for other in near]
-        seen = [_size(step.seen - times * other.seen) for times, other in zip(longer, near)]
-        expected = [_size(step.expected - times * other.expected) for times, other in zip(longer, near)]
-        its_own = bool(near) and all(e > max(1.0, _ITS_OWN * s) for s, e in zip(seen, expected))
-        metres, degrees = _difference(step)
-        apart = f"jumped {metres:.2f} m and {degrees:.1f} deg against"
+    known = zip(results, reference, epochs, strict=True)
+    frames = [(r, r.T_world_cam, T, epoch) for r, T, epoch in known if r.state.tracked and r.T_world_cam is not None]
+    if len(frames) < 2:
+        return
+    stamps_ns = np.array([r.stamp_ns for r, *_ in frames])
+    has, epoch = np.array([T is not None for _, _, T, _ in frames]), np.array([epoch for *_, epoch in frames])
+    corrected = np.array([r.corrected for r, *_ in frames[1:]])
+    compared = has[:-1] & has[1:] & (epoch[:-1] == epoch[1:]) & ~corrected
+    seen = _motions([T for _, T, _, _ in frames])
+    expected = _motions([T or SE3.identity() for _, _, T, _ in frames])
+    seconds, off = 1e-9 * np.diff(stamps_ns), seen - expected
+    for n in np.flatnonzero(compared & (_sizes(off) > 1.0)).tolist():
+        near: IntArray = np.array([k for k in (n - 1, n + 1) if 0 <= k < len(compared) and compared[k]], np.int64)
+        if (seconds[near] <= 0.0).any():
+            raise ValueError(f"two frames have one stamp near {stamps_ns[n]} ns")
+        longer = (seconds[n] / seconds[near])[:, None]
+        images, wheels = (_sizes(of[n] - longer * of[near]) for of in (seen, expected))
+        its_own = bool(len(near)) and bool((wheels > np.maximum(1.0, _ITS_OWN * images)).all())
+        apart = f"jumped {np.linalg.norm(off[n, :3]):.2f} m and {abs(np.degrees(off[n, 3])):.1f} deg against"
         reason = f"odometry {apart} the images" if its_own else f"the pose {apart} odometry"
-        yield Break(step.stamp_ns, reason), its_own
+        yield Break(int(stamps_ns[n + 1]), reason), its_own
 
 
-def _steps(
-    results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int]
-) -> list[_Step | None]:
-    """One step per tracked frame except the first, None if it cannot be compared with the reference."""
-    known = zip(results, reference, epochs or [0] * len(results), strict=True)
-    tracked = [frame for frame in known if frame[0].state.tracked and frame[0].T_world_cam is not None]
-    steps: list[_Step | None] = []
-    for (before, T, epoch), (now, S, next_epoch) in itertools.pairwise(tracked):
-        if T is None or S is None or epoch != next_epoch or now.corrected:
-            steps.append(None)
-            continue
-        assert before.T_world_cam is not None
-        assert now.T_world_cam is not None
-        motions = _motion(before.T_world_cam, now.T_world_cam), _motion(T, S)
-        steps.append(_Step(now.stamp_ns, (now.stamp_ns - before.stamp_ns) * 1e-9, *motions))
-    return steps
+def _motions(poses: Sequence[SE3]) -> FloatArray:
+    """(N - 1, 4) motions between poses: translation in the earlier camera [m], turn about the world's z [rad]."""
+    R, t = stacked(poses)
+    way = np.einsum("nji,nj->ni", R[:-1], np.diff(t, axis=0))
+    turn = R[1:] @ R[:-1].transpose(0, 2, 1)
+    w = 0.5 * np.sqrt(np.maximum(1.0 + np.trace(turn, axis1=1, axis2=2), 1.0))
+    x, y, z = ((turn[:, i, j] - turn[:, j, i]) / (4.0 * w) for i, j in ((2, 1), (0, 2), (1, 0)))
+    size = np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12)
+    heading = 2.0 * np.arctan2(size, w) / size * z
+    for wide in np.flatnonzero(np.trace(turn, axis1=1, axis2=2) < 0.0).tolist():  # above w is of smaller turns
+        heading[wide] = so3_log(turn[wide])[2]
+    return np.column_stack([way, heading])
 
 
-def _motion(before: SE3, now: SE3) -> FloatArray:
-    way = (before.inverse() @ now).translation
-    return np.concatenate([way, so3_log(now.rotation @ before.rotation.T)])
-
-
-def _contradicts(step: _Step) -> bool:
-    metres, degrees = _difference(step)
-    return metres > _MAX_JUMP_M or degrees > _MAX_JUMP_DEG
-
-
-def _difference(step: _Step) -> tuple[float, float]:
-    """Differences of translation [m] and heading [deg]: odometry measures no tilt."""
-    off = step.seen - step.expected
-    return math.hypot(*off[:3]), math.degrees(abs(off[5]))
-
-
-def _size(off: FloatArray) -> float:
-    """The size of a difference of motions, in multiples of the limits for a jump."""
-    return max(math.hypot(*off[:3]) / _MAX_JUMP_M, math.degrees(abs(off[5])) / _MAX_JUMP_DEG)
+def _sizes(off: FloatArray) -> FloatArray:
+    """(N,) sizes of differences of motions (N, 4), in multiples of the limits for a jump."""
+    metres, degrees = np.linalg.norm(off[:, :3], axis=1), np.degrees(np.abs(off[:, 3]))
+    return np.asarray(np.maximum(metres / _MAX_JUMP_M, degrees / _MAX_JUMP_DEG))

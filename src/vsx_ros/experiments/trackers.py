@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.config import Config, overridden
-from vsx_ros.evaluation.breaks import find_breaks
+from vsx_ros.evaluation.breaks import continuity
 from vsx_ros.evaluation.trajectory import AlignmentKind, Pairs, align, trajectory_error
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.robot import Frame, Odometry
@@ -74,7 +74,7 @@ class Tracked:
         known = _tracked_pairs((r, t) for r, t, _ in drive)
         kind: AlignmentKind = "yaw" if self._metric else "sim3"
         error_m = trajectory_error(known, kind).ate_rmse_m if len(known) >= _ENOUGH_POSES else None
-        jumps = find_breaks(results, [w for _, _, w in drive]) if self._metric else []
+        jumps = continuity(results, [w for _, _, w in drive]).breaks if self._metric else []
         statistics, record = self._slam.statistics(), self._slam.record()
         return {
             "started": statistics.initialized_at_s is not None,

@@ -84,13 +84,15 @@ class SlamRun:
         self, slam: ThreadedSlam, driven: State, surface: Points3 | None, grid: OccupancyGrid | None,
         write_beside: WriteBeside,
     ) -> None:  # fmt: skip
-        """Write the results, the last checkpoint and the map of ~save_map; if one fails, the others are still
-        written."""
-        logs.attempt(lambda: self._write_results(slam, surface, grid))
+        """Write the last checkpoint, what lies beside the map, the map of ~save_map and the results; if one fails, the
+        others are still written. The results come last: they take longest, and can be made from the journal."""
+        if frames := self._keeper.record.frames:
+            self._keeper.note(slam, frames[-1].stamp_ns, now=True)
         logs.attempt(lambda: self.write(driven))
-        logs.attempt(lambda: self._write_map(slam, write_beside))
         if (map_file := self.map_file) is not None:
             logs.attempt(lambda: write_beside(slam.slam_map(), map_file))
+        logs.attempt(lambda: self._write_map(slam, write_beside))
+        logs.attempt(lambda: self._write_results(slam, surface, grid))
 
     def write(self, driven: State) -> None:
         """Write the images noted since the last call, and the map noted last, with the newest state of the ground; may
@@ -101,9 +103,6 @@ class SlamRun:
     def _write_results(self, slam: ThreadedSlam, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
         if self._folder is None:
             return
-        frames = self._keeper.record.frames
-        if frames:
-            self._keeper.note(slam, frames[-1].stamp_ns, now=True)
         folder, known = self._folder, self._known_odometry
         more = [lambda: write_self_calibration(folder.path, self.session.calibration, known)]
         if said := self._keeper.finish(folder, slam, None, surface, grid, *more):

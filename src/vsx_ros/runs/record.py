@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from vsx_ros.arrays import Points3
-from vsx_ros.evaluation.breaks import find_breaks, find_odometry_jumps
+from vsx_ros.evaluation.breaks import Continuity, continuity
 from vsx_ros.evaluation.summary import Summary, tracking_summary
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
@@ -30,6 +30,7 @@ class RunRecord:
     def __init__(self, T_base_cam: SE3) -> None:
         self._T_base_cam = T_base_cam
         self.frames, self._decoded = StoredFrames(), list[tuple[FrameLine, TrackingResult]]()
+        self._judged: tuple[int, Continuity] | None = None
         self.odom_epoch = -1
         self.events: list[RunEvent] = []
 
@@ -56,12 +57,15 @@ class RunRecord:
     def _results(self) -> list[TrackingResult]:
         return [result for _, result in self._known()]
 
-    def _compared(self) -> tuple[list[TrackingResult], list[SE3 | None], list[int]]:
-        """Results, camera poses by odometry in its frame, and epochs of the same frames."""
+    def _continuity(self) -> Continuity:
+        """Found once, as ``_known``."""
         known = self._known()
-        bases = [None if (T := frame.T_odom_base) is None else SE3.from_se2(SE2(*T)) for frame, _ in known]
-        cameras = [None if T is None else T @ self._T_base_cam for T in bases]
-        return [result for _, result in known], cameras, [frame.odom_epoch for frame, _ in known]
+        if self._judged is None or self._judged[0] != len(known):
+            bases = [None if (T := frame.T_odom_base) is None else SE3.from_se2(SE2(*T)) for frame, _ in known]
+            cameras = [None if T is None else T @ self._T_base_cam for T in bases]
+            results, epochs = [result for _, result in known], [frame.odom_epoch for frame, _ in known]
+            self._judged = len(known), continuity(results, cameras, epochs)
+        return self._judged[1]
 
     def estimate(self) -> list[StampedPose]:
         """T_world_cam of every tracked frame; if the map was started again, only of frames since then."""
@@ -82,7 +86,7 @@ class RunRecord:
 
     def summary(self, statistics: SlamStatistics) -> Summary:
         """The numbers that need no ground truth."""
-        breaks, jumps = self._breaks(), len(find_odometry_jumps(*self._compared()))
+        breaks, jumps = map(len, self._continuity())
         track_ms = [frame.track_ms for frame, _ in self._known()]
         return tracking_summary(statistics, track_ms).with_values(breaks=breaks, odometry_jumps=jumps)
 
@@ -92,14 +96,13 @@ class RunRecord:
             return Summary()
         states = [result.state for result in self._results()]
         tracked, lost = sum(state.tracked for state in states), states.count(TrackingState.LOST)
-        return Summary(frames=len(states), frames_tracked=tracked, frames_lost=lost, breaks=self._breaks())
-
-    def _breaks(self) -> int:
-        return len(find_breaks(*self._compared()))
+        return Summary(
+            frames=len(states), frames_tracked=tracked, frames_lost=lost, breaks=len(self._continuity().breaks)
+        )
 
     def told(self) -> list[RunEvent]:
         """All events, and those that only the whole run shows."""
-        jumps = find_odometry_jumps(*self._compared())
+        jumps = self._continuity().odometry_jumps
         return [*self.events, *(RunEvent(jump.stamp_ns, "odometry", "jumped", jump.reason) for jump in jumps)]
 
     def frame_records(self) -> list[FrameRecord]:
