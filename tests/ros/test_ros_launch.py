@@ -1,8 +1,10 @@
 """The launch table for Python and the .launch files for roslaunch describe the same nodes."""
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,9 +14,12 @@ pytest.importorskip("rospy")
 import roslaunch.config
 import yaml
 
+from vsx_ros.cli.main import parse
 from vsx_ros.config import Config, to_dict
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros import environment, launch, topics
+from vsx_ros.ros import environment, launch, replay, topics
+from vsx_ros.ros.nodes import vslam
+from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import update_robot_file
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -71,7 +76,7 @@ def robot_home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
         ]),
         ("simulate", ["seed:=3", "devices:=/dev/shm", "rate_hz:=30"], [
             *launch.emulation("lab", 3, "/dev/shm", rate_hz=30.0),
-            *launch.exploration(seed=3), *launch.keeping(),
+            *launch.exploration(seed=3), *launch.keeping(emulated=True),
         ]),
     ],
 )  # fmt: skip
@@ -79,6 +84,18 @@ def test_launch_files_and_the_table_agree(name: str, args: list[str], nodes: lis
     by_file = described([(str(CHECKOUT / "launch" / f"{name}.launch"), args)], [])
     assert by_file == described([], [launch.xml(nodes, to_dict(Config()))])
     assert ("/camera" in by_file[0]) != ("camera:=ros" in args), "its images come without a node of ours"
+
+
+def test_vslam_takes_no_parameter_of_an_earlier_launch_from_the_master() -> None:
+    recording, args = SimpleNamespace(odometry=[]), parse(["replay", "a.bag", "--ros", "--save-map", "lab.vsxmap"])
+    replayed = replay._slam(args, recording, RunFolder(Path("run")))
+    told = [node.params.keys() for node in (replayed, launch.replay("a.bag")[0], launch.exploration()[0])]
+    assert told[0] == told[1] == told[2]
+    assert set(told[0]) == set(re.findall(r"~(\w+)", vslam.__doc__.partition("Parameters:")[2])) - {
+        "config",
+        "save_map_to",
+        "publish_tf",
+    }
 
 
 def test_replay_agrees_too() -> None:

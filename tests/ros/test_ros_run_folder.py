@@ -30,7 +30,7 @@ HANGS_S = 60.0
 def params(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Those of the launch."""
     told: dict[str, Any] = {"emulator/world": "lab", "emulator/seed": 3, "emulator/rate_hz": 20.0}
-    told |= {"emulator/dock": "1,2,90", "emulator/battery_pace": 40.0}
+    told |= {"~emulated": True, "emulator/dock": "1,2,90", "emulator/battery_pace": 40.0}
     monkeypatch.setattr(rospy, "get_param", lambda name, default: told.get(name, default))
     return told
 
@@ -53,6 +53,16 @@ def test_a_launch_is_resumed_with_its_options(params: dict[str, Any], tmp_path: 
     assert (args.load_map, args.zones) == tuple(str(Path(name).resolve()) for name in ("lab.vsxmap", "z.yaml"))
     assert (args.base, args.port) == (DEFAULTS["base"], DEFAULTS["port"]), "no mobile_base was launched"
     assert set(REMEMBERED) <= set(folder.read_config()[1])
+
+
+def test_a_real_robot_is_not_judged_by_an_earlier_emulation(params: dict[str, Any], tmp_path: Path) -> None:
+    """A master that lasts has the emulator's parameters for ever."""
+    params["~emulated"] = False
+    folder = RunFolder(tmp_path / "run")
+    assert begun(folder).world is None
+    assert not (folder.path / "world.yaml").exists()
+    facts = folder.read_config()[1]
+    assert [facts[name] for name in ("world", "seed", "rate", "dock", "battery_pace")] == [None, 0, None, None, None]
 
 
 def test_a_resumed_launch_knows_which_map_it_continued(params: dict[str, Any], tmp_path: Path) -> None:

@@ -80,13 +80,19 @@ def emulation(
     ]
 
 
+def vslam(seed: int, run_dir: str, **chosen: Any) -> LaunchNode:
+    """The SLAM with all its parameters but ~save_map_to: a master that lasts still has those of an earlier launch."""
+    usual = {"use_odometry": True, "load_map": "", "save_map": "", "room": "", "zones": ""}
+    return LaunchNode("vslam", {"seed": seed, "run_dir": run_dir, **usual, **chosen})
+
+
 def exploration(
     planner: str = "fov", seed: int = 0, run_dir: str = AUTO, load_map: str = "", room: str = "", zones: str = ""
 ) -> list[LaunchNode]:
     """All nodes above the robot. run_dir: for results; auto: the parameter of that name in the namespace. load_map: a
     SLAM map to continue. room: the only one of it to explore. zones: a file of zones to begin with."""
     return [
-        LaunchNode("vslam", {"seed": seed, "run_dir": run_dir, "load_map": load_map, "room": room, "zones": zones}),
+        vslam(seed, run_dir, load_map=load_map, room=room, zones=zones),
         LaunchNode("move_base", {"planner": planner, "seed": seed}, respawn=True),
         LaunchNode("follower", {}, respawn=True),
         LaunchNode("explore", {"run_dir": run_dir}),
@@ -94,9 +100,10 @@ def exploration(
     ]
 
 
-def keeping(run_dir: str = AUTO) -> list[LaunchNode]:
-    """What completes the run's folder, for launches without ``vsx explore``, which does that itself."""
-    return [LaunchNode("run_folder", {"run_dir": run_dir})]
+def keeping(run_dir: str = AUTO, *, emulated: bool = False) -> list[LaunchNode]:
+    """What completes the run's folder, for launches without ``vsx explore``, which does that itself. emulated: the
+    robot is the emulator's."""
+    return [LaunchNode("run_folder", {"run_dir": run_dir, "emulated": emulated})]
 
 
 def view(host: str = "127.0.0.1", port: int = 8765) -> list[LaunchNode]:
@@ -114,7 +121,7 @@ def replay(
     renamed = " ".join(f"{theirs}:={our}" for theirs, our in zip(named, ours))
     play = f"--clock --wait-for-subscribers -r {rate:g} {shlex.quote(bag)} --topics {' '.join(named)} {renamed}"
     player = LaunchNode("player", {}, package="rosbag", type="play", args=play, required=True)
-    return [LaunchNode("vslam", {"seed": 0, "run_dir": run_dir, "use_odometry": use_odometry}), player]
+    return [vslam(0, run_dir, use_odometry=use_odometry), player]
 
 
 def xml(nodes: list[LaunchNode], config: dict[str, Any], params: dict[str, Any] | None = None) -> str:

@@ -15,7 +15,7 @@ from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.recording import Recording
 from vsx_ros.ros import logs, topics
-from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.launch import LaunchNode, vslam
 from vsx_ros.ros.live_run import READY_WAIT_S, LiveRun
 from vsx_ros.ros.monitor import Monitor
 from vsx_ros.ros.player import Player
@@ -56,11 +56,9 @@ def _refuse_company() -> None:
 
 
 def _slam(args: argparse.Namespace, recording: Recording, folder: RunFolder) -> LaunchNode:
-    params = {"seed": args.seed, "run_dir": str(folder.path.resolve()), "use_odometry": bool(recording.odometry)}
-    for name in ("load_map", "save_map"):
-        if getattr(args, name) is not None:
-            params[name] = str(getattr(args, name).resolve())
-    return LaunchNode("vslam", params)
+    files = {name: getattr(args, name) for name in ("load_map", "save_map")}
+    given = {name: str(file.resolve()) for name, file in files.items() if file is not None}
+    return vslam(args.seed, str(folder.path.resolve()), use_odometry=bool(recording.odometry), **given)
 
 
 def _play(live: LiveRun, monitor: Monitor, player: Player, rate: float) -> None:

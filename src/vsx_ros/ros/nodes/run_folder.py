@@ -1,15 +1,15 @@
 """Node ``run_folder``: keeps the folder of a run that roslaunch has started, as ``vsx explore`` does for its own.
 
-While the run lasts it writes every change of state; at the end, when vslam has written its results, the map, the
-figures, all events and the report.
+It writes every change of state at once; at the end, after vslam's results, the map, figures, events and report.
 
 Subscribers: those of the monitor (explore/{status,events}, vslam/{state,stats/*}, map, odom, follower/status,
     move_base/stats/plan_ms, mobile_base/hazards, /rosout, /diagnostics; of an emulator emulator/ground_truth/*).
 Parameters: ~config (tree of 'vsx config'), ~run_dir (the folder; auto: the one that the launch file has made; none:
-    nothing is kept)."""
+    nothing is kept), ~emulated (bool, false: the robot is real, true: it is that of the node emulator)."""
 
 import time
 from pathlib import Path
+from typing import Any
 
 import rospy
 
@@ -54,23 +54,22 @@ class RunFolderNode:
         """Write the configuration and the emulated world of a new run; a resumed one has them, and the name of the map
         that it continued."""
         load_map, zones = (str(rospy.get_param(f"vslam/{name}", "")) for name in ("load_map", "zones"))
-        name = rospy.get_param("emulator/world", None)
+        name = _of_emulator("world", None)
         if folder.checkpoint.exists:
             load_map = str(folder.read_config()[1].get("load_map") or "")
         load_map, zones = (str(Path(file).resolve()) if file else "" for file in (load_map, zones))
-        planner, seed = str(rospy.get_param("move_base/planner", "fov")), int(rospy.get_param("emulator/seed", 0))
+        planner, seed = str(rospy.get_param("move_base/planner", "fov")), int(_of_emulator("seed", 0))
         self._about = About(name, seed, planner, load_map or None)
-        hard = str(rospy.get_param("emulator/hard", ""))
-        world = open_world(str(name), seed, hard=[hard]) if name is not None else None
+        world = open_world(str(name), seed, hard=[_of_emulator("hard", "")]) if name is not None else None
         if not (folder.path / "config.yaml").exists():
             folder.path.mkdir(parents=True, exist_ok=True)
             base, port = rospy.get_param("mobile_base/robot_type", None), rospy.get_param("mobile_base/port", None)
             folder.write_config(
                 self._config, ["roslaunch"], world=name, seed=seed, base=base, port=port, planner=planner, fast=False,
-                camera=rospy.get_param("camera/device", "ros"), rate=rospy.get_param("emulator/rate_hz", None),
+                camera=rospy.get_param("camera/device", "ros"), rate=_of_emulator("rate_hz", None),
                 load_map=load_map or None, zones=zones or None, room=rospy.get_param("vslam/room", "") or None,
-                dock=rospy.get_param("emulator/dock", "") or None, time=None, until=None, eye="raster",
-                battery_pace=rospy.get_param("emulator/battery_pace", None), hard={} if world is None else world.hard,
+                dock=_of_emulator("dock", "") or None, time=None, until=None, eye="raster",
+                battery_pace=_of_emulator("battery_pace", None), hard={} if world is None else world.hard,
             )  # fmt: skip
             if world is not None:
                 save_world(world, folder.path / "world.yaml")
@@ -97,11 +96,15 @@ class RunFolderNode:
         deadline_s = time.monotonic() + _RESULTS_WAIT_S
         while self._vslam_pid and calls.is_alive(self._vslam_pid) and time.monotonic() < deadline_s:
             time.sleep(0.1)
-        status = self._monitor.status
-        over = status.get("state") == MissionState.DONE.value
+        over = (status := self._monitor.status).get("state") == MissionState.DONE.value
         code = _CODES.get(str(status.get("outcome")), STOPPED) if over else STOPPED
         ending = Ending(str(status.get("reason")) if over else "stopped by the operator", code)
         write_results(self._folder, self._config, self._monitor, self._journal, self._judge, ending, self._about)
+
+
+def _of_emulator(name: str, default: Any) -> Any:
+    """A parameter of the emulator; of a real robot the default, though a master may have that of an earlier launch."""
+    return rospy.get_param(f"emulator/{name}", default) if rospy.get_param("~emulated", False) else default
 
 
 def main() -> None:
