@@ -105,8 +105,8 @@ class MotionCheck:
         self._trace.advance(now_ns)
         last = self._sums[-1]
         pause_ns = now_ns - last.time_ns
-        whole = 0 < pause_ns <= LONGEST_PAUSE_NS
-        dt_s = (pause_ns if whole else PERIOD_NS) * 1e-9
+        whole = 0 <= pause_ns <= LONGEST_PAUSE_NS
+        dt_s = (pause_ns if whole and pause_ns else PERIOD_NS) * 1e-9
         wheels_rad = turn_rad = (right_m - left_m) / self._wheel_base_m
         no_gyro = no_wheels = False
         if gyro_rad is not None:
@@ -156,7 +156,7 @@ class MotionCheck:
         sums = self._sums
         while len(sums) > 2 and sums[1].time_ns <= now_ns - WINDOW_NS:
             a, b = sums.popleft(), sums[0]
-            if not self._doubt and b.refused == a.refused:
+            if not self._doubt and b.refused == a.refused and b.time_ns > a.time_ns:
                 way_m = 0.5 * (b.left_m - a.left_m + b.right_m - a.right_m)
                 turn_rad = b.wheels_rad - a.wheels_rad
                 difference = b.gyro_rad - a.gyro_rad - turn_rad

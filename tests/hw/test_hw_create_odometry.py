@@ -4,8 +4,9 @@ import math
 
 import pytest
 
+from vsx_hw.create.driver import STREAM_PACKETS, Create2Dialect
 from vsx_hw.create.odometry import DistanceOdometry, EncoderOdometry
-from vsx_hw.create.protocol import METRES_PER_TICK
+from vsx_hw.create.protocol import METRES_PER_TICK, encode_stream_frame
 
 MS = 1_000_000
 
@@ -50,6 +51,35 @@ def test_a_power_cycle_is_a_new_base_line():
 
 
 HOUR = 3600 * 1000 * MS
+
+
+def streamed(left: int, right: int) -> bytes:
+    """A frame of the stream of a Create 2 in Safe."""
+    return encode_stream_frame(dict.fromkeys(STREAM_PACKETS, 0) | {22: 16000, 26: 2700, 35: 2, 43: left, 44: right})
+
+
+def test_wheels_that_are_held_are_told_although_frames_come_in_pairs():
+    dialect = Create2Dialect()
+    list(dialect.hello())
+    told_s = None
+    for k in range(100):
+        for reading in dialect.receive(2 * streamed(100, 100), HOUR + k * 30 * MS):
+            told_s = k * 0.03 if reading.odometry.fault and told_s is None else told_s
+        dialect.drive(0.0, 0.6)
+    assert told_s is not None
+    assert told_s <= 1.5
+
+
+@pytest.mark.parametrize("step_ms", [30, -1800 * 1000, 7])
+def test_the_frames_of_one_read_are_as_old_as_they_can_be(step_ms):
+    """Also after the host's clock was set back, and in reads that follow faster than the frames of a stream."""
+    dialect = Create2Dialect()
+    first = dialect.receive(3 * streamed(0, 0), HOUR)
+    assert [reading.stamp_ns for reading in first] == [HOUR - 30 * MS, HOUR - 15 * MS, HOUR]
+    now_ns = HOUR + step_ms * MS
+    early, late = (reading.stamp_ns for reading in dialect.receive(2 * streamed(0, 0), now_ns))
+    assert late == now_ns
+    assert late - early == (15 * MS if step_ms != 7 else 3.5 * MS)
 
 
 def test_a_clock_that_is_set_back_does_not_make_a_pushed_robot_believed():

@@ -209,6 +209,13 @@ def test_stalled_wheels_are_told_after_a_second():
     assert 45 <= faults.index("wheels do not follow the command; free the robot") <= 55
 
 
+def test_stalled_wheels_are_told_although_two_reports_hold_the_same_time():
+    judge = MotionCheck(0.23)
+    judge.command(0.2, 0.0)
+    faults = [judge.step(k // 2 * 20 * MS, 0.0, 0.0, 0.0).fault for k in range(2, 150)]
+    assert 90 <= faults.index("wheels do not follow the command; free the robot") <= 110
+
+
 @pytest.mark.parametrize("told_m_s", [0.2, -0.2])
 def test_wheels_that_follow_slowly_are_no_fault(told_m_s):
     assert set(run_judge(0.25 * told_m_s, told_m_s)) == {""}

@@ -24,7 +24,7 @@ class Create2Dialect(CreateDialect):
         super().__init__(protocol.CREATE_2)
         self.odometry: EncoderOdometry = EncoderOdometry(linear_scale, angular_scale)
         self._parser = protocol.StreamParser()
-        self._refused = 0
+        self._refused = self._heard_ns = 0
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """See Dialect."""
@@ -34,15 +34,26 @@ class Create2Dialect(CreateDialect):
     def receive(self, data: bytes, now_ns: int) -> list[BaseReading]:
         """See Dialect."""
         readings = []
-        for values in self._parser.feed(data):
+        frames = self._parser.feed(data)
+        for values, stamp_ns in zip(frames, self._stamps_ns(len(frames), now_ns)):
             if list(values) != STREAM_PACKETS or not self.believes(
-                values, self.odometry.can_follow(values[43], values[44], now_ns)
+                values, self.odometry.can_follow(values[43], values[44], stamp_ns)
             ):
                 self._refused += 1
             else:
-                odometry = self.odometry.update(values[43], values[44], self.driving, now_ns)
+                odometry = self.odometry.update(values[43], values[44], self.driving, stamp_ns)
                 readings.append(self.base_reading(values, odometry))
         return readings
+
+    def _stamps_ns(self, frames: int, now_ns: int) -> list[int]:
+        """When the frames of one read were sent. Adapters and busy computers hand over several at once: the last one is
+        of now, each one before it is a period older, but all are newer than the read before."""
+        if not frames:
+            return []
+        pause_ns, self._heard_ns = now_ns - self._heard_ns, now_ns
+        # The host's clock may have been set back.
+        period_ns = min(protocol.STREAM_PERIOD_NS, pause_ns // frames) if pause_ns > 0 else protocol.STREAM_PERIOD_NS
+        return [now_ns - k * period_ns for k in reversed(range(frames))]
 
     def counters(self) -> dict[str, int]:
         """See Dialect."""
