@@ -1,5 +1,6 @@
 """The byte pipe to a base."""
 
+import contextlib
 import errno
 import termios
 
@@ -18,9 +19,9 @@ _REMEDIES = {
 
 
 class SerialTransport:
-    """A serial port, locked for this process. RTS and DTR stay low: on a Create, RTS moves the wake-up line. Raises
-    DeviceNotFound with the remedy when the port is absent, forbidden or in use. Every method raises DeviceError once
-    the port is lost."""
+    """A serial port, locked for this process. RTS and DTR stay low: on a Create, RTS moves the wake-up line. An adapter
+    that holds bytes back (FTDI: for 16 ms) is asked to hand them over at once. Raises DeviceNotFound with the remedy
+    when the port is absent, forbidden or in use. Every method raises DeviceError once the port is lost."""
 
     def __init__(self, port: str, baud: int) -> None:
         self.port = port
@@ -33,6 +34,8 @@ class SerialTransport:
         except (OSError, termios.error) as error:
             remedy = _REMEDIES.get(getattr(error, "errno", 0), f"cannot be opened ({error})")
             raise DeviceNotFound(f"{port}: {remedy}") from error
+        with contextlib.suppress(OSError, ValueError):  # ports without such an adapter refuse it
+            self._serial.set_low_latency_mode(True)
 
     def read(self, timeout_s: float) -> bytes:
         """Returns all bytes that have arrived. Waits at most timeout_s for the first one; empty when none came."""
