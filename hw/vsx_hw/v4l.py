@@ -80,10 +80,17 @@ def buffer_ns(buffer_ms: float, wall_ns: int, monotonic_ns: int) -> int | None:
     return None
 
 
-def grey(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], str]:
-    """(image (H, W), its encoding) from a device's raw Bayer, YUYV (H, W, 2) or colour (H, W, 3) image."""
-    if image.ndim == 2:
-        return image, "bayer_grbg8"
+def grey(image: NDArray[np.uint8], mode: V4lMode) -> tuple[NDArray[np.uint8], str]:
+    """(image (H, W), its encoding) from a device's raw Bayer, YUYV (H, W, 2) or colour (H, W, 3) image. OpenCV gives
+    raw Bayer as one row. Raises DeviceError for an image of another size than the mode's."""
+    size = mode.height, mode.width
+    if image.ndim == 2 and image.size == mode.height * mode.width:
+        return image.reshape(size), "bayer_grbg8"
+    if image.ndim == 2 or image.shape[:2] != size:
+        raise DeviceError(
+            f"an image of shape {image.shape} is none of {mode.width}x{mode.height}; set ~mode to another format, "
+            f"e.g. {mode.width}x{mode.height}/yuyv"
+        )
     if image.shape[2] == 2:
         return np.ascontiguousarray(image[..., 0]), "mono8"
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8), "mono8"
@@ -108,7 +115,7 @@ class V4lCamera(ConnectionThread):
         opened = open_capture or (lambda number: open_video(number, mode))
         super().__init__(f"/dev/video{number}", lambda: opened(number), BACKOFF_S)
         self.serial = f"video{number}"
-        self._on_image = on_image
+        self._on_image, self._mode = on_image, mode
         self._lock_exposure, self._latency_ns = lock_exposure, round(1e9 * latency_s)
         self._frames = self._frozen_frames = self._unstamped_frames = self._waited_us = 0
         self._frozen_detector = FrozenImageDetector()
@@ -136,7 +143,7 @@ class V4lCamera(ConnectionThread):
             if time.monotonic() >= lock_at_s:
                 lock_at_s, locked = float("inf"), lock(capture)
             self.report(True, f"streaming{locked}")
-            self._on_image(ImageReading(stamp_ns, *grey(image)))
+            self._on_image(ImageReading(stamp_ns, *grey(image, self._mode)))
 
     def _stamp_ns(self, buffer_ms: float) -> int:
         wall_ns = time.time_ns()

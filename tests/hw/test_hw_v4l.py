@@ -52,6 +52,21 @@ def test_bayer_stays_raw_and_colour_becomes_gray():
     assert camera.status().counters["frames"] == 2
 
 
+def test_raw_bayer_that_comes_as_one_row_keeps_the_size_of_the_mode():
+    raw = np.random.default_rng(0).integers(0, 256, (480, 640)).astype(np.uint8)
+    images: queue.Queue = queue.Queue()
+    with V4lCamera(3, images.put, lambda number: ScriptedCapture([raw.reshape(1, -1)])):
+        reading = images.get(timeout=PATIENCE_S)
+    assert reading.encoding == "bayer_grbg8"
+    np.testing.assert_array_equal(reading.image, raw)
+
+
+@pytest.mark.parametrize("shape", [(1, 640 * 481), (240, 320), (240, 320, 2), (240, 320, 3)])
+def test_an_image_of_another_size_is_told_with_the_remedy(shape):
+    with pytest.raises(DeviceError, match=r"none of 640x480; set ~mode .*640x480/yuyv"):
+        grey(np.zeros(shape, np.uint8), V4lMode())
+
+
 def test_absent_device_is_named():
     with pytest.raises(DeviceNotFound, match="/dev/video97"):
         open_video(97)
@@ -96,7 +111,7 @@ def test_a_mode_is_asked_for_and_another_size_refused():
 
 def test_yuyv_is_its_own_grey():
     yuyv = np.random.default_rng(0).integers(0, 256, (48, 64, 2)).astype(np.uint8)
-    image, encoding = grey(yuyv)
+    image, encoding = grey(yuyv, V4lMode(64, 48))
     assert encoding == "mono8"
     assert np.array_equal(image, cv2.cvtColor(yuyv, cv2.COLOR_YUV2GRAY_YUY2))
 
@@ -118,7 +133,7 @@ def test_stamps_are_the_buffers_less_the_latency(buffered, latency_s):
         capture.values[cv2.CAP_PROP_POS_MSEC] = time.monotonic() * 1e3 - 100.0
     images: queue.Queue = queue.Queue()
     before_ns = time.time_ns()
-    camera = V4lCamera(3, images.put, lambda number: capture, latency_s=latency_s)
+    camera = V4lCamera(3, images.put, lambda number: capture, mode=V4lMode(64, 48), latency_s=latency_s)
     camera.start()
     stamp_ns = images.get(timeout=PATIENCE_S).stamp_ns
     camera.close()
