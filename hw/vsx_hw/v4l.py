@@ -23,6 +23,7 @@ BACKOFF_S = (0.5, 2.0)  # between tries to open it
 OLDEST_S = 5.0  # no buffer waits so long: a larger age means another clock
 LOCK_AFTER_S = 2.0  # automatic exposure has settled by then
 MANUAL_EXPOSURE = 1  # V4L2_EXPOSURE_MANUAL
+AUTOMATIC_EXPOSURES = (3, 0)  # V4L2_EXPOSURE_APERTURE_PRIORITY, which most webcams have, or V4L2_EXPOSURE_AUTO
 
 
 class V4lMode(NamedTuple):
@@ -53,7 +54,7 @@ def open_video(number: int, mode: V4lMode = V4lMode()) -> Any:  # noqa: B008 (im
 
 
 def set_up(capture: Any, number: int, mode: V4lMode) -> None:
-    """Ask an opened device for the mode. Raises DeviceError when it gives another size."""
+    """Ask an opened device for the mode and automatic exposure. Raises DeviceError when it gives another size."""
     wanted: list[tuple[int, float]] = [(cv2.CAP_PROP_FOURCC, mode.fourcc), (cv2.CAP_PROP_FRAME_WIDTH, mode.width)]
     wanted += [(cv2.CAP_PROP_FRAME_HEIGHT, mode.height), (cv2.CAP_PROP_BUFFERSIZE, 1)]
     wanted += [(cv2.CAP_PROP_FPS, mode.rate_hz)] if mode.rate_hz else []
@@ -68,6 +69,7 @@ def set_up(capture: Any, number: int, mode: V4lMode) -> None:
             f"/dev/video{number} gives {size[0]}x{size[1]} instead of {mode.width}x{mode.height}; "
             f"'v4l2-ctl -d /dev/video{number} --list-formats-ext' lists what it has, set ~mode to one of these"
         )
+    unlock(capture)
 
 
 def buffer_ns(buffer_ms: float, wall_ns: int, monotonic_ns: int) -> int | None:
@@ -99,8 +101,8 @@ def grey(image: NDArray[np.uint8], mode: V4lMode) -> tuple[NDArray[np.uint8], st
 class V4lCamera(ConnectionThread):
     """Passes images to ``on_image`` on its own thread, but no repeated ones; reopens the device when it fails. Stamps
     are the kernel's buffer times, or the read time if the driver has none. latency_s, from the start of exposure until
-    then, is subtracted. lock_exposure: exposure and white balance are locked after two seconds. With gspca_kinect it
-    also reads a Kinect, without the Kinect's clock."""
+    then, is subtracted. lock_exposure: exposure and white balance are locked after two seconds, until the device is
+    released. With gspca_kinect it also reads a Kinect, without the Kinect's clock."""
 
     def __init__(
         self,
@@ -155,7 +157,16 @@ class V4lCamera(ConnectionThread):
         return taken_ns - self._latency_ns
 
     def _let_go(self, capture: Any) -> None:
+        if self._lock_exposure:
+            unlock(capture)
         capture.release()
+
+
+def unlock(capture: Any) -> None:
+    """Automatic exposure and white balance, where the camera has them. A camera keeps what was locked, also after a
+    crash."""
+    any(capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, automatic) for automatic in AUTOMATIC_EXPOSURES)
+    capture.set(cv2.CAP_PROP_AUTO_WB, 1)
 
 
 def lock(capture: Any) -> str:
