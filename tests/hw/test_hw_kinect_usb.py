@@ -149,17 +149,25 @@ def test_a_kinect_for_windows_needs_its_second_setting(monkeypatch: pytest.Monke
     assert audio.written == [lamp_message(1, 3)]
 
 
-@pytest.mark.parametrize("audio", [None, usb1.USBErrorPipe(), usb1.USBErrorTimeout()])
+@pytest.mark.parametrize(
+    ("audio", "serial", "lacking"),
+    [
+        ([], "usb-1-7", "audio part is missing"),
+        ([Part((0x045E, 0x02AD), "", usb1.USBErrorPipe())], "usb-1-7", "lamp and serial number are"),
+        ([Part((0x045E, 0x02AD), "B7", usb1.USBErrorPipe())], "B7", "lamp is"),
+        ([Part((0x045E, 0x02AD), "B7", usb1.USBErrorTimeout())], "B7", "lamp is"),
+    ],
+)
 def test_a_newer_camera_works_without_its_audio_part(
-    audio: usb1.USBError | None, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    audio: list[Part], serial: str, lacking: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    parts = [Part((0x045E, 0x02AE), "0000000000000000")]
-    parts += [] if audio is None else [Part((0x045E, 0x02AD), "B7", audio)]
+    parts = [Part((0x045E, 0x02AE), "0000000000000000"), *audio]
     monkeypatch.setattr(usb1, "USBContext", lambda: Bus(*parts))
     transport = UsbTransport()
     transport.close()
-    assert transport.serial == "usb-1-7"
-    assert len([r for r in caplog.records if "camera works without" in r.getMessage()]) == 1
+    assert transport.serial == serial
+    (told,) = [r.getMessage() for r in caplog.records if "camera works without" in r.getMessage()]
+    assert lacking in told
 
 
 def test_lamp_bytes() -> None:

@@ -50,19 +50,21 @@ def lamp_message(tag: int, color: int) -> bytes:
 
 
 def light_lamp(context: Any) -> str:
-    """Light the lamp and return the serial number of the audio part, empty without one. A failure is only logged."""
+    """Light the lamp and return the serial number of the audio part, empty without one. A failure is only logged: a
+    number that was read before it stays."""
     for device in context.getDeviceIterator(skip_on_error=True):
         if (device.getVendorID(), device.getProductID()) in AUDIO_PARTS:
+            serial = ""
             try:
                 with contextlib.closing(device.open()) as handle:
                     serial = str(handle.getSerialNumber() or "")
                     handle.claimInterface(0)
                     handle.bulkWrite(0x01, lamp_message(1, GREEN), _LAMP_TIMEOUT_MS)
                     handle.bulkRead(0x81, 512, _LAMP_TIMEOUT_MS)
-                    return serial
             except usb1.USBError as error:
-                logger.warning("Kinect: lamp and serial number are out of reach (%s); the camera works without", error)
-                return ""
+                lacking = "lamp is" if serial else "lamp and serial number are"
+                logger.warning("Kinect: %s out of reach (%s); the camera works without", lacking, error)
+            return serial
     logger.warning("Kinect: its audio part is missing (lamp, serial number); the camera works without")
     return ""
 
