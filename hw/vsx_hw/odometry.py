@@ -22,6 +22,11 @@ class PlanarPose:
         self.y_m += chord * math.sin(self.heading_rad + half)
         self.heading_rad += turn_rad
 
+    def apart_m(self, other: PlanarPose, wheel_base_m: float) -> float:
+        """How far a wheel has to roll at least to come from this pose to another one."""
+        turn_rad = other.heading_rad - self.heading_rad
+        return math.hypot(other.x_m - self.x_m, other.y_m - self.y_m) + 0.5 * wheel_base_m * abs(turn_rad)
+
     def approach(self, goal: PlanarPose, most_m: float, most_rad: float) -> None:
         """Move towards another pose, at most by most_m and most_rad."""
         dx, dy, turn = goal.x_m - self.x_m, goal.y_m - self.y_m, goal.heading_rad - self.heading_rad

@@ -63,6 +63,76 @@ def test_until_the_next_measurement_the_odometry_is_not_trusted():
     assert converse(dialect, 60, 620 * MS)[-1].odometry.trusted, "a second after that"
 
 
+class Driven:
+    """A Create 1 that drives as commanded and is asked every ``cycle_ms``; gyro: whether its board has power."""
+
+    def __init__(self, cycle_ms: int = 20, gyro: bool = False) -> None:
+        self.dialect, self.cycle_ms, self.gyro = Create1Dialect(), cycle_ms, gyro
+        self.way_m = self.turn_rad = 0.0
+        self.now_ns, self._told = 1500 * MS, [0, 0]
+        self.readings: list = []
+        converse(self.dialect, 75, gyro=512 if gyro else 0)
+
+    def drive(self, v_m_s: float, omega_rad_s: float, seconds: float, heard: bool | None = None) -> None:
+        """heard, unless None: the first answer with motion is lost; whether the robot heard the question. If not, it
+        counts on."""
+        for _ in range(round(1000 * seconds / self.cycle_ms)):
+            self.now_ns += self.cycle_ms * MS
+            self.way_m += v_m_s * self.cycle_ms * 1e-3
+            self.turn_rad += omega_rad_s * self.cycle_ms * 1e-3
+            question = self.dialect.drive(v_m_s, omega_rad_s)
+            if Opcode.QUERY_LIST not in question:
+                continue
+            counts = [0, 0]
+            if asks_motion(question) and heard is not False:
+                whole = [int(1000.0 * self.way_m), int(math.degrees(self.turn_rad))]
+                counts, self._told = [a - b for a, b in zip(whole, self._told)], whole
+            said = answer(question, *counts, gyro=counts_of(omega_rad_s) if self.gyro else 0)
+            if asks_motion(question) and heard is not None:
+                said, heard = said[:-1], None
+            self.readings += self.dialect.receive(said, self.now_ns)
+
+
+@pytest.mark.parametrize("heard", [True, False])
+def test_one_lost_answer_moves_the_pose_neither_back_nor_on(heard):
+    robot = Driven()
+    robot.drive(0.2, 0.0, 1.0)
+    robot.drive(0.2, 0.0, 3.0, heard=heard)
+    ways = [reading.odometry.x_m for reading in robot.readings]
+    assert abs(ways[-1] - robot.way_m) < 0.03
+    assert min(b - a for a, b in zip(ways, ways[1:])) > -0.005
+    told = [reading.odometry.trusted for reading in robot.readings]
+    assert not all(told)
+    assert told[-1]
+
+
+@pytest.mark.parametrize("heard", [True, False])
+@pytest.mark.parametrize("gyro", [True, False])
+def test_one_lost_answer_in_a_turn_loses_no_turn(heard, gyro):
+    robot = Driven(gyro=gyro)
+    robot.drive(0.1, 0.5, 1.0)
+    robot.drive(0.1, 0.5, 3.0, heard=heard)
+    assert abs(robot.readings[-1].odometry.heading_rad - robot.turn_rad) < 0.06
+
+
+def test_a_reconnection_in_motion_does_not_move_the_pose_back():
+    robot = Driven()
+    robot.drive(0.2, 0.0, 1.2)
+    list(robot.dialect.hello())
+    robot.drive(0.2, 0.0, 3.0)
+    assert abs(robot.readings[-1].odometry.x_m - robot.way_m) < 0.03
+
+
+@pytest.mark.parametrize(("omega_rad_s", "cycle_ms"), [(1.5, 40), (0.9, 50), (-1.5, 50)])
+def test_a_fast_turn_on_a_busy_computer_is_no_junk(omega_rad_s, cycle_ms):
+    robot = Driven(cycle_ms)
+    robot.drive(0.0, omega_rad_s, 6.0)
+    robot.drive(0.0, 0.0, 2.0)
+    last = robot.readings[-1].odometry
+    assert (last.gaps, last.trusted) == (0, True)
+    assert last.heading_rad == pytest.approx(robot.turn_rad, abs=0.06)
+
+
 def test_a_reconnection_loses_motion_and_says_so():
     dialect = Create1Dialect()
     list(dialect.hello())

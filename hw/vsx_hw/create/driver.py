@@ -100,6 +100,8 @@ class Create1Dialect(CreateDialect):
             # The first reading also contains the motion before this connection.
             if self._measured_once:
                 self.odometry.measure(values[19], values[20], now_ns)
+            else:
+                self.odometry.begin(now_ns)
             self._measured_once = True
         gyro = self._gyro.reading(values[GYRO_PACKET], not self.driving, now_ns)
         odometry = self.odometry.reading(now_ns, None if gyro is None else gyro.rate_rad_s)

@@ -14,7 +14,9 @@ from vsx_hw.plausibility import WINDOW_NS, MotionCheck
 from vsx_hw.readings import GyroReading, OdometryReading
 
 LONGEST_GAP_S = 0.5  # over longer ones counters may have wrapped or the robot may have been carried
-FASTEST_M_S = 0.6  # The robot drives 0.5
+FASTEST_M_S = 0.6  # of a wheel; the robot drives 0.5
+LONGEST_SPAN_S, LATE_M = 1.5, 0.1
+"""Longest time between two readings of a Create 1's distance, 25 answers of 50 ms; what a late answer may add."""
 SPEED_WINDOW = 5  # reports over which the speed is taken: encoders step coarsely
 CORRECTION_M, CORRECTION_RAD = 0.03, 0.02
 """Largest correction of the shown pose per report: a jump would look like a base that restarted at zero."""
@@ -96,7 +98,9 @@ class DistanceOdometry(WheelOdometry):
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(MotionCheck(CREATE_1.wheel_base_m, math.radians(0.5)), linear_scale, angular_scale)
         self._measured, self._best = PlanarPose(), PlanarPose()
-        self._then_ns = 0
+        self._lost: PlanarPose | None = None  # the pose at the last loss since the last reading of the distance
+        self._lost_turn = 0.0  # the gyro's until then
+        self._then_ns = self._measured_ns = 0
         self._speeds = (0.0, 0.0)
         self._known = True
         self._gyro_turn: float | None = 0.0  # since the last reading of the distance; None when the gyro was silent
@@ -110,6 +114,7 @@ class DistanceOdometry(WheelOdometry):
     def reset(self) -> None:
         """Start again at the origin."""
         self._measured, self._best, self._pose = PlanarPose(), PlanarPose(), PlanarPose()
+        self._lost = None
 
     def command(self, v_m_s: float, omega_rad_s: float) -> None:
         """Record the latest command to the robot."""
@@ -117,28 +122,44 @@ class DistanceOdometry(WheelOdometry):
         super().command(v_m_s, omega_rad_s)
 
     def lose(self) -> None:
-        """A reading was lost, and with it the motion since the one before."""
+        """A reading was lost, and with it the motion since the one before, unless the robot has not sent it."""
         self._gaps += 1
         self._known = False
+        self._lost, self._lost_turn = copy(self._best), self._gyro_turn or 0.0
+
+    def begin(self, now_ns: int) -> None:
+        """The robot counts from now on: it has sent what was before, but that cannot be used."""
+        self._measured, self._lost = copy(self._best), None
+        self._gyro_turn, self._measured_ns = 0.0, now_ns
 
     def measure(self, distance_mm: int, angle_deg: int, now_ns: int) -> None:
         """Distance and angle since the last reading; impossible values count as lost."""
-        if abs(distance_mm) > 1000 or abs(angle_deg) > 57:
-            self.lose()
-            return
-        gyro_turn, self._gyro_turn = self._gyro_turn, 0.0
         half = 0.5 * CREATE_1.wheel_base_m * math.radians(angle_deg)
         left, right = distance_mm / 1000.0 - half, distance_mm / 1000.0 + half
-        if self._known or gyro_turn is None:
-            self._checked = self._check.step(now_ns, left, right, gyro_turn)
-        else:  # the wheels' part of this turn is lost: nothing to compare
-            judged = self._check.step(now_ns, left, right)
-            self._checked = judged._replace(turn_rad=gyro_turn if self._checked.gyro else judged.turn_rad)
+        span_s = (now_ns - self._measured_ns) * 1e-9
+        span_s = span_s if 0.0 <= span_s <= LONGEST_SPAN_S else LONGEST_SPAN_S  # also after the clock was set back
+        if max(abs(left), abs(right)) > FASTEST_M_S * span_s + LATE_M:
+            self.lose()
+            self.begin(now_ns)
+            return
+        gyro_turn, self._gyro_turn, self._measured_ns = self._gyro_turn, 0.0, now_ns
+        judged, lost_turn = self._check.step(now_ns, left, right, gyro_turn if self._known else None), 0.0
+        if gyro_turn is not None and not self._known and self._checked.gyro:
+            judged, lost_turn = judged._replace(turn_rad=gyro_turn), self._lost_turn  # the wheels' may lack a part
+        self._checked = judged
         self._roll(left * self._linear_scale, right * self._linear_scale)
-        self._measured.advance(distance_mm / 1000.0 * self._linear_scale, self._checked.turn_rad * self._angular_scale)
-        self._best = copy(self._measured)
+        self._measured = self._moved(distance_mm / 1000.0, judged.turn_rad, lost_turn)
+        self._best, self._lost = copy(self._measured), None
         if not self._known:
             self._known, self._unsure_ns = True, now_ns
+
+    def _moved(self, distance_m: float, turn_rad: float, lost_turn: float) -> PlanarPose:
+        """The pose after a measured motion. After a loss the robot counts from there, or from the last reading if it
+        has not sent what was lost: the end that is nearer to the dead reckoning is taken."""
+        ends = [self._measured] if self._lost is None else [self._measured, self._lost]
+        for end, turn in zip(ends, (turn_rad, turn_rad - lost_turn)):
+            end.advance(distance_m * self._linear_scale, turn * self._angular_scale)
+        return min(ends, key=lambda end: end.apart_m(self._best, CREATE_1.wheel_base_m))
 
     def reading(self, now_ns: int, gyro_rad_s: float | None = None) -> OdometryReading:
         """The pose now; gyro_rad_s is the measured rate where there is one."""
