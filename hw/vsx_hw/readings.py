@@ -76,7 +76,7 @@ class OdometryReading(NamedTuple):
     x_m, y_m, heading_rad: pose of the base in its odometry frame, heading not wrapped, counter-clockwise.
     v_m_s, omega_rad_s: measured motion. gaps: how often motion was not measured (power cycle, lost data).
     trusted: False when the encoders cannot know the direction of the motion, or a sensor contradicts the others.
-    wheels_m: (left, right) distance rolled since the start.
+    wheels_m: (left, right) distance rolled since the start, without corrections.
     doubt: which sensor is not trusted, and why. fault: why the base must stand: its wheels do not follow their command.
     Both are words, empty while all is well."""
 

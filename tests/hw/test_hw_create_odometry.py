@@ -126,6 +126,17 @@ def test_create_1_shows_the_command_between_readings_and_the_truth_at_them():
     )
 
 
+def test_the_wheels_of_both_creates_are_told_without_the_corrections():
+    encoders, distances = EncoderOdometry(1.1, 1.2), DistanceOdometry(1.1, 1.2)
+    reading = drive(encoders, [(20 * k, 20 * k) for k in range(51)])
+    assert reading.x_m == pytest.approx(1.1 * 0.444565, abs=1e-6)
+    assert reading.wheels_m == pytest.approx((0.444565, 0.444565), abs=1e-6)
+    distances.measure(200, 0, 500 * MS)
+    reading = [distances.reading(k * 20 * MS) for k in range(25, 40)][-1]
+    assert reading.x_m == pytest.approx(1.1 * 0.2)
+    assert reading.wheels_m == pytest.approx((0.2, 0.2))
+
+
 @pytest.mark.parametrize("junk", [(1500, 0), (0, 90), (-2000, 300)])
 def test_create_1_junk_is_a_gap(junk):
     odometry = DistanceOdometry()

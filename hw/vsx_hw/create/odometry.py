@@ -147,7 +147,7 @@ class DistanceOdometry(WheelOdometry):
         if gyro_turn is not None and not self._known and self._checked.gyro:
             judged, lost_turn = judged._replace(turn_rad=gyro_turn), self._lost_turn  # the wheels' may lack a part
         self._checked = judged
-        self._roll(left * self._linear_scale, right * self._linear_scale)
+        self._roll(left, right)
         self._measured = self._moved(distance_mm / 1000.0, judged.turn_rad, lost_turn)
         self._best, self._lost = copy(self._measured), None
         if not self._known:
