@@ -160,6 +160,16 @@ def test_a_robot_in_passive_is_not_thought_to_move():
     assert shown == {Mode.SAFE: (pytest.approx(0.068), 0.2), Mode.PASSIVE: (0.0, 0.0)}
 
 
+@pytest.mark.parametrize(("hazard", "v_m_s"), [(0, 0.0), (4, 0.2)])
+def test_a_robot_that_stays_in_passive_is_kept_awake(hazard, v_m_s):
+    """On no dock: nothing is asked of it, or it may not move because a wheel is raised."""
+    dialect = Create1Dialect()
+    (reading,) = dialect.receive(answer(dialect.drive(0.0, 0.0), bump=hazard, mode=Mode.PASSIVE), 0)
+    assert (reading.mode, reading.battery.docked) == ("passive", False)
+    sent = [k for k in range(6002) if dialect.drive(v_m_s, 0.0)[:1] == bytes((Opcode.START,))]
+    assert sent == [2999, 5999], "it falls asleep after five minutes; these are two, of 20 ms each"
+
+
 def test_late_bytes_are_not_taken_for_the_next_answer():
     dialect = Create1Dialect()
     converse(dialect, 25)

@@ -84,7 +84,7 @@ class CreateDialect(Dialect):
 
     def _change_of_mode(self, wanted: bool, v_m_s: float) -> bytes:
         """The command that changes to the mode for this motion; empty if the mode is right, or not now. An ignored one
-        is repeated."""
+        is repeated. A robot that stays in Passive is kept awake."""
         charges = self._docked and not wanted
         needed = Mode.PASSIVE if charges else Mode.FULL if self._docked else Mode.SAFE
         if self._mode is needed and not charges:
@@ -92,9 +92,12 @@ class CreateDialect(Dialect):
             return b""
         self._cycles_in_wrong_mode += 1
         cause = self._hazards & (Hazard.WHEEL_DROP if v_m_s < 0.0 else Hazard.WHEEL_DROP | Hazard.CLIFF)
-        asks = wanted or charges or self._mode is Mode.FULL or (self._mode is Mode.UNKNOWN and not self._charges)
+        asks = wanted or self._mode is Mode.FULL or (self._mode is Mode.UNKNOWN and not self._charges)
+        asks = charges or (asks and not cause)
+        if self._mode is Mode.PASSIVE and not asks:
+            needed = Mode.PASSIVE
         period = CYCLES_TO_STAY_AWAKE if self._mode is needed else CYCLES_TO_RETRY_MODE
-        if not asks or (cause and not charges) or self._cycles_in_wrong_mode % period != 1:
+        if not (asks or self._mode is needed) or self._cycles_in_wrong_mode % period != 1:
             return b""
         return bytes(({Mode.PASSIVE: Opcode.START, Mode.FULL: Opcode.FULL, Mode.SAFE: Opcode.SAFE}[needed],))
 
