@@ -1,5 +1,6 @@
 """The base never cuts what the follower may command, unless somebody says so, and then it says so, too."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
@@ -9,9 +10,9 @@ pytest.importorskip("rospy")
 import rospy
 
 from vsx_hw.safety import SpeedLimits
-from vsx_ros.config import LimitsConfig
+from vsx_ros.config import Config, LimitsConfig
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros.base_drivers import BaseSettings, Listeners, base_driver, speed_limits
+from vsx_ros.ros.base_drivers import BaseSettings, Listeners, base_driver, base_settings, speed_limits, supervisor
 from vsx_ros.ros.nodes import mobile_base
 
 
@@ -48,6 +49,26 @@ def test_a_lower_cap_is_obeyed_and_told(parameters: dict[str, float], warnings: 
     assert speed_limits(LimitsConfig()) == SpeedLimits(0.2, 1.0)
     assert len(warnings) == 1
     assert "max_vel is 0.2, less than the configured limit of 0.3" in warnings[0]
+
+
+@pytest.mark.parametrize("value", [0.0, -0.3, math.nan, math.inf, "fast", None, "nan"])
+@pytest.mark.parametrize(
+    "name",
+    ["max_vel", "max_angular_vel", "cmd_vel_timeout", "odom_linear_scale_correction", "odom_angular_scale_correction"],
+)
+def test_a_number_that_takes_no_limit_is_refused(name: str, value: object, parameters: dict[str, object]) -> None:
+    """A negative limit would limit nothing."""
+    parameters |= {f"~{name}": value}
+    with pytest.raises(ConfigError, match=f"{name} is {value!r}; give a number above 0"):
+        supervisor(Config(), base_settings(Config()))
+
+
+@pytest.mark.usefixtures("warnings")
+def test_numbers_above_0_are_taken(parameters: dict[str, object]) -> None:
+    parameters |= {"~cmd_vel_timeout": "0.5", "~odom_linear_scale_correction": 1, "~max_vel": 0.1}
+    settings = base_settings(Config())
+    assert (settings.command_timeout_s, settings.linear_scale, settings.angular_scale) == (0.5, 1.0, 1.0)
+    assert speed_limits(LimitsConfig()) == SpeedLimits(0.1, 1.5)
 
 
 @pytest.mark.parametrize("stands", [True, False])

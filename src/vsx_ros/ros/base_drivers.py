@@ -1,8 +1,9 @@
 """Bases by name: parameters of mobile_base, drivers, and emulators for the node emulator."""
 
+import math
 import time
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import rospy
 
@@ -104,13 +105,14 @@ def wired(robot_type: str) -> bases.Base:
 
 
 def base_settings(config: Config) -> BaseSettings:
-    """The base (or auto) and its calibration."""
+    """The base (or auto) and its calibration. Raises ConfigError for a timeout or factor that is not above 0."""
+    corrections = config.robot.odometry
     return BaseSettings(
         robot_type=str(rospy.get_param("~robot_type", "auto")),
         port=str(rospy.get_param("~port", "/dev/kobuki")),
-        command_timeout_s=float(rospy.get_param("~cmd_vel_timeout", 0.25)),
-        linear_scale=float(rospy.get_param("~odom_linear_scale_correction", config.robot.odometry.linear_scale)),
-        angular_scale=float(rospy.get_param("~odom_angular_scale_correction", config.robot.odometry.angular_scale)),
+        command_timeout_s=_positive("~cmd_vel_timeout", 0.25),
+        linear_scale=_positive("~odom_linear_scale_correction", corrections.linear_scale),
+        angular_scale=_positive("~odom_angular_scale_correction", corrections.angular_scale),
         allow_unknown_firmware=bool(rospy.get_param("~allow_unknown_firmware", False)),
     )
 
@@ -141,13 +143,28 @@ def supervisor(config: Config, settings: BaseSettings) -> Supervisor:
 
 
 def speed_limits(limits: LimitsConfig) -> SpeedLimits:
-    """Limits from ~max_vel and ~max_angular_vel; the defaults never slow down the follower."""
+    """Limits from ~max_vel and ~max_angular_vel; the defaults never slow down the follower. Raises ConfigError for a
+    limit that is not above 0."""
     caps = []
     for name, default, wanted in (("~max_vel", 0.5, limits.v_m_s), ("~max_angular_vel", 1.5, limits.omega_rad_s)):
-        caps.append(float(rospy.get_param(name, max(default, wanted))))
+        caps.append(_positive(name, max(default, wanted)))
         if caps[-1] < wanted:
             rospy.logwarn(
                 "%s is %g, less than the configured limit of %g: the base will lag behind its plans; lower the limit",
                 rospy.resolve_name(name), caps[-1], wanted,
             )  # fmt: skip
     return SpeedLimits(*caps)
+
+
+def _positive(name: str, default: float) -> float:
+    """A parameter that must be a finite number above 0. Raises ConfigError for anything else."""
+    told: Any = rospy.get_param(name, default)
+    try:
+        value = float(told)
+    except (TypeError, ValueError):
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise ConfigError(
+            f"parameter {rospy.resolve_name(name)} is {told!r}; give a number above 0, or none for {default:g}"
+        )
+    return value
