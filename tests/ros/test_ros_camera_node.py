@@ -1,5 +1,7 @@
 """The camera node's calibration, without a master."""
 
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +18,7 @@ from vsx_ros.ros import headers, topic_drivers
 from vsx_ros.ros.cameras import CameraCalibration, nominal, open_camera
 from vsx_ros.ros.topic_drivers import TopicCamera
 
+DEVICE = "ros:/cam/image_raw"
 MEASURED = PinholeCamera(640, 480, 511.0, 512.0, 321.0, 243.0)
 
 
@@ -40,12 +43,58 @@ def test_a_device_or_mode_without_meaning_is_refused(device: str, mode: str) -> 
 def test_a_calibration_that_comes_after_the_first_image_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rospy, "logwarn", lambda *_: None)
     source = SimpleNamespace(calibration=None, serial="nobody_has_this_one")
-    calibration = CameraCalibration("ros:/cam/image_raw", "")
-    assert calibration.of(source, 640, 480) == nominal("ros:/cam/image_raw", 640, 480)
+    calibration = CameraCalibration(DEVICE, "")
+    assert calibration.of(source, 640, 480) == nominal(DEVICE, 640, 480)
     assert not calibration.known
     source.calibration = MEASURED
     assert calibration.of(source, 640, 480) == MEASURED
     assert calibration.known
+
+
+@pytest.fixture
+def warned(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    said: list[str] = []
+    monkeypatch.setattr(rospy, "logwarn", lambda form, *values: said.append(form % values))
+    return said
+
+
+def test_a_calibration_of_another_size_is_told_once_and_again_after_a_change(warned: list[str]) -> None:
+    source = SimpleNamespace(calibration=replace(MEASURED, width=1280, height=720), serial="nobody_has_this_one")
+    calibration = CameraCalibration(DEVICE, "")
+    for expected in (1, 2):
+        for _ in range(5):
+            assert calibration.of(source, 640, 480) == nominal(DEVICE, 640, 480)
+        assert not calibration.known
+        assert len([text for text in warned if text.endswith("is of 1280x720, images are 640x480")]) == expected
+        source.calibration = replace(source.calibration, fx=900.0)
+
+
+def test_the_newest_calibration_of_a_driver_is_used() -> None:
+    source = SimpleNamespace(calibration=MEASURED, serial="nobody_has_this_one")
+    calibration = CameraCalibration(DEVICE, "")
+    for focal_px in (511.0, 530.0):
+        source.calibration = replace(MEASURED, fx=focal_px)
+        assert calibration.of(source, 640, 480).fx == focal_px
+    assert calibration.known
+
+
+def test_the_users_own_calibration_comes_before_that_of_the_driver_and_the_stored_one_after(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warned: list[str]
+) -> None:
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    source = SimpleNamespace(calibration=MEASURED, serial="cam")
+    own = replace(MEASURED, fx=540.0)
+    first = CameraCalibration(DEVICE, "")
+    first.of(source, 640, 480)
+    stored = first.store(source, own)
+    assert first.of(source, 640, 480).fx == 540.0
+    assert CameraCalibration(DEVICE, str(stored)).of(source, 640, 480).fx == 540.0
+    later = CameraCalibration(DEVICE, "")
+    assert later.of(source, 640, 480) == MEASURED
+    source.calibration = replace(MEASURED, width=1280, height=720)
+    assert [later.of(source, 640, 480).fx for _ in range(3)] == [540.0] * 3
+    assert later.known
+    assert warned == ["calibration is of 1280x720, images are 640x480"]
 
 
 def test_the_first_images_of_a_driver_wait_for_their_calibration(monkeypatch: pytest.MonkeyPatch) -> None:

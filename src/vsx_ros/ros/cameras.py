@@ -2,7 +2,7 @@
 
 import dataclasses
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -102,27 +102,49 @@ def open_camera(
 
 
 class CameraCalibration:
-    """From a file, or from the camera itself, or nominal values with a warning. known: whether it was measured."""
+    """The first that fits the images: the user's file or latest calibration, the newest of the camera itself, the
+    stored file; else nominal values with a warning. known: whether it was measured."""
 
     def __init__(self, device: str, url: str) -> None:
         """Raises CalibrationError if the file of ``url`` cannot be used."""
         self._device, self._url = device, url
-        self._camera: PinholeCamera | None = None
-        self.known = False
+        self._chosen: PinholeCamera | None = None  # by the user
+        self._stored: PinholeCamera | None = None
+        self._camera: PinholeCamera | None = None  # the one in use
+        self._refused: list[tuple[PinholeCamera, int, int]] = []  # with the size of the images
         if url and not device.startswith("emulator:"):
-            self._camera, self.known = read_calibration(_path(url)), True
+            self._chosen = read_calibration(_path(url))
+        self.known = self._looked = self._chosen is not None
 
     def of(self, source: Camera, width: int, height: int) -> PinholeCamera:
         """The calibration for images of this size from the opened ``source``."""
-        measured = self._camera if self.known else None
-        camera = measured or self._given(source) or self._camera or self._read(source, width, height)
-        if (camera.width, camera.height) != (width, height):
-            rospy.logwarn("calibration is of %dx%d, images are %dx%d", camera.width, camera.height, width, height)
-            camera, self.known = nominal(self._device, width, height), False
+        refused, camera = list[tuple[PinholeCamera, int, int]](), None
+        for measured in self._measured(source):
+            if (measured.width, measured.height) == (width, height):
+                camera = measured
+                break
+            refused.append((measured, width, height))
+            if refused[-1] not in self._refused:
+                size = measured.width, measured.height
+                rospy.logwarn("calibration is of %dx%d, images are %dx%d", *size, width, height)
+        self._refused, self.known = refused, camera is not None
+        camera = camera or nominal(self._device, width, height)
         if camera.shutter is None and self._device.startswith(("kinect", "emulator")):
             camera = replace(camera, shutter=KINECT_SHUTTER)
         self._camera = camera
         return camera
+
+    def _measured(self, source: Camera) -> Iterator[PinholeCamera]:
+        """What was measured, the best first. The stored file is read once, when nothing better fits."""
+        if self._chosen is not None:
+            yield self._chosen
+        given: PinholeCamera | None = getattr(source, "calibration", None)
+        if given is not None:
+            yield given
+        if not self._looked:
+            self._stored, self._looked = self._read(source), True
+        if self._stored is not None:
+            yield self._stored
 
     def store(self, source: Camera, camera: PinholeCamera) -> Path:
         """Store a new calibration where the node reads it. Raises OSError."""
@@ -131,13 +153,9 @@ class CameraCalibration:
             camera = replace(camera, shutter=camera.shutter or self._camera.shutter)  # not part of CameraInfo
         path.parent.mkdir(parents=True, exist_ok=True)
         write_calibration(path, camera, path.stem)
-        self._camera, self.known = camera, True
+        self._chosen = self._camera = camera
+        self.known = True
         return path
-
-    def _given(self, source: Camera) -> PinholeCamera | None:
-        camera: PinholeCamera | None = getattr(source, "calibration", None)
-        self.known = self.known or camera is not None
-        return camera
 
     def _file(self, source: Camera) -> Path:
         if self._url:
@@ -146,14 +164,12 @@ class CameraCalibration:
             return Path(self._device.partition(":")[2] + ".yaml")
         return ros_home() / "camera_info" / f"rgb_{source.serial}.yaml"
 
-    def _read(self, source: Camera, width: int, height: int) -> PinholeCamera:
+    def _read(self, source: Camera) -> PinholeCamera | None:
         try:
-            camera = read_calibration(self._file(source))
+            return read_calibration(self._file(source))
         except CalibrationError as error:
             rospy.logwarn("camera is not calibrated: %s. Nominal values are used; expect a bent map", error)
-            return nominal(self._device, width, height)
-        self.known = True
-        return camera
+            return None
 
 
 def nominal(device: str, width: int, height: int) -> PinholeCamera:
