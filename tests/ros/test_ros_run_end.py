@@ -36,6 +36,7 @@ from vsx_ros.ros.dashboard.ending import Ended, show_end
 from vsx_ros.ros.dashboard.feed import Board
 from vsx_ros.ros.dashboard.server import ViewServer
 from vsx_ros.ros.fork_server import ForkServer
+from vsx_ros.ros.nodes import dashboard
 from vsx_ros.ros.run import go_on_words
 from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
@@ -161,6 +162,18 @@ def test_going_on_needs_a_process_of_its_own(folder: RunFolder, monkeypatch: pyt
     assert becomes == [(sys.executable, [sys.executable, "-X", "dev", "scripts/vsx", *go_on_words(folder)])]
 
 
+def test_the_next_session_is_served_where_the_open_page_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(dashboard.PORT, "")
+    monkeypatch.setenv(dashboard.TOKEN, TOKEN)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        monkeypatch.setattr(dashboard, "DEFAULT_PORT", taken.getsockname()[1])
+        (first, url), (again, same) = dashboard.prepare_view(), dashboard.prepare_view()
+        assert first != taken.getsockname()[1]
+    assert (first, url) == (again, same)
+
+
 def test_results_that_cannot_be_shown_do_not_change_how_the_run_ended(folder: RunFolder) -> None:
     (folder.path / "map.yaml").write_text("{", encoding="utf-8")
     port = free_port()
@@ -168,6 +181,22 @@ def test_results_that_cannot_be_shown_do_not_change_how_the_run_ended(folder: Ru
         show_end(Ended(folder, folder.read_summary(), ended_well=True), TOKEN, port)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", port))
+
+
+@pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
+def test_the_end_waits_for_who_reads_the_report_in_another_tab(
+    folder: RunFolder, end: End, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Chromium(tmp_path / "profile") as browser:
+        browser.open(f"http://127.0.0.1:{end.port}/#{TOKEN}")
+        browser.wait("known.end && !$('endReport').hidden")
+        monkeypatch.setattr(ending, "_GONE_S", 0.5)
+        browser.evaluate("Object.defineProperty(document, 'hidden', {get: () => true})")
+        browser.evaluate("document.dispatchEvent(new Event('visibilitychange'))")
+        time.sleep(2.0)
+        assert end.go_on is None, "it is still there"
+        browser.click("[data-command=explore_on]")
+        browser.wait("$('said').textContent.startsWith('Not done: ')")
 
 
 @pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
@@ -202,7 +231,7 @@ def test_the_buttons_of_the_end_save_the_map_open_the_report_and_explore_on(
     folder: RunFolder, end: End, tmp_path: Path
 ) -> None:
     folder.checkpoint.write(CheckpointData(file_samples.slam_map(), 1, {}, {}))
-    (folder.path / "map.yaml").touch()  # a run that ends in order writes it last
+    zone_file(folder.path / "map.yaml").touch()  # a run that ends in order writes it last
     with Chromium(tmp_path / "profile") as browser:
         browser.open(f"http://127.0.0.1:{end.port}/#{TOKEN}")
         browser.wait("known.end && !$('endReport').hidden")

@@ -58,7 +58,8 @@ def places_of(folder: RunFolder, saved: CheckpointData) -> tuple[list[Zone], SE2
     """Zones and dock of a run: from the files beside its ground map that were written after the checkpoint, else from
     that. Raises MapFileError or InputError."""
     beside, ground, seen = folder.path / "map.yaml", MappedGround(Config()), snapshot(saved.slam_map.view)
-    ground.restore(saved.state)
+    if saved.state:
+        ground.restore(saved.state)
     zones, docked = list(ground.zones_in(seen)), ground.dock(seen)
     if folder.checkpoint.is_older_than(zone_file(beside)):
         zones = load_zones(zone_file(beside))

@@ -223,13 +223,13 @@ def address(host: str, port: int, token: str) -> str:
     return f"http://{f'[{name}]' if ':' in name else name}:{port}/#{token}"
 
 
-def choose_port(host: str, port: int | None) -> int:
-    """The port; if None, the default, or a free one if that is taken. Raises ConfigError if the address cannot be
+def choose_port(host: str, port: int | None, usual: int = DEFAULT_PORT) -> int:
+    """The port; if None, the usual one, or a free one if that is taken. Raises ConfigError if the address cannot be
     used."""
     if port is not None:
         return _free_port(host, port)
     try:
-        return _free_port(host, DEFAULT_PORT)
+        return _free_port(host, usual)
     except ConfigError:
         return _free_port(host, 0)
 

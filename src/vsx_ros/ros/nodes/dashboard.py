@@ -8,7 +8,8 @@ Services called: explore/{pause,resume,home,stop}, dock/{start,leave}, mobile_ba
     zones/change, rooms/name.
 Parameters: ~host (127.0.0.1: only this machine), ~port (8765), ~allow (further names under which the view may be
     opened, NAME or NAME:PORT, separated by commas), ~v_m_s (0.2), ~omega_rad_s (0.6): full speeds of the page's stick.
-Environment: VSX_VIEW_TOKEN, the token for commands; if it is not set, a token is made and printed once."""
+Environment: VSX_VIEW_TOKEN, the token for commands; if it is not set, a token is made and printed once;
+VSX_VIEW_PORT, the port to try first, set for the next session of a run."""
 
 import os
 import secrets
@@ -29,7 +30,7 @@ from vsx_ros.ros.environment import DEFAULT_MASTER, export_ros_address
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs.process import DONE
 
-TOKEN = "VSX_VIEW_TOKEN"
+TOKEN, PORT = "VSX_VIEW_TOKEN", "VSX_VIEW_PORT"
 
 _MASTER_PERIOD_S, _LOOK_PERIOD_S = 2.0, 0.5  # the second: a person waits for the page
 
@@ -67,9 +68,11 @@ def main() -> None:
 
 
 def prepare_view(host: str = LOOPBACK, port: int | None = None) -> tuple[int, str]:
-    """A free port and the address to open. Puts the token into the environment, where the node finds it. Raises
-    ConfigError if the address cannot be used."""
-    port = choose_port(host, port)
+    """A free port and the address to open. Puts the token into the environment, where the node finds it, and the port,
+    so that the next session in this process is at the same address. Raises ConfigError if that cannot be used."""
+    before = os.environ.get(PORT, "")
+    port = choose_port(host, port, int(before) if before.isdecimal() else DEFAULT_PORT)
+    os.environ[PORT] = str(port)
     token = os.environ[TOKEN] = os.environ.get(TOKEN) or secrets.token_urlsafe(12)
     return port, address(host, port, token)
 

@@ -16,8 +16,8 @@ const WATCH_MS = 500,
   CHARTS_MS = 500;
 
 document.addEventListener("visibilitychange", () => {
-  if (document.hidden) disconnect();
-  else connect();
+  if (!document.hidden) connect();
+  else if (!known.end) disconnect(); // the end is served as long as its page is connected
 });
 setInterval(watch, WATCH_MS);
 setInterval(() => {
