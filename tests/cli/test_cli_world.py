@@ -86,6 +86,34 @@ def test_a_floor_plan_alone_is_a_world(tmp_path: Path) -> None:
         open_world(str(tmp_path / "none.png"), 1)
 
 
+def test_what_a_world_is_read_from_is_never_written_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("lab", "--seed", "2", "--map", "p.pgm") == 0
+    Path("p.pgm").rename("m.pgm")
+    Path("m.yaml").write_text(Path("p.yaml").read_text().replace("p.pgm", "m.pgm"))
+    Path("p.yaml").unlink()
+    cv2.imwrite("p.png", cv2.imread("m.pgm"))
+    before = {path: path.read_bytes() for path in Path().iterdir()}
+    for name in ("p.png", "m.yaml"):
+        assert run("render", name) == 0
+        assert run("import", name) == 0
+    assert {path.name for path in Path().iterdir()} - {path.name for path in before} == {
+        *("p-view.png", "p-world.yaml", "m-view.png", "m-world.yaml")
+    }
+    wrong = ["m.yaml", "--out", "m.yaml"], ["m.yaml", "--picture", "m.pgm"], ["m.pgm", "--map", "m.png"]
+    for words in (*wrong, ["render", "p.png", "--out", f"../{tmp_path.name}/p.png"]):
+        with pytest.raises(ConfigError, match="is read from it"):
+            run(*words)
+    assert {path: path.read_bytes() for path in before} == before
+
+
+def test_a_picture_beside_a_world_file_is_a_floor_plan(tmp_path: Path) -> None:
+    assert run("lab", "--seed", "2", "--map", str(tmp_path / "p.pgm")) == 0
+    assert run("import", str(tmp_path / "p.pgm"), "--out", str(tmp_path / "w.yaml")) == 0
+    (tmp_path / "w.yaml").replace(tmp_path / "p.yaml")
+    assert open_world(str(tmp_path / "p.pgm"), 1).generator.name == "p"
+
+
 def test_a_gazebo_world_is_described_drawn_and_imported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("info", str(ROOM)) == 0
     said = capsys.readouterr()

@@ -136,9 +136,9 @@ def world(parser: argparse.ArgumentParser) -> None:
     add("--start", type=pose, metavar="X,Y,DEG", help="where the robot starts and looks to")
     add_models(parser)
     add_hard_things(parser)
-    add(
-        "--out", type=Path, metavar="FILE", help="write the world to this YAML file; with render, the view to this .png"
-    )
+    out = "write the world to this YAML file (import: default NAME-world.yaml); with render, the view to this .png "
+    out += "(default NAME-view.png)"
+    add("--out", type=Path, metavar="FILE", help=out)
     add("--picture", type=Path, metavar="FILE.png", help="draw the plan and the first view")
     add("--map", type=Path, metavar="FILE.pgm", help="write the true map (pgm and yaml) for map_server")
 

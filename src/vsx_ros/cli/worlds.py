@@ -9,7 +9,7 @@ from vsx_ros.config import RobotConfig
 from vsx_ros.errors import ConfigError
 from vsx_ros.io.map_file import save_map
 from vsx_ros.runs.start import tell_remarks
-from vsx_ros.runs.world import open_world
+from vsx_ros.runs.world import check_world, open_world, world_files
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.gazebo_world import checked_start
 from vsx_ros.sim.mesh_hidden import hidden_solids
@@ -19,12 +19,16 @@ from vsx_ros.sim.truth import ground_truth_grid, reachable_area_m2
 from vsx_ros.sim.world import Start
 from vsx_ros.sim.world_file import save_world
 
+_ENDINGS = {"render": "-view.png", "import": "-world.yaml"}  # of files without --out
+
 
 def world(args: argparse.Namespace) -> int:
     """Make or read the world, and do with it what the options say."""
-    wanted = args.out, args.picture, args.map
-    if args.verb is None and wanted == (None, None, None):
+    if args.verb in ("render", "import"):
+        args.out = args.out or Path(f"{Path(args.name).stem}{_ENDINGS[args.verb]}")
+    elif args.verb is None and (args.out, args.picture, args.map) == (None, None, None):
         raise ConfigError("vsx world: say what to write with --out, --picture or --map, or begin with 'info'")
+    _keep_what_is_read(args)
     world = open_world(args.name, args.seed, args.models, args.hard)
     tell_remarks(world)
     if args.start is not None:
@@ -34,13 +38,11 @@ def world(args: argparse.Namespace) -> int:
     if args.verb == "info":
         print("\n".join(described(world)))
     if args.verb == "render":
-        file = args.out or Path(f"{Path(args.name).stem}.png")
-        write_picture(first_view(world, args.seed), file)
-        print(f"view: {file}")
-    elif args.out is not None or args.verb == "import":
-        file = args.out or Path(f"{Path(args.name).stem}.yaml")
-        save_world(world, file)
-        print(f"world: {file}")
+        write_picture(first_view(world, args.seed), args.out)
+        print(f"view: {args.out}")
+    elif args.out is not None:
+        save_world(world, args.out)
+        print(f"world: {args.out}")
     if args.map is not None:
         save_map(ground_truth_grid(world, 0.05, *BAND_M), args.map)
         print(f"true map: {args.map}")
@@ -48,6 +50,16 @@ def world(args: argparse.Namespace) -> int:
         write_picture(world_picture(world, args.seed), args.picture)
         print(f"picture: {args.picture}")
     return 0
+
+
+def _keep_what_is_read(args: argparse.Namespace) -> None:
+    """Raises ConfigError if the command would write over a file that the world is read from."""
+    check_world(args.name)
+    read = world_files(args.name)
+    maps = [args.map.with_suffix(suffix) for suffix in (".pgm", ".yaml")] if args.map is not None else []
+    for file in (args.out, args.picture, *maps):
+        if file is not None and file.exists() and any(one.exists() and file.samefile(one) for one in read):
+            raise ConfigError(f"vsx world: {file} would be written over, and {args.name} is read from it; name another")
 
 
 def described(world: EmulatedWorld) -> list[str]:

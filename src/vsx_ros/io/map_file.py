@@ -96,6 +96,12 @@ def is_map_file(path: Path) -> bool:
         return any(line.startswith(b"image:") for line in file_bytes(path, TEXT_BYTES).splitlines())
 
 
+def map_image(text: Path) -> Path:
+    """The picture that a map's YAML names. Raises MapFileError when it cannot be read or names none."""
+    with explained(MapFileError, f"map {text} cannot be read", "give a map_server YAML", DAMAGE):
+        return text.parent / str(yaml_tree(file_text(text))["image"])
+
+
 def load_plan(path: Path) -> OccupancyGrid:
     """The grid of an image without a YAML, 5 cm per pixel: bright is free, dark occupied, grey unknown, as map_saver
     draws them. Raises MapFileError when it is not an image."""

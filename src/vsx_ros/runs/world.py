@@ -8,7 +8,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from vsx_ros.errors import ConfigError, did_you_mean
-from vsx_ros.io.map_file import is_map_file, load_map, load_plan
+from vsx_ros.io.map_file import is_map_file, load_map, load_plan, map_image
 from vsx_ros.sim import gazebo_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.generate import GENERATORS, generate_world, world_from_grid
@@ -17,7 +17,8 @@ from vsx_ros.sim.lighting import light_named
 from vsx_ros.sim.truth import with_start
 from vsx_ros.sim.world_file import load_world, with_hard_things
 
-_SUFFIXES = *gazebo_world.SUFFIXES, ".png", ".pgm", ".yaml", ".yml"
+_PICTURES = ".png", ".pgm"
+_SUFFIXES = *gazebo_world.SUFFIXES, *_PICTURES, ".yaml", ".yml"
 MODEL_PATHS = "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH"  # of the environment
 
 
@@ -63,7 +64,22 @@ def _opened(name: str, seed: int, models: Sequence[Path]) -> EmulatedWorld:
     path = Path(name)
     if path.suffix in gazebo_world.SUFFIXES:
         return with_start(np.random.default_rng([seed, 0]), gazebo_world.load_gazebo(path, model_folders(models)))
-    if path.suffix in (".png", ".pgm"):
-        grid = load_map(path) if path.with_suffix(".yaml").exists() else load_plan(path)
-        return world_from_grid(grid, path.stem, seed)
-    return world_from_grid(load_map(path), path.stem, seed) if is_map_file(path) else load_world(path)
+    text = _map_yaml(path)
+    if text is not None:
+        return world_from_grid(load_map(text), path.stem, seed)
+    return world_from_grid(load_plan(path), path.stem, seed) if path.suffix in _PICTURES else load_world(path)
+
+
+def _map_yaml(path: Path) -> Path | None:
+    """The YAML of a map that is given by it, or by a picture beside it; None if there is none."""
+    text = path.with_suffix(".yaml") if path.suffix in _PICTURES else path
+    return text if text.suffix in (".yaml", ".yml") and text.is_file() and is_map_file(text) else None
+
+
+def world_files(name: str) -> list[Path]:
+    """The files that this world is described in: none of a generator's; of a map, its YAML and its picture, too. Raises
+    MapFileError for a map that names no picture."""
+    if name.partition(":")[0] in GENERATORS:
+        return []
+    text = _map_yaml(Path(name))
+    return [Path(name)] if text is None else [Path(name), text, map_image(text)]
