@@ -26,3 +26,11 @@ def box_model(name: str, pose: str, size: str, more: str = "") -> str:
     shape = f"<geometry><box><size>{size}</size></box></geometry>"
     link = f'<link name="l"><visual name="v">{shape}</visual><collision name="c">{shape}</collision></link>'
     return f'<model name="{name}"><pose>{pose}</pose>{link}{more}</model>'
+
+
+def room(width_m: float, depth_m: float, x: float = 0.0, y: float = 0.0) -> str:
+    """Four walls around this ground; x, y: its middle [m]."""
+    dx, dy = 0.5 * width_m + 0.075, 0.5 * depth_m + 0.075
+    along, across = f"{width_m + 0.3} 0.15 2.4", f"0.15 {depth_m} 2.4"
+    walls = ((x, y + dy, along), (x, y - dy, along), (x + dx, y, across), (x - dx, y, across))
+    return "".join(box_model(f"wall{i}", f"{a} {b} 1.2 0 0 0", size) for i, (a, b, size) in enumerate(walls))

@@ -67,9 +67,9 @@ def checked_start(world: MeshWorld) -> MeshWorld:
     x0, y0, x1, y1 = world.bounds
     if not (x0 <= x <= x1 and y0 <= y <= y1):
         raise ConfigError(f"world {world.name}: it starts at {x:g}, {y:g}, outside of its ground; choose another start")
+    around = world.owner_around(x, y)
     gap = float(gap_to_walls(world.obstacle_segments(0.0, 0.45), np.array([[x, y]]))[0])
-    if gap < ROBOT_RADIUS_M:
-        raise ConfigError(
-            f"world {world.name}: a robot at {x:g}, {y:g} stands in {world.owner_near(x, y)}; choose another start"
-        )
+    if around is not None or gap < ROBOT_RADIUS_M:
+        owner = around or world.owner_near(x, y)
+        raise ConfigError(f"world {world.name}: a robot at {x:g}, {y:g} stands in {owner}; choose another start")
     return world

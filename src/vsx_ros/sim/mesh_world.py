@@ -22,6 +22,7 @@ _LEAST_SHARE, _LEAST_GROUND = 0.3, 0.15  # of the largest level, and of the worl
 _STEEP = 0.98  # z of a level triangle's normal, at least
 _ROUND_M = 0.001  # of segments, to drop doubles
 RICH, SIGHT_MOST_M, SIGHT_HIGH_M = 30.0, 3.0, 2.0  # deviation of a texture; size and height of a thing to look at
+_INSIDE_HEIGHTS = 5  # of the slice, at which a closed solid is looked for
 AROUND_M = 0.5  # ground around the obstacles that belongs to the world
 
 
@@ -80,6 +81,25 @@ class MeshWorld:
         points = np.where(np.arange(5)[None, :, None] < counts[:, None, None], polygons, np.inf)
         gaps = np.hypot(points[..., 0] - x, points[..., 1] - y).min(axis=1)
         return self.parts.names[int(self.parts.owners[owners[int(np.argmin(gaps))]])]
+
+    def owner_around(self, x: float, y: float) -> str | None:
+        """The name of the model with a closed solid around a place at a robot's height, or None. A solid's triangles
+        are its surface: nothing is occupied inside."""
+        for z in np.linspace(*SLICE_M, _INSIDE_HEIGHTS):
+            turns = _turns_around(self.parts, np.array([x, y, z]))
+            if len(turns) and turns.max() > 0.5:
+                return self.parts.names[int(np.argmax(turns))]
+        return None
+
+
+def _turns_around(parts: Parts, point: FloatArray) -> FloatArray:
+    """(K,) winding number of each shape around a point (3,): 1 inside a closed surface that looks outwards, 0 outside.
+    Van Oosterom and Strackee 1983."""
+    a, b, c = (parts.solids[:, i] - point for i in range(3))
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    volume = (a * np.cross(b, c)).sum(axis=1)
+    edges = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
+    return np.bincount(parts.owners, np.arctan2(volume, edges), len(parts.names)) / (2.0 * math.pi)
 
 
 @lru_cache(maxsize=4)

@@ -10,6 +10,7 @@ from vsx_ros.arrays import BoolArray, FloatArray, Points2
 from vsx_ros.errors import ConfigError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.sim.emulated_world import EmulatedWorld, W
+from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.world import Start
 
 MARGIN_CELLS = 6  # around the world
@@ -19,6 +20,7 @@ START_AHEAD_M = 1.2  # free ahead of the start, for the drive that starts the ma
 START_GAP_M = 0.5  # free around it
 START_TRIES = 120  # places drawn
 BAND_M = 0.6  # height of what the base can touch
+ROOM_M2 = 1.0  # for the robot's centre; less is a pocket between things
 MAX_AREA_M2 = 40_000.0  # limits the memory: 16 million cells of 5 cm
 
 
@@ -135,17 +137,30 @@ def with_start(rng: np.random.Generator, world: W) -> W:
     return world.starting_at(best)
 
 
-def middle_of_largest_room(world: EmulatedWorld) -> Start:
+def middle_of_largest_room(world: MeshWorld) -> Start:
     """The place with the most space around it, on the largest ground that a robot can drive, looking to where most is
-    free. Raises ConfigError for a world without a place for the robot."""
+    free. Ground outside, which reaches the end of the world, and the hollow inside of solids are rooms only if there is
+    no other. Raises ConfigError for a world without a place for the robot."""
     grid = _solid_grid(world, 0.05, 0.0, BAND_M)
     space = cv2.distanceTransform((grid.data == FREE).astype(np.uint8), cv2.DIST_L2, 5) * grid.resolution
     count, labels, statistics, _ = cv2.connectedComponentsWithStats((space > PASSAGE_RADIUS_M).astype(np.uint8))
     if count < 2:
         raise ConfigError(f"world {world.name} has no place where the robot fits; make its passages wider")
-    largest = 1 + int(np.argmax(statistics[1:, cv2.CC_STAT_AREA]))
-    row, column = np.unravel_index(int(np.argmax(np.where(labels == largest, space, 0.0))), space.shape)
-    x, y = grid.centres(np.array([[row, column]]))[0].tolist()
+    outside = np.zeros(count, bool)
+    outside[np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])] = True
+    areas = statistics[:, cv2.CC_STAT_AREA] * grid.resolution**2
+    by_area = [label for label in np.argsort(-areas, kind="stable").tolist() if label > 0]
+    rooms = [label for label in by_area if not outside[label] and areas[label] >= ROOM_M2]
+    middles = (_middle(grid, np.where(labels == label, space, 0.0)) for label in [*rooms, *by_area])
+    empty = next((middle for middle in middles if world.owner_around(*middle) is None), None)
+    x, y = empty or _middle(grid, space)
     headings = np.arange(16) * (math.pi / 8.0)
     ahead = [free_ahead(world, x, y, float(heading)) for heading in headings]
     return Start(x=x, y=y, theta_rad=float(headings[int(np.argmax(ahead))]))
+
+
+def _middle(grid: OccupancyGrid, space: FloatArray) -> tuple[float, float]:
+    """The place [m] of the cell with the most space around it."""
+    row, column = np.unravel_index(int(np.argmax(space)), space.shape)
+    x, y = grid.centres(np.array([[row, column]]))[0].tolist()
+    return x, y
