@@ -28,7 +28,7 @@ def box_model(name: str, pose: str, size: str, more: str = "") -> str:
     return f'<model name="{name}"><pose>{pose}</pose>{link}{more}</model>'
 
 
-def room(width_m: float, depth_m: float, x: float = 0.0, y: float = 0.0) -> str:
+def walls_of_room(width_m: float, depth_m: float, x: float = 0.0, y: float = 0.0) -> str:
     """Four walls around this ground; x, y: its middle [m]."""
     dx, dy = 0.5 * width_m + 0.075, 0.5 * depth_m + 0.075
     along, across = f"{width_m + 0.3} 0.15 2.4", f"0.15 {depth_m} 2.4"

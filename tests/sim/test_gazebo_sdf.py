@@ -46,6 +46,13 @@ def test_degrees_and_saved_states_count(tmp_path: Path) -> None:
     np.testing.assert_allclose(shapes[2].T_world[:3, 3], [5.0, 6.0, 7.0])
 
 
+def test_a_built_in_ground_lies_where_its_include_or_state_says(tmp_path: Path) -> None:
+    ground = FLOOR.replace("</uri>", "</uri><name>ground_plane</name><pose>0 0 -0.5 0 0 0</pose>")
+    assert {shape.T_world[2, 3] for shape in layout_of(write_world(tmp_path, ground)).shapes} == {-0.5}
+    state = '<state><model name="ground_plane"><pose>0 0 -0.7 0 0 0</pose></model></state>'
+    assert {shape.T_world[2, 3] for shape in layout_of(write_world(tmp_path, ground, state)).shapes} == {-0.7}
+
+
 def test_the_room_is_read_and_its_gaps_are_named() -> None:
     layout = layout_of(ROOM, ROOM.parents[1] / "models")
     links = {shape.link for shape in layout.shapes}

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from gazebo_files import FLOOR, box_model, room, write_world
+from gazebo_files import FLOOR, box_model, walls_of_room, write_world
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.runs.world import open_world
@@ -12,18 +12,18 @@ from vsx_ros.sim.world import Start
 
 BED, TABLE = box_model("bed", "-1.5 0 0.25 0 0 0", "1.6 2 0.5"), box_model("table", "1.2 1 0.3 0 0 0", "1 0.8 0.6")
 BLOCK = box_model("block", "16 0 1.5 0 0 0", "14 14 3")
-FLAT = [room(4.0, 4.0, x, y) for x in (0.0, 4.15) for y in (0.0, 4.15)]
+FLAT = [walls_of_room(4.0, 4.0, x, y) for x in (0.0, 4.15) for y in (0.0, 4.15)]
 SLAB = box_model("slab", "0 0 -0.05 0 0 0", "8 8 0.1")
 
 
 @pytest.mark.parametrize(
     ("parts", "within"),
     [
-        ([FLOOR, room(3.0, 4.0)], (-1.5, -2.0, 1.5, 2.0)),
-        ([SLAB, room(3.0, 4.0)], (-1.5, -2.0, 1.5, 2.0)),
-        ([FLOOR, room(5.0, 4.0), BED, TABLE], (-2.5, -2.0, 2.5, 2.0)),
+        ([FLOOR, walls_of_room(3.0, 4.0)], (-1.5, -2.0, 1.5, 2.0)),
+        ([SLAB, walls_of_room(3.0, 4.0)], (-1.5, -2.0, 1.5, 2.0)),
+        ([FLOOR, walls_of_room(5.0, 4.0), BED, TABLE], (-2.5, -2.0, 2.5, 2.0)),
         ([FLOOR, *FLAT], (-2.0, -2.0, 6.15, 6.15)),
-        ([FLOOR, room(8.0, 6.0), BLOCK], (-4.0, -3.0, 4.0, 3.0)),
+        ([FLOOR, walls_of_room(8.0, 6.0), BLOCK], (-4.0, -3.0, 4.0, 3.0)),
     ],
     ids=["small", "slab", "furnished", "flat", "block"],
 )
@@ -41,6 +41,6 @@ def test_an_open_world_is_driven_outside_its_solids(tmp_path: Path) -> None:
 
 
 def test_a_start_inside_of_a_large_solid_is_refused(tmp_path: Path) -> None:
-    file = write_world(tmp_path, FLOOR, room(8.0, 6.0), BLOCK)
+    file = write_world(tmp_path, FLOOR, walls_of_room(8.0, 6.0), BLOCK)
     with pytest.raises(ConfigError, match="stands in block/l"):
         load_gazebo(file, [], Start(x=16.0, y=0.0, theta_rad=0.0))

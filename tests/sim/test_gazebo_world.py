@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from gazebo_files import FLOOR, ROOM, WALLS, box_model, write_world
+from gazebo_files import FLOOR, ROOM, WALLS, box_model, walls_of_room, write_world
 
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED
@@ -54,6 +54,17 @@ def test_the_floor_is_found_where_it_is(tmp_path: Path) -> None:
     lamp = '<light name="a" type="point"><pose>0 0 2 0 0 0</pose></light>'
     lit = load_gazebo(write_world(tmp_path, raised, WALLS, lamp), [])
     assert lit.lamps[0].position[2] == pytest.approx(1.8, abs=0.011)
+
+
+@pytest.mark.parametrize("ground_z_m", [-0.5, -1.0])
+def test_ground_below_the_floor_is_no_floor(tmp_path: Path, ground_z_m: float) -> None:
+    plane = "<geometry><plane><normal>0 0 1</normal><size>100 100</size></plane></geometry>"
+    link = f'<link name="l"><pose>0 0 {ground_z_m} 0 0 0</pose><collision name="c">{plane}</collision></link>'
+    ground = f'<model name="ground">{link}</model>'
+    slab = box_model("slab", "0 0 -0.05 0 0 0", "6.3 5.3 0.1")
+    world = load_gazebo(write_world(tmp_path, ground, slab, walls_of_room(6.0, 5.0)), [])
+    assert world.floor_z_m == pytest.approx(0.0, abs=1e-9)
+    assert abs(world.start.x) < 3.0
 
 
 def test_a_table_stops_no_low_robot_but_its_legs_do(tmp_path: Path) -> None:

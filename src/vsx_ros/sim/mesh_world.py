@@ -19,6 +19,7 @@ SLICE_M = 0.02, 0.45  # above the floor: what a robot touches
 FLOOR_STEP_M = 0.05  # between the floor's triangles and its height
 _LEVEL_M = 0.02  # heights that count as one level
 _LEAST_SHARE, _LEAST_GROUND = 0.3, 0.15  # of the largest level, and of the world's extent, that a floor has
+_LEAST_HELD = 0.5  # of the most shapes on a level, that stand on the floor
 _STEEP = 0.98  # z of a level triangle's normal, at least
 _ROUND_M = 0.001  # of segments, to drop doubles
 RICH, SIGHT_MOST_M, SIGHT_HIGH_M = 30.0, 3.0, 2.0  # deviation of a texture; size and height of a thing to look at
@@ -153,11 +154,13 @@ def _level_triangles(corners: FloatArray, least: float) -> tuple[FloatArray, Flo
 
 
 def floor_height(parts: Parts) -> float | None:
-    """Height of the floor [m], or None: the lowest large level that looks up and has room for a robot above it; of the
-    solids if they have one, else of what is seen; last, of faces that look down."""
+    """Height of the floor [m], or None: the lowest large level that looks up, has room for a robot above it and holds
+    things; of the solids if they have one, else of what is seen; last, of faces that look down. If none holds
+    anything, the lowest large level."""
     x0, y0, x1, y1 = ground_bounds(parts.solids, -math.inf)
     most = max((x1 - x0) * (y1 - y0), 1.0)
     everything = parts.solids, np.asarray(parts.seen.corners, float)
+    bare = None
     for corners, least in ((corners, least) for least in (_STEEP, -_STEEP) for corners in everything):
         level, areas = _level_triangles(corners, least)
         heights = np.rint(level[..., 2].mean(axis=1) / _LEVEL_M).astype(np.int64)
@@ -167,9 +170,19 @@ def floor_height(parts: Parts) -> float | None:
             continue
         large = levels[sizes >= _LEAST_SHARE * sizes.max()]
         gaps = np.diff(large, append=large[-1] + 10**6) * _LEVEL_M
-        chosen = heights == large[np.argmax(gaps > SLICE_M[1])]
-        return float(np.average(level[chosen][..., 2].mean(axis=1), weights=areas[chosen]))
-    return None
+        chosen = [heights == height for height in large[gaps > SLICE_M[1]]]
+        floors = [float(np.average(level[rows][..., 2].mean(axis=1), weights=areas[rows])) for rows in chosen]
+        held = [_shapes_on(parts, floor) for floor in floors]
+        if max(held) > 0:
+            return floors[int(np.argmax(np.array(held) >= _LEAST_HELD * max(held)))]
+        bare = floors[0] if bare is None else bare
+    return bare
+
+
+def _shapes_on(parts: Parts, floor_z_m: float) -> int:
+    """How many shapes a robot on this floor can touch."""
+    _, _, triangles = slab_polygons(parts.solids, floor_z_m + SLICE_M[0], floor_z_m + SLICE_M[1])
+    return len(np.unique(parts.owners[triangles]))
 
 
 def ground_bounds(solids: FloatArray, floor_z_m: float) -> tuple[float, float, float, float]:

@@ -112,7 +112,8 @@ class _Reader:
         name = prefix + text(element, "name", uri.rstrip("/").rpartition("/")[2])
         file = self._file(uri, folder)
         if file is None:
-            self._built_in(uri, name, T_parent)
+            own = elements.pose(element, f"include of {name}") if T is None else T
+            self._built_in(uri, name, T_parent @ own)
             return
         model = self._first_model(file, name)
         if model is None:
@@ -141,7 +142,7 @@ class _Reader:
         self._budget.take("elements", size, name)
         return model
 
-    def _built_in(self, uri: str, name: str, T_parent: FloatArray) -> None:
+    def _built_in(self, uri: str, name: str, T_world: FloatArray) -> None:
         word = uri.rstrip("/").rpartition("/")[2]
         if word == "sun":
             self._budget.take("lamps", 1, name)
@@ -151,9 +152,7 @@ class _Reader:
             for solid in (False, True):
                 paint = Surface((0.6, 0.6, 0.6))
                 self._add(
-                    Shape(
-                        name=name, link=name, T_world=T_parent, solid=solid, geometry=floor, surface=paint, missing=""
-                    )
+                    Shape(name=name, link=name, T_world=T_world, solid=solid, geometry=floor, surface=paint, missing="")
                 )
         elif is_remote(uri):
             self._remark(f"model {name} is on the network ({uri}): download it, and give its folder with --models")
