@@ -125,7 +125,10 @@ class _Assembly:
             for missing in dict.fromkeys(part.missing for part in self._meshes[use.path] if part.missing):
                 self._remarks.append(f"{use.path.name}: texture {missing} does not exist; paint is drawn in its place")
         self._budget.take("parts of meshes", len(self._meshes[use.path]), shape.name)
-        parts = [part for part in self._meshes[use.path] if use.submesh in ("", part.name)]
+        parts = self._meshes[use.path]
+        if use.submesh:
+            named = [part for part in parts if part.node == use.submesh]  # as Gazebo
+            parts = named or [part for part in parts if part.name == use.submesh]
         self._budget.take("triangles", sum(len(part.corners) for part in parts), shape.name)
         if use.submesh and not parts:
             self._remarks.append(f"{shape.name}: {use.path.name} has no submesh {use.submesh}; it is left out")

@@ -29,14 +29,15 @@ FindTexture = Callable[[str, Path], Path | None]
 
 
 class MeshPart(NamedTuple):
-    """Triangles of one surface: corners (T, 3, 3) [m] in the mesh's own axes, uv (T, 3, 2). name: of the submesh.
-    missing: name of a picture that does not exist, or empty."""
+    """Triangles of one surface: corners (T, 3, 3) [m] in the mesh's own axes, uv (T, 3, 2). name: of the geometry;
+    node: of what uses it in the file's scene. missing: name of a picture that does not exist, or empty."""
 
     corners: FloatArray
     uv: FloatArray
     surface: Surface
     name: str
     missing: str = ""
+    node: str = ""
 
 
 def read_mesh(path: Path, find_texture: FindTexture, budget: Budget) -> list[MeshPart]:
@@ -94,7 +95,8 @@ def _collada_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Ite
     document = collada.Collada(str(path), ignore=[collada.common.DaeError])
     metres = float(document.assetInfo.unitmeter or 1.0)
     surfaces: dict[Any, tuple[Surface, str]] = {}
-    for geometry in _instances(document.scene.nodes if document.scene is not None else (), None, path, budget):
+    nodes = document.scene.nodes if document.scene is not None else ()
+    for node, geometry in _instances(nodes, "", None, path, budget):
         for primitive in geometry.primitives():
             budget.take("vertices", len(primitive.vertex) if primitive.vertex is not None else 0, str(path))
             triangles = primitive.triangleset() if hasattr(primitive, "triangleset") else primitive
@@ -110,20 +112,21 @@ def _collada_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Ite
                 surfaces[triangles.material] = _collada_surface(triangles.material, path, find_texture)
             surface, missing = surfaces[triangles.material]
             name = str(geometry.original.name or geometry.original.id)
-            yield MeshPart(corners=corners, uv=uv, surface=surface, name=name, missing=missing)
+            yield MeshPart(corners=corners, uv=uv, surface=surface, name=name, missing=missing, node=node)
 
 
-def _instances(nodes: Any, matrix: Any, path: Path, budget: Budget) -> Iterator[Any]:
-    """The geometries below nodes, as ``collada.scene.Scene.objects``, but each node counts each time it is used."""
+def _instances(nodes: Any, name: str, matrix: Any, path: Path, budget: Budget) -> Iterator[tuple[str, Any]]:
+    """The geometries below nodes and the names of their nodes (name: of the nodes' parent), as
+    ``collada.scene.Scene.objects``, but each node counts each time it is used."""
     from collada.scene import Node
 
     for node in nodes:
         budget.take("parts of meshes", 1, str(path))
         if isinstance(node, Node):
             inner = node.matrix if matrix is None else np.dot(matrix, node.matrix)
-            yield from _instances(node.children, inner, path, budget)
+            yield from _instances(node.children, node.name or "", inner, path, budget)
         else:
-            yield from node.objects("geometry", matrix)
+            yield from ((name, geometry) for geometry in node.objects("geometry", matrix))
 
 
 def _collada_surface(material: Any, path: Path, find_texture: FindTexture) -> tuple[Surface, str]:
@@ -188,7 +191,7 @@ def _trimesh_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Ite
         surface = _trimesh_surface(getattr(mesh.visual, "material", None), path)
         lost = missing[0] if missing and given is not None and surface.picture is None else ""
         surface = surface._replace(picture=substitute(lost)) if lost else surface
-        yield MeshPart(corners=corners, uv=uv, surface=surface, name=str(name), missing=lost)
+        yield MeshPart(corners=corners, uv=uv, surface=surface, name=str(name), missing=lost, node=str(node))
 
 
 def _uv(given: Any, index: Any) -> FloatArray:
