@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from dae_files import write_dae
+from dae_files import SKIN, write_dae
 from gazebo_files import write_world
 
 from vsx_ros.sim.gazebo.assemble import Parts, assemble
@@ -34,3 +34,18 @@ def test_the_name_of_a_node_comes_before_that_of_a_geometry(tmp_path: Path) -> N
     write_dae(tmp_path / "a.dae", here, there)
     parts = parts_of(tmp_path, "<uri>a.dae</uri><submesh><name>Cube.001</name></submesh>")
     assert parts.seen.corners[:, :, 2].tolist() == [[0.0, 0.0, 0.0]]
+
+
+def test_a_skinned_mesh_is_drawn_at_rest(tmp_path: Path) -> None:
+    node = '<node id="n" name="Person"><translate>0 0 2</translate><instance_controller url="#c"/></node>'
+    write_dae(tmp_path / "a.dae", node, more=SKIN)
+    parts = parts_of(tmp_path, "<uri>a.dae</uri>")
+    assert parts.seen.corners[:, :, 2].tolist() == [[2.0, 2.0, 2.0]]
+    assert not parts.remarks
+
+
+def test_a_mesh_file_that_shows_nothing_is_named(tmp_path: Path) -> None:
+    write_dae(tmp_path / "a.dae")
+    parts = parts_of(tmp_path, "<uri>a.dae</uri>")
+    assert len(parts.seen.corners) == 0
+    assert any("a.dae shows no triangles" in remark for remark in parts.remarks)

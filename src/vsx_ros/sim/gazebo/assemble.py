@@ -126,6 +126,9 @@ class _Assembly:
                 self._remarks.append(f"{use.path.name}: texture {missing} does not exist; paint is drawn in its place")
         self._budget.take("parts of meshes", len(self._meshes[use.path]), shape.name)
         parts = self._meshes[use.path]
+        if not parts:
+            self._remarks.append(f"{shape.name}: {use.path.name} shows no triangles; it is left out")
+            return []
         if use.submesh:
             named = [part for part in parts if part.node == use.submesh]  # as Gazebo
             parts = named or [part for part in parts if part.name == use.submesh]

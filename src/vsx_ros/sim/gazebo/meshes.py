@@ -118,13 +118,16 @@ def _collada_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Ite
 def _instances(nodes: Any, name: str, matrix: Any, path: Path, budget: Budget) -> Iterator[tuple[str, Any]]:
     """The geometries below nodes and the names of their nodes (name: of the nodes' parent), as
     ``collada.scene.Scene.objects``, but each node counts each time it is used."""
-    from collada.scene import Node
+    from collada.scene import ControllerNode, Node
 
     for node in nodes:
         budget.take("parts of meshes", 1, str(path))
         if isinstance(node, Node):
             inner = node.matrix if matrix is None else np.dot(matrix, node.matrix)
             yield from _instances(node.children, node.name or "", inner, path, budget)
+        elif isinstance(node, ControllerNode):  # a skin at rest
+            bound = node.objects("controller", matrix)
+            yield from ((name, skin.geometry) for skin in bound if getattr(skin, "geometry", None) is not None)
         else:
             yield from ((name, geometry) for geometry in node.objects("geometry", matrix))
 
