@@ -53,6 +53,23 @@ def test_a_built_in_ground_lies_where_its_include_or_state_says(tmp_path: Path) 
     assert {shape.T_world[2, 3] for shape in layout_of(write_world(tmp_path, ground, state)).shapes} == {-0.7}
 
 
+def test_an_included_lamp_hangs_where_its_include_says(tmp_path: Path) -> None:
+    (tmp_path / "lamp").mkdir()
+    light = '<light name="lamp" type="point"><pose>0 0 3 0 0 0</pose></light>'
+    (tmp_path / "lamp/model.sdf").write_text(f'<sdf version="1.6">{light}</sdf>')
+    bare = "<include><uri>model://lamp</uri></include>"
+    placed = bare.replace("</uri>", "</uri><pose>4 5 2.5 0 0 0</pose>")
+    lamps = layout_of(write_world(tmp_path, bare, placed), tmp_path).lamps
+    assert [lamp.position.tolist() for lamp in lamps] == [[0.0, 0.0, 3.0], [4.0, 5.0, 2.5]]
+
+
+def test_lamps_may_be_dimmed_or_off(tmp_path: Path) -> None:
+    lamp = '<light name="a" type="point"><diffuse>1 1 1 1</diffuse>{}</light>'
+    words = "", "<intensity>0.25</intensity>", "<light_on>false</light_on>", "<light_on>1</light_on>"
+    lamps = layout_of(write_world(tmp_path, *(lamp.format(word) for word in words))).lamps
+    assert [lamp.strength for lamp in lamps] == pytest.approx([1.0, 0.25, 1.0])
+
+
 def test_the_room_is_read_and_its_gaps_are_named() -> None:
     layout = layout_of(ROOM, ROOM.parents[1] / "models")
     links = {shape.link for shape in layout.shapes}

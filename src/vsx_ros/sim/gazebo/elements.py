@@ -167,9 +167,8 @@ def _ogre_surface(colour: Colour, file: Path | None, name: str) -> tuple[Surface
     return (Surface(colour, substitute(name)), name) if name else (Surface(colour), "")
 
 
-def lamp(element: Element, T_parent: FloatArray, where: str) -> Lamp:
-    """A <light>. Raises InputError."""
-    T = T_parent @ pose(element, where)
+def lamp(element: Element, T_world: FloatArray, where: str) -> Lamp:
+    """A <light> at a pose (4, 4). Raises InputError."""
     fades = element.find("attenuation")
     default = 10.0, 1.0, 1.0, 0.0
     terms = [
@@ -177,14 +176,15 @@ def lamp(element: Element, T_parent: FloatArray, where: str) -> Lamp:
         for tag, value in zip(("range", "constant", "linear", "quadratic"), default)
     ]
     down = np.array(numbers(element, "direction", (0.0, 0.0, -1.0), where))
-    direction = T[:3, :3] @ down
+    direction = T_world[:3, :3] @ down
     r, g, b = numbers(element, "diffuse", (1.0, 1.0, 1.0), where)
+    intensity = numbers(element, "intensity", (1.0,), where)[0]
     outer = numbers(element.find("spot"), "outer_angle", (math.pi,), where)[0]
     return Lamp(
         kind=element.get("type", "point"),
-        position=T[:3, 3],
+        position=T_world[:3, 3],
         direction=direction / max(float(np.linalg.norm(direction)), 1e-9),
-        strength=0.299 * r + 0.587 * g + 0.114 * b,
+        strength=(0.299 * r + 0.587 * g + 0.114 * b) * intensity,
         attenuation=(terms[0], terms[1], terms[2], terms[3]),
         half_angle_rad=0.5 * outer,
     )

@@ -94,13 +94,15 @@ class _Reader:
                 T_model = elements.pose(element, f"model {name}") if T is None else T
                 self._model(element, T_parent @ T_model, name, folder, depth)
             case "light":
-                self._lamp(element, T_parent, f"light {element.get('name', '')}")
+                where = f"light {element.get('name', '')}"
+                self._lamp(element, T_parent @ elements.pose(element, where), where)
             case tag if tag in _UNSUPPORTED:
                 self._remark(f"<{tag}> {prefix}{element.get('name', '')} is not supported and left out")
 
-    def _lamp(self, light: Element, T_parent: FloatArray, where: str) -> None:
+    def _lamp(self, light: Element, T_world: FloatArray, where: str) -> None:
         self._budget.take("lamps", 1, where)
-        self._layout.lamps.append(elements.lamp(light, T_parent, where))
+        if text(light, "light_on", "true").lower() not in ("false", "0"):
+            self._layout.lamps.append(elements.lamp(light, T_world, where))
 
     def _remark(self, words: str) -> None:
         self._layout.remarks.append(words)
@@ -122,7 +124,7 @@ class _Reader:
         where = f"include of {name}"
         own = elements.pose(element if element.find("pose") is not None else model, where) if T is None else T
         if model.tag == "light":
-            self._lamp(model, T_parent, where)
+            self._lamp(model, T_parent @ own, where)
             return
         self._model(model, T_parent @ own, name, file.parent, depth)
 
@@ -176,7 +178,7 @@ class _Reader:
         T_link = T_model @ elements.pose(link, name)
         for child in link:
             if child.tag == "light":
-                self._lamp(child, T_link, name)
+                self._lamp(child, T_link @ elements.pose(child, name), name)
             if child.tag not in ("visual", "collision"):
                 continue
             where = f"{child.tag} {name}/{child.get('name', '')}"
