@@ -47,7 +47,7 @@ def test_degrees_and_saved_states_count(tmp_path: Path) -> None:
 
 
 def test_a_built_in_ground_lies_where_its_include_or_state_says(tmp_path: Path) -> None:
-    ground = FLOOR.replace("</uri>", "</uri><name>ground_plane</name><pose>0 0 -0.5 0 0 0</pose>")
+    ground = FLOOR.replace("</uri>", "</uri><pose>0 0 -0.5 0 0 0</pose>")
     assert {shape.T_world[2, 3] for shape in layout_of(write_world(tmp_path, ground)).shapes} == {-0.5}
     state = '<state><model name="ground_plane"><pose>0 0 -0.7 0 0 0</pose></model></state>'
     assert {shape.T_world[2, 3] for shape in layout_of(write_world(tmp_path, ground, state)).shapes} == {-0.7}
@@ -68,6 +68,17 @@ def test_lamps_may_be_dimmed_or_off(tmp_path: Path) -> None:
     words = "", "<intensity>0.25</intensity>", "<light_on>false</light_on>", "<light_on>1</light_on>"
     lamps = layout_of(write_world(tmp_path, *(lamp.format(word) for word in words))).lamps
     assert [lamp.strength for lamp in lamps] == pytest.approx([1.0, 0.25, 1.0])
+
+
+def test_a_state_moves_what_is_included_without_a_name(tmp_path: Path) -> None:
+    (tmp_path / "tab").mkdir()
+    model = box_model("my_table", "1 0 0 0 0 0", "1 1 1")
+    (tmp_path / "tab/model.sdf").write_text(f'<sdf version="1.6">{model}</sdf>')
+    state = '<state><model name="my_table"><pose>2 3 0 0 0 0</pose></model></state>'
+    world = write_world(tmp_path, "<include><uri>model://tab</uri></include>", state)
+    shapes = layout_of(world, tmp_path).shapes
+    assert shapes[0].link == "my_table/l"
+    assert shapes[0].T_world[:2, 3].tolist() == [2.0, 3.0]
 
 
 def test_the_room_is_read_and_its_gaps_are_named() -> None:

@@ -73,7 +73,7 @@ class _Reader:
         world = root if world is None else world
         moved = {model.get("name", ""): model for model in world.findall("state/model")}
         for child in world:
-            name = child.get("name") or text(child, "name")
+            name = self._name(child, path.parent)
             T = elements.pose(moved[name], f"state of {name}") if name in moved and child.tag != "light" else None
             self._part(child, np.eye(4), "", path.parent, 0, T)
         where = f"{path}: <scene>"
@@ -111,13 +111,14 @@ class _Reader:
         self, element: Element, T_parent: FloatArray, prefix: str, folder: Path, depth: int, T: FloatArray | None
     ) -> None:
         uri = text(element, "uri")
-        name = prefix + text(element, "name", uri.rstrip("/").rpartition("/")[2])
+        name = prefix + self._name(element, folder)
         file = self._file(uri, folder)
         if file is None:
             own = elements.pose(element, f"include of {name}") if T is None else T
             self._built_in(uri, name, T_parent @ own)
             return
-        model = self._first_model(file, name)
+        model, size = self._first_model(file)
+        self._budget.take("elements", size, name)
         if model is None:
             self._remark(f"model {name}: {file} holds none and is left out")
             return
@@ -134,15 +135,24 @@ class _Reader:
             self._files[uri, folder] = _model_file(found) if found is not None else None
         return self._files[uri, folder]
 
-    def _first_model(self, file: Path, name: str) -> Element | None:
-        """The model or light of a file, read once; its elements count each time."""
+    def _first_model(self, file: Path) -> tuple[Element | None, int]:
+        """The model or light of a file, read once, and how many elements the file has."""
         if file not in self._models:
             root = elements.xml_root(file)
             model = next((child for child in root if child.tag in ("model", "light")), None)
             self._models[file] = model, sum(1 for _ in root.iter())
-        model, size = self._models[file]
-        self._budget.take("elements", size, name)
-        return model
+        return self._models[file]
+
+    def _name(self, element: Element, folder: Path) -> str:
+        """Of an include without a <name>, that of the model in its file, else the last word of its address."""
+        given = element.get("name") or text(element, "name")
+        if given or element.tag != "include":
+            return given
+        uri = text(element, "uri")
+        file = self._file(uri, folder)
+        model = self._first_model(file)[0] if file is not None else None
+        own = model.get("name") if model is not None else None
+        return own or uri.rstrip("/").rpartition("/")[2]
 
     def _built_in(self, uri: str, name: str, T_world: FloatArray) -> None:
         word = uri.rstrip("/").rpartition("/")[2]
