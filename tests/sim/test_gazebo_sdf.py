@@ -81,6 +81,24 @@ def test_a_state_moves_what_is_included_without_a_name(tmp_path: Path) -> None:
     assert shapes[0].T_world[:2, 3].tolist() == [2.0, 3.0]
 
 
+def test_frames_other_than_the_parent_are_named(tmp_path: Path) -> None:
+    model = box_model("t", "1 2 0 0 0 0", "1 1 1")
+    usual = model.replace("<pose>", '<pose relative_to="world">', 1)
+    usual = usual.replace('<visual name="v">', '<visual name="v"><pose relative_to="l">0 0 1 0 0 0</pose>')
+    assert not layout_of(write_world(tmp_path, usual)).remarks
+    others = [
+        model.replace("<pose>", '<pose relative_to="room_b">', 1),
+        model.replace("<pose>", '<pose frame="door">', 1),
+        model.replace('name="t"', 'name="t" placement_frame="tip"', 1),
+        model.replace('<link name="l">', '<link name="l"><pose relative_to="base">0 0 1 0 0 0</pose>'),
+        "<include><uri>model://ground_plane</uri><placement_frame>edge</placement_frame></include>",
+    ]
+    remarks = layout_of(write_world(tmp_path, *others)).remarks
+    assert len(remarks) == 5
+    for word, remark in zip(("room_b", "door", "tip", "base", "edge"), remarks):
+        assert f"frame {word} is not supported" in remark
+
+
 def test_the_room_is_read_and_its_gaps_are_named() -> None:
     layout = layout_of(ROOM, ROOM.parents[1] / "models")
     links = {shape.link for shape in layout.shapes}

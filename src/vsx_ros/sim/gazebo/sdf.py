@@ -91,7 +91,7 @@ class _Reader:
                 self._include(element, T_parent, prefix, folder, depth, T)
             case "model":
                 name = prefix + element.get("name", "unnamed")
-                T_model = elements.pose(element, f"model {name}") if T is None else T
+                T_model = self._pose(element, f"model {name}", "__model__" if depth else "world") if T is None else T
                 self._model(element, T_parent @ T_model, name, folder, depth)
             case "light":
                 where = f"light {element.get('name', '')}"
@@ -104,6 +104,15 @@ class _Reader:
         if text(light, "light_on", "true").lower() not in ("false", "0"):
             self._layout.lamps.append(elements.lamp(light, T_world, where))
 
+    def _pose(self, element: Element, where: str, parent: str) -> FloatArray:
+        """As ``elements.pose``. A frame that is not the parent's, which moves the element in Gazebo, is told."""
+        placed = element.get("placement_frame") or text(element, "placement_frame")
+        pose = element.find("pose")
+        frame = "" if pose is None else pose.get("relative_to") or pose.get("frame") or ""
+        for named in [name for name, usual in ((placed, "__model__"), (frame, parent)) if name not in ("", usual)]:
+            self._remark(f"{where}: frame {named} is not supported; its pose is taken from its parent")
+        return elements.pose(element, where)
+
     def _remark(self, words: str) -> None:
         self._layout.remarks.append(words)
 
@@ -112,9 +121,10 @@ class _Reader:
     ) -> None:
         uri = text(element, "uri")
         name = prefix + self._name(element, folder)
+        where, parent = f"include of {name}", "__model__" if depth else "world"
         file = self._file(uri, folder)
         if file is None:
-            own = elements.pose(element, f"include of {name}") if T is None else T
+            own = self._pose(element, where, parent) if T is None else T
             self._built_in(uri, name, T_parent @ own)
             return
         model, size = self._first_model(file)
@@ -122,8 +132,8 @@ class _Reader:
         if model is None:
             self._remark(f"model {name}: {file} holds none and is left out")
             return
-        where = f"include of {name}"
-        own = elements.pose(element if element.find("pose") is not None else model, where) if T is None else T
+        posed = element if element.find("pose") is not None else model
+        own = self._pose(posed, where, parent) if T is None else T
         if model.tag == "light":
             self._lamp(model, T_parent @ own, where)
             return
@@ -185,7 +195,7 @@ class _Reader:
 
     def _link(self, link: Element, T_model: FloatArray, model: str, folder: Path) -> None:
         name = f"{model}/{link.get('name', 'link')}"
-        T_link = T_model @ elements.pose(link, name)
+        T_link = T_model @ self._pose(link, name, "__model__")
         for child in link:
             if child.tag == "light":
                 self._lamp(child, T_link @ elements.pose(child, name), name)
@@ -203,7 +213,7 @@ class _Reader:
                 Shape(
                     name=where,
                     link=name,
-                    T_world=T_link @ elements.pose(child, where),
+                    T_world=T_link @ self._pose(child, where, link.get("name", "")),
                     solid=solid,
                     geometry=found,
                     surface=surface,
