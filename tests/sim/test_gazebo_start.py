@@ -44,3 +44,11 @@ def test_a_start_inside_of_a_large_solid_is_refused(tmp_path: Path) -> None:
     file = write_world(tmp_path, FLOOR, walls_of_room(8.0, 6.0), BLOCK)
     with pytest.raises(ConfigError, match="stands in block/l"):
         load_gazebo(file, [], Start(x=16.0, y=0.0, theta_rad=0.0))
+
+
+def test_a_start_off_the_floor_is_refused(tmp_path: Path) -> None:
+    slab = box_model("slab", "0 0 -0.05 0 0 0", "6 5 0.1")
+    file = write_world(tmp_path, slab, walls_of_room(6.0, 5.0))
+    with pytest.raises(ConfigError, match="no floor at 3.45"):
+        load_gazebo(file, [], Start(x=3.45, y=2.0, theta_rad=0.0))
+    assert load_gazebo(file, [], Start(x=2.5, y=2.0, theta_rad=0.0)).start.x == 2.5

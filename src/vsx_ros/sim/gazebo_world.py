@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from vsx_ros.errors import ConfigError
+from vsx_ros.occupancy.grid import FREE
 from vsx_ros.sim.gazebo.assemble import Parts, assemble
 from vsx_ros.sim.gazebo.budget import Budget
 from vsx_ros.sim.gazebo.paths import ModelFolders
 from vsx_ros.sim.gazebo.sdf import read_layout
-from vsx_ros.sim.mesh_world import MeshWorld, floor_height, ground_bounds
-from vsx_ros.sim.truth import MAX_AREA_M2, gap_to_walls, middle_of_largest_room
+from vsx_ros.sim.mesh_world import SLICE_M, MeshWorld, floor_height, ground_bounds
+from vsx_ros.sim.truth import MAX_AREA_M2, gap_to_walls, ground_truth_grid, middle_of_largest_room
 from vsx_ros.sim.world import Start
 
 SUFFIXES = ".world", ".sdf"
@@ -62,7 +63,7 @@ def _lowered(parts: Parts, by_m: float) -> Parts:
 
 
 def checked_start(world: MeshWorld) -> MeshWorld:
-    """The world unchanged. Raises ConfigError if the robot does not fit at its start."""
+    """The world unchanged. Raises ConfigError if the robot does not fit at its start, or has no floor there."""
     x, y = world.start.x, world.start.y
     x0, y0, x1, y1 = world.bounds
     if not (x0 <= x <= x1 and y0 <= y <= y1):
@@ -72,4 +73,6 @@ def checked_start(world: MeshWorld) -> MeshWorld:
     if around is not None or gap < ROBOT_RADIUS_M:
         owner = around or world.owner_near(x, y)
         raise ConfigError(f"world {world.name}: a robot at {x:g}, {y:g} stands in {owner}; choose another start")
+    if ground_truth_grid(world, 0.05, *SLICE_M).value_at(x, y) != FREE:
+        raise ConfigError(f"world {world.name}: there is no floor at {x:g}, {y:g}; choose another start")
     return world
