@@ -121,3 +121,22 @@ def test_what_came_to_rest_at_the_end_of_a_stretch_resumes(left_m: float, cusp: 
     assert resumed is not None
     assert resumed.places_s[-1] == pytest.approx(times[-1], abs=1e-6)
     assert resumed.trajectory.poses[-1] == pytest.approx(planned.poses[-1], abs=1e-6)
+
+
+@pytest.mark.parametrize("first", [0.0, 0.5])
+def test_a_slow_zone_ahead_is_not_overrun_after_a_hold_or_a_slow_stretch(first: float) -> None:
+    line = certified(SE2(), SE2(3.0, 0.0, 0.0), (arc_piece(SE2(), 0.0, 3.0, 1),), "arcs and lines")
+    planned = time_scale(line, LIMITS, np.array([[1.5, 3.0, 0.1]]))
+    begun = Timing(planned, planned.times_s - planned.times_s[0])
+    resumptions = 0
+    for t_s in np.linspace(0.3, 0.5 * planned.duration_s, 80):
+        slowed = retime(planned, begun, t_s, first, LIMITS)
+        if slowed is None:
+            continue
+        resumed = retime(planned, slowed, slowed.trajectory.duration_s if first == 0.0 else 0.6, 1.0, LIMITS)
+        if resumed is None:
+            continue
+        resumptions += 1
+        for part in (slowed.trajectory, resumed.trajectory):
+            assert part.v[part.poses[:, 0] > 1.5].max(initial=0.0) <= 0.1 * (1.0 + 2e-3)
+    assert resumptions > 70

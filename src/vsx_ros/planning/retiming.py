@@ -82,10 +82,16 @@ class _Stretch:
         return min(max(s + off, 0.0), self.geometry.length)
 
     def envelope(self, factor: float, cuts: FloatArray) -> FloatArray:
-        """(n,) the planned speed's maximum over each segment, times a factor."""
+        """(n,) the largest speed in each segment: the planned one's maximum, times a factor.
+
+        Where the plan cruises, something bounds it, such as a slow zone: segments that touch that place keep to it."""
         inside = [self.speed[(self.s > low) & (self.s < high)].max(initial=0.0) for low, high in zip(cuts, cuts[1:])]
         at_cuts = np.interp(cuts, self.s, self.speed)
-        return np.asarray(factor * np.maximum(np.array(inside), np.maximum(at_cuts[1:], at_cuts[:-1])), np.float64)
+        most = np.maximum(np.array(inside), np.maximum(at_cuts[1:], at_cuts[:-1]))
+        cruises = np.abs(np.diff(self.speed)) < _NOTHING
+        begin, end, speed = self.s[:-1][cruises], self.s[1:][cruises], self.speed[1:][cruises]
+        bound = [speed[(begin < high) & (end > low)].min(initial=math.inf) for low, high in zip(cuts, cuts[1:])]
+        return np.asarray(factor * np.minimum(most, bound), np.float64)
 
     def profile(self, s: float, u: float, a: float, factor: float) -> tuple[Profile, float] | None:
         """The fastest profile found from a place, speed and acceleration, and the factor to stretch its time by."""

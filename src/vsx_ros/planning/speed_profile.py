@@ -130,7 +130,8 @@ class Profile:
         speeds = cut_speeds(np.diff(cuts), v, a, limits.jerk_m_s3, entry)
         if speeds[0] < entry - _NOTHING:
             return False
-        bounds = [(max(most, entry), a_max, limits.jerk_m_s3) for most, a_max in zip(v.tolist(), a.tolist())]
+        v[0] = max(v[0], entry)  # rounding; what follows is no faster than its own limit
+        bounds = [(most, a_max, limits.jerk_m_s3) for most, a_max in zip(v.tolist(), a.tolist())]
         return all(map(self.add_move, cuts.tolist(), np.diff(cuts).tolist(), pairwise(speeds.tolist()), bounds))
 
     def add_move(self, s: float, length: float, ends: tuple[float, float], bounds: tuple[float, float, float]) -> bool:
