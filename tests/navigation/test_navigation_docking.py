@@ -165,6 +165,24 @@ def test_it_gives_up_when_it_no_longer_knows_where_things_are(change, reason):
     assert reason in docking.reason
 
 
+@pytest.mark.parametrize("pressed", [lambda backs: True, lambda backs: not backs], ids=["stays", "again"])
+def test_a_bumper_that_stays_pressed_or_is_pressed_again_does_not_drive_it_back_for_long(pressed):
+    docking, start, now_ns = begun(), SE2(1.0, 0.0, math.pi), 0
+    at, farthest_m = start, 0.0
+    docking.step(0, seen())
+    docking.step(0, seen(navigation=NavigationState.SUCCEEDED))
+    while not docking.state.rests and now_ns < 700_000_000_000:
+        now_ns += 33_000_000
+        hazard = "bumper left" if pressed(docking.state is DockingState.BACKING_OFF) else ""
+        here = seen(odometry=Odometry(now_ns, at), hazard=hazard, navigation=NavigationState.SUCCEEDED)
+        v, omega = docking.step(now_ns, here).command or STOP
+        at = at @ SE2.exp(min(v, 0.0) * 0.033, omega * 0.033)
+        farthest_m = max(farthest_m, at.distance_to(start))
+    assert docking.state is DockingState.FAILED
+    assert "bumper left" in docking.reason
+    assert farthest_m <= 0.5
+
+
 def test_what_ends_it_from_outside_stands_and_a_base_without_a_dock_is_refused():
     docking = begun()
     docking.cancel(5, "cancelled by the operator")

@@ -7,8 +7,8 @@
     undock ----> UNDOCKING --> UNDOCKED                                            no current              DOCKED
 
 APPROACHING drives to a place before the remembered dock, by the planner. All later motion follows the estimate of the
-``DockFilter``, slowly. FAILED when the tries are used up. Call ``step`` with every reading of the base; it returns
-what to do. Safety stays below it: a pressed bumper ends driving ahead, also at the dock."""
+``DockFilter``, slowly. FAILED when the tries are used up or backing off frees no bumper. Call ``step`` with every
+reading of the base; it returns what to do. Safety stays below it: a pressed bumper ends driving ahead, here too."""
 
 import math
 
@@ -52,11 +52,11 @@ class Docking:
         self._T_map_dock = self._given_for = SE2()  # now, and when the goal was given
         self._around_rad, self._left_rad = 0.0, list[float]()  # direction of the goal from the dock; still to be tried
         self._prior = SE2(), 0.0, 0.0
-        self._turn_rad, self._reached = 0.0, False
-        self._since_ns, self._entered, self._epoch = 0, True, 0
-        self._begun = self._moved = SE2()  # T_odom_base where the state began, and where the base moved last
+        self._turn_rad, self._since_ns, self._entered, self._epoch = 0.0, 0, True, 0
+        # T_odom_base where the state began, where the base moved last, and where it drove ahead last.
+        self._begun = self._moved = self._ahead = SE2()
         self._look = LookAround(0.0, 0.0)
-        self._alignments, self._faces = 0, False
+        self._alignments, self._faces, self._reached = 0, False, False
         self._lit_ns = self._moved_ns = self._steady_ns = 0
 
     def dock(self, now_ns: int, kind: str, T_map_dock: SE2) -> None:
@@ -77,8 +77,8 @@ class Docking:
         if not self.state.rests:
             self._fail(now_ns, reason)
 
-    def is_taken_off(self, now_ns: int, docked: bool) -> bool:
-        """Whether somebody has just taken a docked base off its dock. docked: whether the contacts touch now."""
+    def notice_taken_off(self, now_ns: int, docked: bool) -> bool:
+        """Become idle when somebody has taken a docked base off its dock, and say so. docked: the contacts touch."""
         if self.state is DockingState.DOCKED and docked:
             self._steady_ns = now_ns
         elif self.state is DockingState.DOCKED and now_ns - self._steady_ns > _TAKEN_S * 1e9:
@@ -102,18 +102,25 @@ class Docking:
         if self.state in _BY_LIGHT and seen.sight is not None:
             self._filter.add(seen.odometry.T_odom_base, seen.sight)
             self._lit_ns = now_ns if any(seen.sight) else self._lit_ns
+        if self.state is DockingState.APPROACHING:
+            self._ahead = seen.odometry.T_odom_base
         if seen.docked and self.state not in (DockingState.VERIFYING, DockingState.UNDOCKING, DockingState.BACKING_OFF):
-            return self._verify(now_ns, "the contacts touch")
+            return self._enter(now_ns, DockingState.VERIFYING, "the contacts touch")
         if self.state is DockingState.APPROACHING:
             return self._approach(now_ns, seen, begins)
+        if seen.hazard and self.state in (DockingState.SEARCHING, DockingState.ALIGNING):
+            return self._retry(now_ns, seen.hazard)
         if now_ns - self._since_ns > _STATE_S * 1e9:
             ends = self._fail if self.state is DockingState.UNDOCKING else self._retry
             return ends(now_ns, f"{self.state.value} took too long")
-        return {
+        act = {
             DockingState.SEARCHING: self._search, DockingState.ALIGNING: self._align,
             DockingState.CREEPING: self._creep, DockingState.VERIFYING: self._check,
             DockingState.BACKING_OFF: self._back_off, DockingState.UNDOCKING: self._leave,
         }[self.state](now_ns, seen)  # fmt: skip
+        if act.command is not None and act.command.v > 0.0:
+            self._ahead = seen.odometry.T_odom_base
+        return act
 
     def _enter(self, now_ns: int, state: DockingState, reason: str) -> DockingAct:
         self.state, self.reason, self._since_ns, self._entered = state, reason, now_ns, True
@@ -121,14 +128,13 @@ class Docking:
 
     def _begin(self, now_ns: int, seen: DockingSeen) -> None:
         """The first step in a state."""
-        pose = seen.odometry.T_odom_base
-        self._begun = self._moved = pose
+        self._begun = self._moved = seen.odometry.T_odom_base
         self._lit_ns = self._moved_ns = self._steady_ns = now_ns
         self._alignments, self._faces = 0, False
         if self.state in _BEGINNINGS:
             self._epoch = seen.odometry.odom_epoch
         if self.state is DockingState.SEARCHING:
-            self._look = LookAround(pose.theta, self._config.sweep_rad)
+            self._look = LookAround(self._begun.theta, self._config.sweep_rad)
             self._filter.restart(*self._prior)
 
     def _approach(self, now_ns: int, seen: DockingSeen, begins: bool) -> DockingAct:
@@ -154,8 +160,6 @@ class Docking:
 
     def _search(self, now_ns: int, seen: DockingSeen) -> DockingAct:
         """Look to both sides, then all around."""
-        if seen.hazard:
-            return self._retry(now_ns, seen.hazard)
         command = self._look.step(seen.odometry.T_odom_base.theta, self._config.omega_rad_s)
         if command is not None:
             return DockingAct(command)
@@ -168,8 +172,6 @@ class Docking:
 
     def _align(self, now_ns: int, seen: DockingSeen) -> DockingAct:
         """Drive to the axis and face the dock, again and again while the estimate still moves."""
-        if seen.hazard:
-            return self._retry(now_ns, seen.hazard)
         config, base = self._config, seen.odometry.T_odom_base
         dock = self.T_odom_dock()
         at = dock.inverse() @ base
@@ -189,8 +191,7 @@ class Docking:
 
     def _creep(self, now_ns: int, seen: DockingSeen) -> DockingAct:
         base = seen.odometry.T_odom_base
-        beside_m = _BESIDE_M[self.tries % len(_BESIDE_M)]
-        at = (self.T_odom_dock() @ SE2(0.0, beside_m, 0.0)).inverse() @ base
+        at = (self.T_odom_dock() @ SE2(0.0, _BESIDE_M[self.tries % len(_BESIDE_M)], 0.0)).inverse() @ base
         left_m = at.x - self._light.seat_m
         if base.distance_to(self._moved) > 0.01 or abs(base.angle_to(self._moved)) > 0.02:
             self._moved, self._moved_ns = base, now_ns
@@ -199,15 +200,12 @@ class Docking:
             if left_m > _AT_DOCK_M:
                 return self._retry(now_ns, told)
             self._filter.touched(base, self._light.seat_m)
-            return self._verify(now_ns, told)
+            return self._enter(now_ns, DockingState.VERIFYING, told)
         if left_m < -_BEYOND_M:
-            return self._verify(now_ns, "no contact where the dock should be")
+            return self._enter(now_ns, DockingState.VERIFYING, "no contact where the dock should be")
         if left_m > _AT_DOCK_M and now_ns - self._lit_ns > _DARK_S * 1e9:
             return self._retry(now_ns, "the light of the dock is lost")
         return DockingAct(creep(at, left_m, self._config))
-
-    def _verify(self, now_ns: int, reason: str) -> DockingAct:
-        return self._enter(now_ns, DockingState.VERIFYING, reason)
 
     def _check(self, now_ns: int, seen: DockingSeen) -> DockingAct:
         if not seen.docked:
@@ -230,8 +228,10 @@ class Docking:
         return self._enter(now_ns, DockingState.BACKING_OFF, f"{reason}; backing off to try again")
 
     def _back_off(self, now_ns: int, seen: DockingSeen) -> DockingAct:
-        if seen.odometry.T_odom_base.distance_to(self._begun) < self._config.back_off_m:
+        if seen.odometry.T_odom_base.distance_to(self._ahead) < self._config.back_off_m:  # over known floor
             return DockingAct(VelocityCommand(-self._config.v_m_s, 0.0))
+        if seen.hazard:
+            return self._fail(now_ns, f"after backing off there is still: {seen.hazard}; look at the base")
         if self._filter.seen < _SEEN_PLACES:
             return self._enter(now_ns, DockingState.SEARCHING, "looking for the light of the dock")
         return self._enter(now_ns, DockingState.ALIGNING, "driving onto the axis of the dock")
