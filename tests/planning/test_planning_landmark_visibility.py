@@ -130,6 +130,22 @@ def test_where_the_best_way_is_driven_blind_for_too_long_another_one_is_taken():
     assert other.path.length_m > best.path.length_m
 
 
+def test_a_narrow_way_in_view_of_the_map_is_taken_where_the_wide_one_is_driven_blind_for_too_long():
+    """A wall with a narrow door, before which the landmarks are seen, and a wide one far from them."""
+    data = np.zeros((110, 170), np.int8)
+    data[:2], data[-2:], data[:, :2], data[:, -2:], data[:, 82:85] = (OCCUPIED,) * 5
+    data[20:31, 82:85] = data[68:92, 82:85] = 0
+    rng = np.random.default_rng(0)
+    south = np.column_stack([rng.uniform(0.3, 8.2, 300), np.full(300, 0.12), np.full(300, 0.5)])
+    east = np.column_stack([np.full(150, 8.38), rng.uniform(0.2, 2.0, 150), np.full(150, 0.5)])
+    config = PlannerConfig()
+    planner, view = Planner(config, RobotConfig()), Visibility(np.vstack([south, east]), config)
+    start, goal = SE2(2.21, 2.16, 0.29), SE2(7.0, 1.54, 0.27)
+    plan = planner.plan(start, goal, OccupancyGrid(data, 0.05, 0.0, 0.0), np.random.default_rng(0), view)
+    assert isinstance(plan, Plan), plan
+    assert np.diff(plan.blind_spans).max() <= config.max_blind_m
+
+
 def test_landmarks_that_are_not_finite_are_an_error():
     with pytest.raises(PlanningError, match="landmark"):
         visibility(np.full((1, 3), np.nan))

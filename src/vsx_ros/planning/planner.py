@@ -75,11 +75,11 @@ class Planner:
                 plan = self._in_corridor(start, goal, wide, remaining_wide, grid, rng, visibility)
         if isinstance(plan, Plan) and not self._is_detour(plan.path, self._least_m(start, goal, corridor, remaining)):
             return plan
-        if isinstance(plan, Refusal) and plan.kind is RefusalKind.BLIND:
-            return plan
         short = self._in_corridor(start, goal, corridor, remaining, grid, rng, visibility)
         if isinstance(plan, Plan):
             return short if isinstance(short, Plan) and self._is_slow(plan.path, short.path) else plan
+        if plan is not None and plan.kind is RefusalKind.BLIND and isinstance(short, Refusal):
+            return plan
         return short
 
     def _least_m(self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray) -> float:
