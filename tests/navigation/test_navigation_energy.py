@@ -98,6 +98,16 @@ def test_it_leaves_when_charged_but_not_if_somebody_else_has_docked_it():
     assert other.errand(1, DockingState.DOCKED, 0.0) is None
 
 
+@pytest.mark.parametrize("ended", [DockingState.FAILED, DockingState.IDLE, DockingState.UNDOCKED])
+def test_after_a_docking_that_came_to_nothing_a_base_that_a_user_docks_stays(ended):
+    keeper = ChargeKeeper(CONFIG)
+    keeper.add(0, 0.05, charging=False)
+    assert keeper.errand(1, DockingState.IDLE, 1.0) is Errand.DOCK
+    assert keeper.errand(5 * S, ended, 1.0) is None
+    keeper.add(10 * S, 0.97, charging=True)
+    assert keeper.errand(11 * S, DockingState.DOCKED, 0.0) is None
+
+
 def test_after_a_failure_it_tries_again_but_not_at_once_and_an_unknown_battery_wants_nothing():
     keeper = ChargeKeeper(CONFIG)
     assert keeper.errand(0, DockingState.IDLE, None) is None

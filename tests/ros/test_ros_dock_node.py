@@ -230,6 +230,19 @@ def test_a_robot_that_is_taken_off_its_dock_explores_on(wires, monkeypatch):
     assert (wires.status()["state"], wires.status()["reason"]) == ("idle", "taken off the dock")
 
 
+def test_a_robot_that_a_user_docks_while_the_battery_sends_it_stays_there(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch)
+    robot.wait(2.0)
+    robot.board.battery.fraction = 0.1
+    robot.until("approaching", 5.0)
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.until("docked", 90.0)
+    robot.board.battery.pace = 1000.0
+    robot.wait(30.0)
+    assert robot.board.battery.fraction > 0.95
+    assert (wires.status()["state"], wires.paused) == ("docked", True)
+
+
 def test_an_exploration_that_begins_on_the_dock_and_does_not_pause_ends_no_thread(wires, monkeypatch):
     robot = robot_on(wires, monkeypatch, return_to_charge=False)
     wires.refuses = True

@@ -69,13 +69,14 @@ class Errand(Enum):
 
 class ChargeKeeper:
     """Sends the base to its dock in time, with a reserve, and off it when it is charged. A base that somebody else has
-    docked stays there. reason: of the last errand."""
+    docked stays there. reason: of the last errand. sent: whether the base docks, or stands docked, for the battery;
+    whoever has it docked for another reason sets it to False."""
 
     def __init__(self, config: DockingConfig) -> None:
         self._config, self.meter = config, EnergyMeter(config)
         self._fraction, self._charging = math.nan, False
-        self._sent, self._not_before_ns = False, 0
-        self.reason = ""
+        self._not_before_ns = 0
+        self.reason, self.sent = "", False
 
     def add(self, now_ns: int, fraction: float, charging: bool) -> None:
         """A reading of the battery. charging: current flows, or it is full."""
@@ -92,17 +93,18 @@ class ChargeKeeper:
             return None
         if state is DockingState.DOCKED:
             self._not_before_ns = 0
-            if not self._sent or self._fraction < self._config.charged_ratio:
+            if not self.sent or self._fraction < self._config.charged_ratio:
                 return None
-            self._sent, self.reason = False, f"charged to {self._fraction:.0%}"
+            self.sent, self.reason = False, f"charged to {self._fraction:.0%}"
             return Errand.UNDOCK
+        self.sent = self.sent and not state.rests  # else the docking has failed or was ended
         left_s = self.meter.left_s
         if self._charging or left_s is None or not state.rests or now_ns < self._not_before_ns:
             return None
         usable_s = left_s - self._config.reserve_ratio / self.meter.drain_per_s
         if usable_s > self.needed_s(way_m):
             return None
-        self._sent, self._not_before_ns = True, now_ns + _TRY_AGAIN_NS
+        self.sent, self._not_before_ns = True, now_ns + _TRY_AGAIN_NS
         left_min, way_min = left_s / 60.0, self.needed_s(way_m) / 60.0
         self.reason = f"the battery lasts {left_min:.0f} min ({self._fraction:.0%}); {way_min:.0f} min are for the way"
         return Errand.DOCK

@@ -108,10 +108,13 @@ class HeardDock:
         """The base in the map, if known."""
         return self._where.at(headers.now_ns()).T_map_base
 
-    def place(self, named: SE2 | None) -> SE2 | None:
-        """Where to dock: at the named seat, else at the known one, also when that moves with the map."""
+    def place(self, named: SE2 | None) -> SE2:
+        """Where to dock: at the named seat, else at the known one, also when that moves with the map. Raises InputError
+        when there is neither."""
         self._is_named = named is not None
-        return named or self.seat
+        if (seat := named or self.seat) is None:
+            raise InputError("no dock is known in this map: give its place with 'vsx dock --at', or drive onto it once")
+        return seat
 
     def seen(self, now_ns: int, navigation: tuple[NavigationState, str]) -> DockingSeen | None:
         """What is known now; each reading of the receivers once. None before the first odometry. navigation: state and
@@ -163,7 +166,7 @@ class Errands:
         self.pause.keep()
         heard, errand, reason = self._heard, None, ""
         if state is DockingState.DOCKED and not heard.docked:
-            state = DockingState.IDLE  # somebody has taken it off
+            return None  # the contact may come back; else the docking notices that somebody has taken it off
         if heard.docked and self.pause.starts and state is DockingState.IDLE:
             self.pause.begin()
             errand, reason = Errand.UNDOCK, "the exploration begins on the dock"

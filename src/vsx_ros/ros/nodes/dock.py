@@ -53,14 +53,14 @@ class DockNode:
         threads.every(_CONTROL_S, "docking", self._control)
         threads.every(_BATTERY_S, "battery", self._watch)
 
-    def _start(self, text: str = "{}") -> str:
-        seat, kind = self._heard.place(wanted_dock(text)), self._heard.kind
-        if seat is None:
-            raise InputError("no dock is known in this map: give its place with 'vsx dock --at', or drive onto it once")
+    def _start(self, text: str | None = None) -> str:
+        seat, kind = self._heard.place(wanted_dock(text or "")), self._heard.kind
         light = dock_light(kind)
         self._errands.pause.begin()
         with self._lock:
             self._docking.dock(headers.now_ns(), kind, light.dock_at(seat))
+            if text is not None:  # a base that a user docks stays there
+                self._keeper.sent = False
         return "driving to the dock"
 
     def _leave(self) -> str:
