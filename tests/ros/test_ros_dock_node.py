@@ -283,6 +283,46 @@ def test_an_exploration_that_begins_anew_is_paused_again_and_a_new_dock_node_let
     assert not wires.paused
 
 
+def restarted(robot: WiredRobot) -> None:
+    """Another node in place of the robot's; it hears what is latched."""
+    wires = robot.wires
+    robot.node = dock.DockNode(Config())
+    wires.say(topics.DOCK_POSE, wires.said[topics.DOCK_POSE])
+    wires.say(topics.SLAM_STATE, wires.said[topics.SLAM_STATE])
+    wires.explore(wires.paused)
+
+
+def test_a_node_that_is_restarted_while_it_charges_leaves_the_dock_when_charged(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch)
+    robot.wait(2.0)
+    robot.board.battery.fraction = 0.1
+    robot.until("docked", 90.0)
+    restarted(robot)
+    robot.until("verifying", 5.0)
+    robot.until("docked", 10.0)
+    assert wires.paused
+    robot.board.battery.pace = 1000.0
+    robot.until("undocking", 60.0)
+    robot.board.battery.pace = 1.0
+    robot.until("undocked", 20.0)
+    assert not wires.paused
+    assert robot.touches == 0
+
+
+def test_a_node_that_is_restarted_on_the_way_to_the_dock_lets_the_exploration_go_on(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch)
+    robot.wait(0.5)
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.until("searching", 60.0)
+    restarted(robot)
+    robot.wait(2.5)
+    assert not wires.paused
+    assert wires.status()["state"] == "idle"
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.wait(2.5)
+    assert (wires.paused, wires.status()["state"]) == (True, "approaching")
+
+
 def test_without_a_dock_or_with_nonsense_it_says_why(wires, monkeypatch):
     robot = WiredRobot(wires, monkeypatch, Config())
     robot.wait(0.2)

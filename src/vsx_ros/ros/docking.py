@@ -61,11 +61,13 @@ def heard_sight(msg: UInt8MultiArray) -> tuple[str, DockSight]:
 
 
 class HeardDock:
-    """Subscribers: those of the node, without explore/status. seat: where the base charges, in the map."""
+    """Subscribers: those of the node, without explore/status. seat: where the base charges, in the map. docked: whether
+    the contacts touch; None until that is heard."""
 
     def __init__(self, keeper: ChargeKeeper) -> None:
         self._keeper = keeper
-        self.kind, self.docked, self._charging, self._hazard = "", False, False, ""
+        self.kind, self._charging, self._hazard = "", False, ""
+        self.docked: bool | None = None
         self.seat: SE2 | None = None
         self._is_named = False
         self.hold: OperatorHold | None = None
@@ -124,9 +126,9 @@ class HeardDock:
         if where.odometry is None:
             return None
         return DockingSeen(
-            odometry=where.odometry, sight=sight, docked=self.docked, charging=self._charging, hazard=self._hazard,
-            T_map_base=where.T_map_base, navigation=navigation[0], navigation_reason=navigation[1],
-            seat=None if self._is_named else self.seat,
+            odometry=where.odometry, sight=sight, docked=bool(self.docked), charging=self._charging,
+            hazard=self._hazard, T_map_base=where.T_map_base, navigation=navigation[0],
+            navigation_reason=navigation[1], seat=None if self._is_named else self.seat,
         )  # fmt: skip
 
 
@@ -162,7 +164,10 @@ class Errands:
         self._way = WayToDock()
 
     def due(self, now_ns: int, state: DockingState) -> Errand | None:
-        """What the battery wants; an exploration that begins on the dock leaves it first. state: of the docking."""
+        """What the battery wants; an exploration that begins on the dock leaves it first. state: of the docking.
+
+        A restarted node lets the exploration that it finds paused go on, or docks on, as for the battery, where the
+        base stands on its dock."""
         self.pause.keep()
         heard, errand, reason = self._heard, None, ""
         if state is DockingState.DOCKED and not heard.docked:
@@ -170,6 +175,11 @@ class Errands:
         if heard.docked and self.pause.starts and state is DockingState.IDLE:
             self.pause.begin()
             errand, reason = Errand.UNDOCK, "the exploration begins on the dock"
+        elif self.pause.inherited and heard.docked is False:
+            self.pause.end(inherited=True)
+        elif self.pause.inherited and heard.docked and heard.seat is not None and heard.kind and heard.hold is None:
+            self._keeper.sent = True
+            errand, reason = Errand.DOCK, "the base was on its dock when this node began"
         elif self._config.return_to_charge and heard.seat is not None and heard.hold is None:
             left_s = self._keeper.meter.left_s
             soon = left_s is not None and left_s < _SOON_S
@@ -190,7 +200,7 @@ class DockStatus:
 
     def publish(self, docking: Docking, heard: HeardDock, left_s: float | None) -> None:
         """On change of anything but the battery, and once a second."""
-        known, docked = heard.seat is not None, heard.docked
+        known, docked = heard.seat is not None, bool(heard.docked)
         facts = {"state": docking.state.value, "reason": docking.reason, "tries": docking.tries, "docked": docked}
         facts["known"] = known
         told, now_s = json.dumps(facts), time.monotonic()

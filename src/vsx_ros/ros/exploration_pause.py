@@ -20,13 +20,14 @@ _GONE_S = 3.0  # an exploration that says nothing for so long has ended: it repe
 class ExplorationPause:
     """Subscribers: explore/status. Pauses the exploration, if there is one, and lets it go on afterwards; whoever else
     has paused it resumes it himself. Call ``keep`` now and then: an exploration that was restarted is paused again, and
-    a restarted node remembers by the status that it has paused. began_here: it had not driven yet then."""
+    a restarted node remembers by the status that it has paused. began_here: it had not driven yet then. inherited: the
+    pause is of a node before this one, and nobody has asked this one for anything since."""
 
     def __init__(self) -> None:
         self._state, self._heard_s, self._paused = "", -math.inf, False
         self._wanted: bool | None = None
         self._changes = threading.Lock()
-        self.began_here = False
+        self.began_here = self.inherited = False
         subscribe(topics.EXPLORE_STATUS, String, self._on_status, queue_size=1)
 
     def _on_status(self, msg: String) -> None:
@@ -34,7 +35,8 @@ class ExplorationPause:
         self._state, self._heard_s = str(status["state"]), time.monotonic()
         pausers = status.get("paused_by")
         self._paused = isinstance(pausers, list) and DOCK in pausers
-        self._wanted = self._paused if self._wanted is None else self._wanted
+        if self._wanted is None:
+            self._wanted = self.inherited = self._paused
 
     @property
     def starts(self) -> bool:
@@ -51,14 +53,16 @@ class ExplorationPause:
             self.began_here = self.starts
             if self._is_there and not self._asked(topics.EXPLORE_PAUSE):
                 raise InputError("the exploration does not pause; end it with 'vsx stop', then ask again")
-            self._wanted = True
+            self._wanted, self.inherited = True, False
 
-    def end(self) -> None:
-        """Go on, if this has paused it."""
+    def end(self, inherited: bool = False) -> None:
+        """Go on, if this has paused it. inherited: only if the pause is inherited."""
         with self._changes:
+            if inherited and not self.inherited:
+                return
             if self._wanted and self._is_there:
                 self._asked(topics.EXPLORE_RESUME)
-            self._wanted = False
+            self._wanted = self.inherited = False
 
     def keep(self) -> None:
         """Ask again where the exploration is not as it should be."""

@@ -87,7 +87,7 @@ class DockNode:
             if ended:
                 self._goals.cancel()
                 self._command_pub.publish(convert.twist(STOP))
-            taken = self._docking.notice_taken_off(now_ns, self._heard.docked)
+            taken = self._docking.notice_taken_off(now_ns, bool(self._heard.docked))
             self._status.publish(self._docking, self._heard, self._keeper.meter.left_s)
         if taken or (ended and self._docking.state in (DockingState.UNDOCKED, DockingState.FAILED)):
             self._errands.pause.end()
