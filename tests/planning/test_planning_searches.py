@@ -9,6 +9,7 @@ from walled_rooms import with_wall
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField
+from vsx_ros.kernels.planning.shortcuts import MAX_SEGMENTS, shorten
 from vsx_ros.occupancy.distance import joined_distance
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
 from vsx_ros.planning.coarse_path import ArcBounds, CoarsePath
@@ -55,6 +56,17 @@ def test_only_a_pose_without_room_for_an_arc_is_stuck():
     margin = margins(map_, pocket, hall)
     assert is_stuck(pocket, far, ArcBounds(margin, 1.0, 1.5), coarse_lattice(1.0))
     assert not is_stuck(hall, pocket, ArcBounds(margin, 1.0, 1.5), coarse_lattice(1.0))
+
+
+def test_shortcuts_of_a_way_with_the_most_segments_write_within_their_arrays():
+    field = DistanceField(np.full((10, 10), -1.0), 0.05, -5.0, -1.0)  # nothing is free
+    turns = np.where(np.arange(MAX_SEGMENTS) % 2 == 0, 1, -1)
+    lengths = np.where(np.arange(MAX_SEGMENTS) < MAX_SEGMENTS - 6, 1e-3, 0.4)  # most places are near the end
+    uncompiled = shorten.__wrapped__  # it checks indices
+    with np.errstate(over="ignore"):
+        left = uncompiled(field, np.zeros(3), turns, lengths, 2.0, 1.5, 0.15, np.uint64(1), 100)
+    assert (left[0] == turns).all()
+    assert (left[1] == lengths).all()
 
 
 def test_travel_costs_go_around_obstacles():

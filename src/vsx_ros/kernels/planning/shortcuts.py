@@ -56,8 +56,8 @@ def shorten(
     way_turns[:n], way_lengths[:n] = turns, lengths
     word = room_for(1)
     word_turns, word_lengths = word.turns[0], word.lengths[0]
-    new_turns = np.zeros(MAX_SEGMENTS, np.int64)
-    new_lengths = np.zeros(MAX_SEGMENTS)
+    most = MAX_SEGMENTS + SEGMENTS + 2  # a word and two cut segments are added before the size is checked
+    new_turns, new_lengths = np.zeros(most, np.int64), np.zeros(most)
     ends = np.empty((2, 3))
     cost = way_cost(way_lengths[:n], cusp_cost)
     run = reverse_run(way_lengths[:n])
