@@ -3,6 +3,7 @@ brake."""
 
 import math
 
+import msgspec
 import pytest
 from driving import CONFIG, open_floor, with_post
 
@@ -210,3 +211,16 @@ def test_a_base_that_does_not_stand_where_it_was_predicted_is_planned_for_anew(d
     (request,) = drive.step()
     assert isinstance(request, PlanRequest)
     assert request.start == drive.pose
+
+
+@pytest.mark.parametrize("post_x", [round(0.9 + 0.05 * k, 2) for k in range(8)])
+def test_with_an_old_report_it_brakes_as_hard_as_with_a_new_one(post_x: float) -> None:
+    """At 0.3 m/s the base drives 6 cm in the 0.2 s between two reports."""
+    told = []
+    for age_s in (0.0, 0.2):
+        drive = Drive()
+        drive.at_full_speed()
+        drive.report = msgspec.structs.replace(drive.report, at_s=drive.report.at_s - age_s)
+        drive.grid = with_post(post_x, 0.0)
+        told.append(drive.step(follower_age_s=age_s))
+    assert told[0] == told[1] != []

@@ -7,11 +7,9 @@ import pytest
 from driving import CONFIG, LockStep, open_floor
 
 from vsx_ros.control.localization import UNLOCALIZED
-from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.exploration.view_selector import ViewSelector
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.follower import FollowerReport
 from vsx_ros.navigation.navigator import GoalPlanner
 from vsx_ros.navigation.way_watch import WayWatch
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -134,15 +132,15 @@ def test_backing_by_odometry_stops_before_a_zone_too() -> None:
 def test_a_zone_on_the_way_counts_as_soon_as_the_place_is_recognised() -> None:
     """A robot that looks for a place of a loaded map drives by odometry; the map does not change when it finds one."""
     grid = zoned(box(1.2, 0.0, 0.4))
-    watch, report = WayWatch(CONFIG), FollowerReport(1, FollowStatus.FOLLOWING, "", "odom")
+    watch = WayWatch(CONFIG)
     way = time_scale(GoalPlanner(CONFIG, "fov", 0).blind.plan_blind(SE2(), SE2(1.0, 0.0, 0.0)).path, CONFIG.limits)
     watch.begin(grid)
     lost = UNLOCALIZED._replace(odometry=Odometry(1, SE2()), slam_state=TrackingState.LOST)
-    assert watch.hindrance(way, "odom", report, grid, lost) is None
-    found = watch.hindrance(way, "odom", report, grid, lost._replace(T_map_base=SE2()))
+    assert watch.hindrance(way, "odom", 0.0, grid, lost) is None
+    found = watch.hindrance(way, "odom", 0.0, grid, lost._replace(T_map_base=SE2()))
     assert found is not None
     assert "the zone 'rug'" in found.reason
-    assert watch.hindrance(way, "odom", report, grid, lost._replace(T_map_base=SE2())) is None, "judged once"
+    assert watch.hindrance(way, "odom", 0.0, grid, lost._replace(T_map_base=SE2())) is None, "judged once"
 
 
 def test_what_stands_farther_on_is_seen_on_the_same_map_as_the_base_comes_nearer() -> None:
@@ -154,8 +152,7 @@ def test_what_stands_farther_on_is_seen_on_the_same_map_as_the_base_comes_nearer
     way = Trajectory(times_s, np.column_stack([x, 0.0 * x, 0.0 * x]), np.full(len(x), 0.25), 0.0 * x)
     watch.begin(None)
     for at_s in times_s.tolist():
-        report = FollowerReport(1, FollowStatus.FOLLOWING, "", "map", at_s=at_s)
-        found = watch.hindrance(way, "map", report, grid, UNLOCALIZED._replace(T_map_base=SE2()))
+        found = watch.hindrance(way, "map", at_s, grid, UNLOCALIZED._replace(T_map_base=SE2()))
         told += [found.ahead_m] if found is not None else []
     assert told
     assert told[0] is not None

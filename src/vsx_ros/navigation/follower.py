@@ -186,6 +186,11 @@ class FollowerReport(msgspec.Struct, frozen=True):
     at_s: float = 0.0
     stop: tuple[float, float, float] | None = None
 
+    def progress_s(self, age_s: float) -> float:
+        """Progress in the trajectory's own time, age_s [s] after this report: the base has followed on, at most as fast
+        as planned."""
+        return self.at_s + age_s if self.status is FollowStatus.FOLLOWING else self.at_s
+
     def stop_in(self, frame: str) -> SE2 | None:
         """Where the base will stand, in ``frame``; None when it is not stopping, or follows in another frame."""
         return SE2(*self.stop) if self.stop is not None and self.frame == frame else None

@@ -229,8 +229,8 @@ class GoalExecution:
             return []
         found, wanted = None, 0.0
         if seen.grid is not None and seen.follower.trajectory == self._driven.identity:
-            way = self._driven.way.trajectory
-            found = self._watch.hindrance(way, self._driven.frame, seen.follower, seen.grid, seen.where)
+            way, at_s = self._driven.way.trajectory, seen.follower.progress_s(seen.follower_age_s)
+            found = self._watch.hindrance(way, self._driven.frame, at_s, seen.grid, seen.where)
         if found is not None and found.ahead_m is not None:
             v_m_s = seen.where.odometry.v if seen.where.odometry is not None else 0.0
             wanted = braking_before(found.ahead_m, v_m_s, self._limits)

@@ -8,7 +8,6 @@ import numpy as np
 from vsx_ros.config import Config
 from vsx_ros.control.localization import MAP_FRAME, LocalizationState
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.follower import FollowerReport
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import ZonedGrid, speed_limits
 from vsx_ros.planning.corridor import obstacle_ahead, zone_ahead
@@ -41,27 +40,27 @@ class WayWatch:
         self._checked, self._drawn = None, _drawing(grid)
 
     def hindrance(
-        self, trajectory: Trajectory, frame: str, report: FollowerReport, grid: OccupancyGrid, where: LocalizationState
+        self, trajectory: Trajectory, frame: str, at_s: float, grid: OccupancyGrid, where: LocalizationState
     ) -> Hindrance | None:
-        """What is new on the rest of the way; None when nothing is, for what was judged already, and as long as the
-        frame's place in the map is not known."""
+        """What is new on the rest of the way, from at_s [s] on; None when nothing is, for what was judged already, and
+        as long as the frame's place in the map is not known."""
         T_map_frame = frame_in_map(frame, where)
-        judged = grid is self._checked and report.at_s < self._checked_s + _AGAIN_S
+        judged = grid is self._checked and at_s < self._checked_s + _AGAIN_S
         if judged or T_map_frame is None:
             return None
-        self._checked, self._checked_s = grid, report.at_s
+        self._checked, self._checked_s = grid, at_s
         found = [(math.inf, "")]
         if frame == MAP_FRAME:
-            obstacle_m = obstacle_ahead(trajectory, report.at_s, grid, self._radius_m)
+            obstacle_m = obstacle_ahead(trajectory, at_s, grid, self._radius_m)
             if obstacle_m is not None:
                 found.append((obstacle_m, f"an obstacle has come to light {obstacle_m:.1f} m ahead on the way"))
-        zone = zone_ahead(trajectory, report.at_s, grid, self._radius_m, T_map_frame)
+        zone = zone_ahead(trajectory, at_s, grid, self._radius_m, T_map_frame)
         if zone is not None:
             found.append((zone.ahead_m, f"the zone {zone.zone!r} lies {zone.ahead_m:.1f} m ahead on the way"))
         nearest_m, reason = min(found)
         if math.isfinite(nearest_m):
             return Hindrance(nearest_m, reason)
-        if self._is_too_fast(trajectory, report.at_s, grid, T_map_frame):
+        if self._is_too_fast(trajectory, at_s, grid, T_map_frame):
             return Hindrance(None, "a slow zone was drawn on the way")
         return None
 
