@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 
+from vsx_ros.config import LimitsConfig
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.occupancy.distance import clearance_field
 from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.planning import corridor
-from vsx_ros.planning.corridor import obstacle_ahead
-from vsx_ros.planning.path import Trajectory
+from vsx_ros.planning.corridor import braking_before, obstacle_ahead
+from vsx_ros.planning.joint_qp import connect
+from vsx_ros.planning.path import Path, Trajectory
+from vsx_ros.planning.retiming import Timing, retime
+from vsx_ros.planning.time_scaling import time_scale
 
 RADIUS_M = 0.18
 WAY_M = np.linspace(0.0, 4.0, 401)
@@ -59,3 +64,22 @@ def test_a_base_that_stands_closer_already_may_leave_but_not_approach():
     grid = with_post(0.5, 0.1)
     assert obstacle_ahead(STRAIGHT, 5.2, grid, RADIUS_M) is None
     assert obstacle_ahead(STRAIGHT, 3.0, grid, RADIUS_M) is not None
+
+
+def test_on_bends_too_the_nearest_obstacle_that_is_braked_for_softly_is_not_come_too_near() -> None:
+    limits, rng, judged = LimitsConfig(), np.random.default_rng(1), 0
+    for _ in range(12):
+        path = connect(SE2(), SE2(*rng.uniform(-2.0, 2.0, 2), rng.uniform(-3.0, 3.0)), 2.0)
+        assert isinstance(path, Path)
+        way = time_scale(path, limits)
+        for at_s in rng.uniform(0.0, way.duration_s, 8):
+            v = abs(way.at(at_s)[1])
+            held = retime(way, Timing(way, way.times_s), at_s, 0.0, limits)
+            if v < 0.15 or held is None:
+                continue
+            stop_m = float(np.hypot(*np.diff(held.trajectory.poses[:, :2], axis=0).T).sum())
+            left_m = 0.07  # so near it must not brake softly
+            wanted = braking_before(stop_m + v * limits.reaction_s + left_m, v, limits, way, at_s)
+            assert wanted > limits.a_m_s2
+            judged += 1
+    assert judged > 30

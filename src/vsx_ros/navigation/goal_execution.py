@@ -233,7 +233,7 @@ class GoalExecution:
             found = self._watch.hindrance(way, self._driven.frame, at_s, seen.grid, seen.where)
         if found is not None and found.ahead_m is not None:
             v_m_s = seen.where.odometry.v if seen.where.odometry is not None else 0.0
-            wanted = braking_before(found.ahead_m, v_m_s, self._limits)
+            wanted = braking_before(found.ahead_m, v_m_s, self._limits, way, at_s)
         if found is not None and self._phase is _Phase.DRIVING:
             self._try_again(now_ns, found.reason)
         if self._phase is not _Phase.DRIVING:

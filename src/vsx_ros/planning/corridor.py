@@ -15,6 +15,7 @@ from vsx_ros.occupancy.distance import clearance_field, landmarks_in_view
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import Entry, KeepOut
 from vsx_ros.planning.path import Path, Refusal, RefusalKind, Trajectory
+from vsx_ros.planning.retiming import stop_m
 
 # Searches check single points, with a centimetre of margin for the gaps; finished paths are checked at this step.
 _SEARCH_MARGIN_M, _CHECK_STEP_M = 0.01, 0.005
@@ -163,18 +164,24 @@ def zone_ahead(
     return KeepOut(grid, radius_m).entered(T_map_frame @ _watched(trajectory, from_s))
 
 
-def braking_before(obstacle_m: float, v_m_s: float, limits: LimitsConfig) -> float:
+def braking_before(obstacle_m: float, v_m_s: float, limits: LimitsConfig, way: Trajectory, at_s: float) -> float:
     """How hard to brake [m/s2] from v_m_s so that 10 cm are left before an obstacle obstacle_m ahead: a_m_s2 if that is
     enough, else a_stop_m_s2. Infinite if that is not enough either: then zero must be commanded at once.
 
-    A jerk-limited stop from v takes v^2 / 2a + v a / 2j, and limits.reaction_s comes before it."""
+    A jerk-limited stop from v takes v^2 / 2a + v a / 2j, and limits.reaction_s comes before it. Where the base speeds
+    up or drives a bend, it takes longer: as much as a stop from the planned speed at at_s [s] on its way."""
     v = abs(v_m_s)
     room_m = obstacle_m - _LEFT_M - v * limits.reaction_s
     for a_m_s2 in (limits.a_m_s2, limits.a_stop_m_s2):
         braking = limits.braking(a_m_s2)
-        if v * v / (2.0 * braking.a_m_s2) + v * braking.a_m_s2 / (2.0 * braking.jerk_m_s3) <= room_m:
+        longer_m = stop_m(way, at_s, braking) - _straight_stop_m(abs(way.at(at_s)[1]), braking)
+        if _straight_stop_m(v, braking) + max(0.0, longer_m) <= room_m:
             return a_m_s2
     return math.inf
+
+
+def _straight_stop_m(v: float, limits: LimitsConfig) -> float:
+    return v * v / (2.0 * limits.a_m_s2) + v * limits.a_m_s2 / (2.0 * limits.jerk_m_s3)
 
 
 class Visibility:

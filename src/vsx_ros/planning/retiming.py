@@ -148,6 +148,14 @@ def retime(planned: Trajectory, current: Timing, t_s: float, factor: float, limi
     return None if found is None else _sampled(planned, stretch, place, *found, factor)
 
 
+def stop_m(planned: Trajectory, t_s: float, limits: LimitsConfig) -> float:
+    """Length of the stop along a planned trajectory from its speed at t_s [m]; infinite if none keeps the limits."""
+    held = retime(planned, Timing(planned, planned.times_s - planned.times_s[0]), t_s, 0.0, limits)
+    if held is None:
+        return math.inf
+    return float(np.sum(np.hypot(*np.diff(held.trajectory.poses[:, :2], axis=0).T)))
+
+
 def _speed_and_acceleration(trajectory: Trajectory, times: FloatArray, t: float, turns: bool) -> tuple[float, float]:
     """|speed| at an instant and its rate of change, interpolated from the slopes at the middles of the intervals."""
     speed = np.abs(trajectory.omega if turns else trajectory.v)
