@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from spoilt_drives import FIRST, LAST, TRACKED, between, run
 
+from vsx_ros.config import Config, overridden
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.robot import Odometry, OdometryEpochs
+from vsx_ros.session import SlamSession
 from vsx_ros.slam.preprocessing import ContinuousOdometry
+from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import TrackingState
 
 
@@ -153,3 +156,36 @@ def test_wheels_heard_again_do_not_measure_a_map_begun_without_them(arc_drive):
     assert all(result.T_world_cam is None for result in lost), "the step of the wheels is in metres, the map is not"
     assert not done.reasons("bridged")
     assert set(done.states(-10)) <= set(TRACKED)
+
+
+def _heard_late(drive, first):
+    """A session whose odometry begins at a frame, its SLAM, and each frame's result and place."""
+    session = SlamSession(drive.T_base_cam, overridden(Config(), {"self_calibration.enabled": True}))
+    slam, known = session.begin(SequentialSlam, drive.camera, 1), []
+    for k, (frame, odometry, _) in enumerate(drive.frames):
+        heard = odometry if k >= first else None
+        result = session.track(frame, heard)
+        known.append((result, session.locate(result, heard)))
+    return session, slam, known
+
+
+def test_a_map_waits_for_wheels_that_begin_soon_after_the_camera(arc_drive):
+    session, slam, known = _heard_late(arc_drive, 8)
+    assert not slam.lacks_scale
+    assert slam.slam_map().T_base_cam is session.T_base_cam
+    assert known[-1][0].state is TrackingState.GOOD
+    there, (_, wheels, _) = known[-1][1].T_map_base, arc_drive.frames[-1]
+    assert there.distance_to(wheels.T_odom_base) < 0.05
+
+
+def test_a_map_without_scale_says_no_place_on_the_floor(arc_drive):
+    session, slam, known = _heard_late(arc_drive, FIRST)
+    assert slam.lacks_scale
+    assert slam.slam_map().T_base_cam is None
+    for result, where in known[FIRST:]:
+        assert result.state is TrackingState.LOST
+        assert result.T_world_cam is None
+        assert "no scale" in result.reason
+        assert not where.slam_state.tracked
+        assert where.T_map_base is None
+    assert session.calibration.found.linear is None

@@ -111,6 +111,17 @@ def test_a_hiccup_of_the_wheels_starts_no_map_without_scale():
     assert driven == pytest.approx(ways[got.pair.second.stamp_ns] - ways[1], abs=1e-9)
 
 
+def test_wheels_that_begin_after_the_camera_are_waited_for():
+    ways = np.arange(0.0, 1.0, 0.05)
+    late = [None if k < 10 else SE2(float(z), 0.0, 0.0) for k, z in enumerate(ways)]
+    got = outcome(Initializer(MOUNT, CONFIG), SCENE, [moved(x=z) for z in ways[:10]], late)
+    assert got == "odometry is silent: waiting for it"
+    got = outcome(Initializer(MOUNT, CONFIG), WALL, [moved(z=z) for z in ways], late)
+    assert isinstance(got, InitialMap)
+    driven = np.linalg.norm(got.poses[1].translation - got.poses[0].translation)
+    assert driven == pytest.approx(ways[got.pair.second.stamp_ns] - ways[10], abs=1e-9)
+
+
 def test_wheels_that_fall_silent_for_good_are_done_without():
     initializer = Initializer(MOUNT, CONFIG)
     said = [

@@ -38,6 +38,7 @@ class Initializer:
     def __init__(self, T_base_cam: SE3 | None, config: InitializationConfig) -> None:
         self._T_base_cam, self._config = T_base_cam, config
         self._trails: Trails | None = None
+        self._heard_ns: int | None = None  # stamp of the newest frame with odometry; of the first frame before that
         self._tried = -1  # stamp of the reference that was proposed last
 
     def add(self, data: FrameData) -> InitialPair | str:
@@ -65,20 +66,23 @@ class Initializer:
         return refusal or self._pair(trails.corners(first, sure), first.data, data, motion)
 
     def _silence(self, reference: FrameData, data: FrameData) -> str:
-        """Why to wait or restart when only one of two frames has odometry (no scale); empty otherwise."""
+        """Why to wait or restart while one of two frames or both have no odometry (no scale); empty when both have it,
+        or when it has been silent for so long that the map begins without it."""
         had, has = reference.T_odom_base is not None, data.T_odom_base is not None
-        if has:
-            self._heard_ns = data.stamp_ns
-        if self._T_base_cam is None or had == has:
+        heard_ns = reference.stamp_ns if self._heard_ns is None else self._heard_ns
+        self._heard_ns = data.stamp_ns if has else heard_ns
+        if self._T_base_cam is None or (had and has):
             return ""
         if has:
-            return self._restart(data, "odometry is heard again: starting again from here")
-        if data.stamp_ns - self._heard_ns > SILENCE_NS:
+            return self._restart(data, "odometry is heard: starting again from here")
+        if data.stamp_ns - heard_ns <= SILENCE_NS:
+            return "odometry is silent: waiting for it"
+        if had:
             return self._restart(data, "odometry is silent: starting again without it, and without scale")
-        return "odometry is silent: waiting for it"
+        return ""
 
     def _restart(self, data: FrameData, reason: str) -> str:
-        self._trails, self._heard_ns = Trails(data), data.stamp_ns
+        self._trails = Trails(data)
         return reason
 
     def _too_few(self, trails: Trails) -> str:
