@@ -82,6 +82,12 @@ def arc_drive() -> Drive:
 
 
 @pytest.fixture(scope="session")
+def straight_drive() -> Drive:
+    """1.6 m straight ahead."""
+    return record(12, [(0.2, 0.0, 8.0)])
+
+
+@pytest.fixture(scope="session")
 def spin_drive() -> Drive:
     """0.6 m straight, then 90 degrees in place."""
     return record(13, [(0.2, 0.0, 3.0), (0.0, 0.26, 6.0)])

@@ -151,6 +151,21 @@ def test_a_camera_that_hangs_while_the_wheels_turn_is_found_out(arc_drive, last)
         assert set(done.states(LAST + 5)) <= set(TRACKED)
 
 
+def test_a_camera_that_hangs_on_a_straight_way_is_not_found_in_its_last_picture(straight_drive):
+    """Ahead nothing leaves the picture: its points were found again in it, and the wheels blamed for the difference."""
+    first, last = 70, 85
+    hung = straight_drive.frames[first - 1][0].image
+    done = run(straight_drive, between(first, last, image=lambda image: hung))
+    for result in done.results[first:last]:
+        assert result.state in (TrackingState.DUBIOUS, TrackingState.LOST)
+        assert result.found == 0
+        assert not result.keyframe_added
+        assert "the camera hangs" in result.reason
+    assert not [gap for gap in done.reasons("gap") if "odometry" in gap]
+    assert set(done.states(last + 5)) <= set(TRACKED)
+    assert done.worst_m < 0.03
+
+
 def test_a_standing_robot_may_send_the_same_image_again(arc_drive):
     frame, odometry, _ = arc_drive.frames[FIRST]
     slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, CONFIG, 1)

@@ -6,11 +6,11 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.config import SlamConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.covered import CoverWatch
-from vsx_ros.slam.keyframe import FrameData, MapView
+from vsx_ros.slam.keyframe import HANGS, FrameData, MapView
 from vsx_ros.slam.local_map import LocalMap
 from vsx_ros.slam.odometry import MotionModel, Prediction
 from vsx_ros.slam.state import TrackingState
-from vsx_ros.slam.track import Track
+from vsx_ros.slam.track import Track, nothing_tracked
 from vsx_ros.slam.tracker import Tracker
 from vsx_ros.slam.uncertainty import PoseUncertainty
 
@@ -56,8 +56,13 @@ class FrameTracker:
         return self._uncertainty.covariance
 
     def track(self, data: FrameData, local: LocalMap, prediction: Prediction, tracked_before: bool) -> Track:
-        """tracked_before: whether the previous frame was tracked. Only then can odometry reject a pose."""
-        track, before = self._checked_track(data, local, prediction, tracked_before), self._motion.last_pose
+        """tracked_before: whether the previous frame was tracked. Only then can odometry reject a pose. Nothing is
+        searched in a frozen image: it would be found where the camera was."""
+        before = self._motion.last_pose
+        if data.frozen:
+            track = nothing_tracked(HANGS, prediction.T_world_cam)
+        else:
+            track = self._checked_track(data, local, prediction, tracked_before)
         if track.state is TrackingState.LOST and prediction.by_odometry and before is not None:
             self._uncertainty.moved(before.inverse() @ prediction.T_world_cam, prediction.information)
         return track._replace(ahead=self._cover.ahead(data.stamp_ns, track, local.view.points))

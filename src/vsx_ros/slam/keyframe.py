@@ -22,6 +22,7 @@ from vsx_ros.vision.pyramid import LEVELS, CompressedPyramid, Pyramid, SmallImag
 
 _ENOUGH_DEPTHS = 5  # least points for a median depth
 ROOM_DEPTH_M = 2.5  # median scene depth in a room; thresholds in metres are chosen for it
+HANGS = "the camera hangs"  # why nothing is searched in a frozen image
 
 
 class Observations(NamedTuple):
@@ -65,7 +66,7 @@ class FrameData(NamedTuple):
     """A preprocessed image for tracker, mapper and relocaliser. image, corners: compressed where the camera has not
     been for long. camera (CAMERA,): the kernels' array, with the motion during readout. T_odom_base: by odometry at the
     exposure of the middle row, None when unknown. blurred: much less sharp than the frames before; good enough to
-    track, not to map."""
+    track, not to map. frozen: the last image again though the base has moved; it shows nothing of now."""
 
     stamp_ns: int
     image: Pyramid | CompressedPyramid
@@ -74,6 +75,7 @@ class FrameData(NamedTuple):
     T_odom_base: SE2 | None
     camera: FloatArray
     blurred: bool = False
+    frozen: bool = False
 
     def compressed(self) -> FrameData:
         """The same in a fifth of the memory, and as a map that is saved and loaded gives it back."""

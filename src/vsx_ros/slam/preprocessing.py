@@ -12,7 +12,7 @@ from vsx_ros.geometry.camera import PinholeCamera, Shutter, check_calibration, k
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.slam.keyframe import FrameData
+from vsx_ros.slam.keyframe import HANGS, FrameData
 from vsx_ros.vision.corners import CornerDetector, no_corners
 from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import LEVELS, BlurDetector, Pyramid, build_pyramid, small_image
@@ -112,7 +112,7 @@ class Preprocessor:
         small = small_image(pyramid)
         frozen = self._is_frozen(pyramid, T_odom_base)
         if frozen:
-            self._gap(frame.stamp_ns, "the image is the last one to the bit though the base moves: the camera hangs")
+            self._gap(frame.stamp_ns, f"the image is the last one to the bit though the base moves: {HANGS}")
         blurred = not frozen and self._blur.blurred(pyramid)
         corners = no_corners(pyramid) if frozen else self._detector.detect(pyramid, steer=not blurred)
         return FrameData(
@@ -123,6 +123,7 @@ class Preprocessor:
             T_odom_base=T_odom_base,
             camera=array,
             blurred=blurred,
+            frozen=frozen,
         )
 
     def _is_frozen(self, pyramid: Pyramid, T_odom_base: SE2 | None) -> bool:

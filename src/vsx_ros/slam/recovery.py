@@ -60,6 +60,8 @@ class Recovery:
     def search(self, data: FrameData, view: MapView, by_odometry: SE3 | None, map_id: int) -> Relocalization | None:
         """Search for the camera everywhere. by_odometry: T_world_cam in map ``map_id``, from odometry."""
         self._travel(by_odometry)
+        if data.frozen:  # it would be found where it was
+            return None
         return self._relocalizer.relocalize(data, view, self.expected_pose(by_odometry, map_id))
 
     def expected_pose(self, by_odometry: SE3 | None, map_id: int) -> ExpectedPose | None:
@@ -83,7 +85,7 @@ class Recovery:
 
     def second_map(self, data: FrameData, has_odometry: bool) -> InitialPair | None:
         """Two frames for a separate map if odometry does not bridge the gap; None while there are none."""
-        if self.bad_frames < SECOND_MAP_FRAMES or (has_odometry and not self.carried):
+        if data.frozen or self.bad_frames < SECOND_MAP_FRAMES or (has_odometry and not self.carried):
             return None
         if self._initializer is None:
             self._initializer = Initializer(self._T_base_cam, self._config.initialization)
