@@ -92,6 +92,26 @@ def test_odometry_alone_adds_its_own_noise():
     assert uncertainty.covariance[0, 0] > 1.1e-4, "and aside, turned by 1 mrad at each of them"
 
 
+def test_a_pose_beyond_a_gap_is_no_more_certain_than_odometry_across_it():
+    sees = [list(range(25 * k, 25 * k + 200)) for k in range(20)]
+    sees += [[1000 + row for row in rows] for rows in sees]
+    before, after = made_map(sees[:20]).view(), made_map(sees).view()
+    uncertainty = PoseUncertainty(CONFIG)
+    for k in range(20):
+        uncertainty.enter(LocalMap(before, k))
+    known_m = sigma_m(LocalMap(before, 19), uncertainty)
+    step, information = SE3(np.eye(3), np.array([0.001, 0.0, 0.0])), np.full(6, 1e6)
+    for _ in range(100):
+        by_odometry = uncertainty.moved(step, information)
+    crossed_m = float(np.sqrt(np.trace(by_odometry[:3, :3])))
+    assert crossed_m > 1.2 * known_m
+    for k in range(20, 40):
+        uncertainty.enter(LocalMap(after, k))
+        assert sigma_m(LocalMap(after, k), uncertainty) > 0.9 * crossed_m
+    uncertainty.enter(LocalMap(after, 25))
+    assert sigma_m(LocalMap(after, 25), uncertainty) > known_m
+
+
 def test_every_pose_of_a_drive_has_a_covariance(arc_drive):
     slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam, 1)
     sigmas = []

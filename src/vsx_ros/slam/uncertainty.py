@@ -3,6 +3,8 @@ odometry since the last tracked image.
 
 Covariances are of xi = (translation [m], rotation [rad]) in the camera's own axes: T_true = T_estimated exp(xi)."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
@@ -31,12 +33,21 @@ def _carried(covariance: FloatArray, R_a_b: FloatArray, t_a_b: FloatArray) -> Fl
     return np.asarray(adjoint @ covariance @ np.swapaxes(adjoint, -1, -2))
 
 
+class _Placed(NamedTuple):
+    """The newest pose in a map, and its covariance relative to the map's first keyframe, without that of its size."""
+
+    map_id: int
+    T_world_cam: SE3
+    covariance: FloatArray
+
+
 class PoseUncertainty:
     """``enter`` each new local map, then ask for the pose of a frame tracked in it (``tracked``) or not (``moved``).
 
     Covariances between keyframes that share points are summed along the most certain path from keyframe 0 to the
     reference keyframe. Paths are found as the camera moves: each local map updates the keyframes in it. After a loop
-    closure, the shorter path makes the pose more certain again."""
+    closure, the shorter path makes the pose more certain again. Keyframes beyond a gap that odometry bridged share no
+    points with those before it: there the path goes on from the newest pose."""
 
     def __init__(self, config: UncertaintyConfig) -> None:
         self._config = config
@@ -45,6 +56,7 @@ class PoseUncertainty:
         self._map_id: IntArray = np.zeros(0, np.int64)
         self._of_keyframe: FloatArray = np.zeros((0, 6, 6))
         self.covariance: FloatArray = np.zeros((6, 6))
+        self._placed: _Placed | None = None  # None where the path to the reference keyframe is unknown
 
     def enter(self, local: LocalMap) -> None:
         """Update from a local map: its reference from the neighbours, then the neighbours from the reference."""
@@ -59,7 +71,17 @@ class PoseUncertainty:
         tied = (local.shared >= LINKED_POINTS) & (local.near != local.reference)
         near, points = local.near[tied], local.shared[tied]
         self._pass_on(view, near, reference, points)
+        if not self._known[local.reference]:
+            self._go_on(view, local.reference)
         self._pass_on(view, reference, near, points)
+
+    def _go_on(self, view: MapView, reference: int) -> None:
+        """Compute a keyframe from the newest pose, to which odometry has led."""
+        placed, keyframe = self._placed, view.keyframes[reference]
+        if placed is not None and placed.map_id == keyframe.map_id:
+            T_cam_ref = placed.T_world_cam.inverse() @ keyframe.T_world_cam
+            self._of_keyframe[reference] = carried(placed.covariance, T_cam_ref)
+            self._known[reference] = True
 
     def _forget_joined(self, view: MapView, near: IntArray) -> None:
         """Covariances of keyframes whose map was joined with another count from another keyframe."""
@@ -100,15 +122,22 @@ class PoseUncertainty:
         T_ref_cam = view.keyframes[reference].T_world_cam.inverse() @ track.T_world_cam
         seen = np.linalg.inv(track.information + _CERTAIN * np.eye(6)) * self._config.image_factor
         of_map = self._of_keyframe[reference]
+        of_pose = carried(of_map, T_ref_cam) + 0.5 * (seen + seen.T)
+        map_id = view.keyframes[reference].map_id
+        self._placed = _Placed(map_id, track.T_world_cam, of_pose) if self._known[reference] else None
         from_start = view.keyframes[int(view.living[0])].T_world_cam.inverse() @ track.T_world_cam
         along = from_start.rotation.T @ from_start.translation * self._config.size_sigma_ratio
-        self.covariance = carried(of_map, T_ref_cam) + 0.5 * (seen + seen.T)
+        self.covariance = of_pose.copy()
         self.covariance[:3, :3] += np.outer(along, along)
         return self.covariance
 
     def moved(self, T_before_now: SE3, information: FloatArray) -> FloatArray:
         """(6, 6) covariance of a frame placed by odometry from the last one. information (6,): of that motion."""
-        self.covariance = carried(self.covariance, T_before_now) + np.diag(1.0 / information)
+        added, placed = np.diag(1.0 / information), self._placed
+        self.covariance = carried(self.covariance, T_before_now) + added
+        if placed is not None:
+            covariance = carried(placed.covariance, T_before_now) + added
+            self._placed = _Placed(placed.map_id, placed.T_world_cam @ T_before_now, covariance)
         return self.covariance
 
 
