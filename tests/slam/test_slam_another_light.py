@@ -16,6 +16,7 @@ from vsx_ros.slam.frontend import FrontEnd
 from vsx_ros.slam.place_recognition import Recognition, likeness, structure
 from vsx_ros.slam.recovery import Recovery
 from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.vision.pyramid import build_pyramid, small_image
 
 CONFIG = Config().slam
 SEED, FRAMES = 12, 30  # of the arc's lab; two seconds
@@ -63,6 +64,17 @@ def test_small_images_are_compared_without_the_light():
         assert np.argmax(like) == k
         assert like[k] > 0.8
         assert like[k] > 3.0 * np.delete(like, k).max()
+
+
+@pytest.mark.parametrize(("width", "height"), [(128, 96), (160, 120), (176, 144), (640, 480)])
+def test_places_of_every_image_size_are_compared(width, height):
+    rng = np.random.default_rng(0)
+    images = [rng.integers(0, 256, (height, width)).astype(np.uint8) for _ in range(4)]
+    known = np.stack([structure(small_image(build_pyramid(image))) for image in images])
+    for k, place in enumerate(known):
+        like = likeness(place, known)
+        assert np.argmax(like) == k
+        assert like[k] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_likely_place_is_confirmed_by_the_next_frame_without_another_search(arc_drive, arc_map, monkeypatch):

@@ -153,9 +153,10 @@ def structure(small: SmallImage) -> SmallImage:
 
 def likeness(query: SmallImage, places: NDArray[np.float32]) -> FloatArray:
     """(K,) best correlation of a halved small image (h, w) with each of K places (K, h, w), over shifts as from a turn
-    of up to 17 deg to each side or a small tilt; 1 for the same image."""
+    of up to 17 deg to each side or a small tilt, or half the image if that is less; 1 for the same image."""
     count, height, width = places.shape
-    shifts = [(dy, dx) for dy in range(-SHIFT_Y, SHIFT_Y + 1) for dx in range(-SHIFT_X, SHIFT_X + 1)]
+    most_y, most_x = min(SHIFT_Y, height // 2), min(SHIFT_X, width // 2)
+    shifts = [(dy, dx) for dy in range(-most_y, most_y + 1) for dx in range(-most_x, most_x + 1)]
     shifted = np.zeros((len(shifts), height, width))
     inside = np.zeros((len(shifts), height, width))
     for n, (dy, dx) in enumerate(shifts):
