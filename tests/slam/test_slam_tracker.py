@@ -101,7 +101,7 @@ def test_a_pose_beyond_the_fine_circle_is_found_by_the_wide_one(sixtieth):
 def test_what_the_way_adds_to_the_image_is_expected_again():
     """A camera that glides along a wall: its images move as if it turned, and it does not."""
     texture = cv2.GaussianBlur(np.random.default_rng(1).uniform(-60, 60, (30, 90)).astype(np.float32), (0, 0), 2.0)
-    motion, turns = MotionModel(None, 525.0), []
+    motion, turns = MotionModel(None, (525.0, 525.0)), []
     for k in range(4):
         small = np.ascontiguousarray(texture[:, 2 * k : 2 * k + 40])
         data = FrameData(k * 40_000_000, None, None, small, None, None)

@@ -116,10 +116,19 @@ def test_rotation_is_read_from_small_images(omega):
     a, b = small_image(build_pyramid(scene)), small_image(build_pyramid(turned))
     assert a.shape == (30, 40)
     assert abs(float(a.mean())) < 1e-3
-    found, score = rotation_between(a, b, CAMERA.fx)
+    found, score = rotation_between(a, b, CAMERA.focal_px)
     error = np.linalg.norm(cv2.Rodrigues(found @ R.T)[0])
     assert error < 0.006
     assert score < 0.2 * float(a.var())
+
+
+def test_a_tilt_is_read_with_the_vertical_focal_length():
+    scene = noise_image(40)
+    a, b = (small_image(build_pyramid(np.ascontiguousarray(scene[row : row + 416]))) for row in (32, 0))
+    found, _ = rotation_between(a, b, (525.0, 0.75 * 525.0))
+    tilt = cv2.Rodrigues(found)[0].ravel()
+    assert tilt[0] == pytest.approx(-32.0 / (0.75 * 525.0), rel=0.03)
+    assert np.abs(tilt[1:]).max() < 0.003
 
 
 def test_rays_and_patches_belong_to_their_corner():

@@ -74,6 +74,11 @@ class PinholeCamera:
         """(3, 3) intrinsic matrix [px]."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
+    @property
+    def focal_px(self) -> tuple[float, float]:
+        """fx and fy."""
+        return self.fx, self.fy
+
     def parameters(self) -> FloatArray:
         """fx, fy, cx, cy and the model's coefficients."""
         return np.array([self.fx, self.fy, self.cx, self.cy, *self.distortion])

@@ -39,7 +39,7 @@ class FrontEnd:
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, seed: int) -> None:
         self._config = config
         self._tracker = Tracker(config.tracker, np.random.default_rng(seed))
-        self._motion = MotionModel(T_base_cam, camera.fx)
+        self._motion = MotionModel(T_base_cam, camera.focal_px)
         self._new_recovery = partial(Recovery, camera, T_base_cam, config, self._tracker, self._motion)
         self._recovery = self._new_recovery()
         self._consistency = OdometryConsistency(T_base_cam)

@@ -156,7 +156,7 @@ def _turn(trails: Trails, reference: Reference, data: FrameData) -> _Turn:
     rays = unproject_pixels(data.camera, np.ascontiguousarray(trails.positions[rows]))
     R, left = pure_rotation(reference.rays[rows], rays)
     turned_deg = math.degrees(SE3.identity().rotation_angle_to(SE3(R, np.zeros(3))))
-    return _Turn(reference, turned_deg, float(np.median(left)) * float(data.camera[0]))
+    return _Turn(reference, turned_deg, float(np.median(left) * data.camera[:2].min()))
 
 
 class Bootstrap:

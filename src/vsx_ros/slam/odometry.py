@@ -44,7 +44,7 @@ class MotionModel:
 
     The camera's translation disturbs the rotation shown by images, nearly equally in the next frame."""
 
-    def __init__(self, T_base_cam: SE3 | None, focal_px: float) -> None:
+    def __init__(self, T_base_cam: SE3 | None, focal_px: tuple[float, float]) -> None:
         self._T_base_cam = T_base_cam
         self._focal_px = focal_px
         self._velocity: FloatArray = np.zeros(6)

@@ -97,7 +97,7 @@ class PlaceRecognizer:
             np.eye(3),
             None,
             iterationsCount=PNP_TRIALS,
-            reprojectionError=PNP_ERROR_PX / self._camera.fx,
+            reprojectionError=PNP_ERROR_PX / min(self._camera.focal_px),
             confidence=0.999,
             flags=cv2.SOLVEPNP_AP3P,
         )

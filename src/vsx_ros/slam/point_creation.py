@@ -95,6 +95,7 @@ def match_in_target(
     depth inside the range, reprojection within 2 level px in both."""
     T_target_source = target.T_world_cam.inverse() @ source.T_world_cam
     camera, n = target.data.camera, len(candidates.uv)
+    tolerance = _MAX_ERROR_PX / camera[:2].min()  # of the shorter focal length
     bounds = np.tile([1.0 / depth_range[1], 1.0 / depth_range[0]], (n, 1))
     found, uv, level = search_rays(
         camera, T_target_source.rotation, T_target_source.translation, candidates.rays, candidates.basis,
@@ -106,7 +107,7 @@ def match_in_target(
         T_target_source,
         candidates.rays[index],
         unproject_pixels(camera, uv),
-        (_MAX_ERROR_PX / camera[0] * 2.0 ** candidates.level[index], _MAX_ERROR_PX / camera[0] * 2.0**level),
+        (tolerance * 2.0 ** candidates.level[index], tolerance * 2.0**level),
         depth_range,
         min_parallax_rad,
     )

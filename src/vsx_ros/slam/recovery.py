@@ -33,7 +33,7 @@ class Recovery:
     def __init__(
         self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, tracker: Tracker, motion: MotionModel
     ) -> None:
-        self._T_base_cam, self._focal_px = T_base_cam, camera.fx
+        self._T_base_cam, self._focal_px = T_base_cam, camera.focal_px
         self._config, self._motion = config, motion
         self._relocalizer = Relocalizer(camera, T_base_cam, config, tracker)
         self.over(None)

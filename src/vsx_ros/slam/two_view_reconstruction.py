@@ -69,7 +69,7 @@ class TwoViewReconstruction:
         """Limited work: a handful of hypotheses, each adjusted in few iterations."""
         config, odometry = self._config, pair.odometry
         rays_a, rays_b = pair.candidates.rays, unproject_pixels(pair.second.camera, pair.uv)
-        tolerance = 1.0 / self._camera.fx
+        tolerance = 1.0 / min(self._camera.focal_px)
         hypotheses = two_view_motions(rays_a, rays_b, tolerance)
         scale, parallax = config.unit_baseline_m, config.min_parallax_without_odometry_deg
         if odometry is not None:
@@ -111,7 +111,7 @@ class TwoViewReconstruction:
 
     def _doubt(self, best: MotionHypothesis, rays_a: FloatArray, rays_b: FloatArray) -> str:
         """Why the images do not determine this motion and its depths, empty when they do."""
-        config, focal = self._config, self._camera.fx
+        config, focal = self._config, min(self._camera.focal_px)
         found = certainty(best.T_b_a, rays_a[best.good], rays_b[best.good], TRAIL_SIGMA_PX / focal)
         flow = float(np.median(pure_rotation(rays_a, rays_b)[1]))
         if flow < config.min_flow_sigmas * found.noise:
@@ -140,7 +140,7 @@ class TwoViewReconstruction:
         return MotionHypothesis(T_b_a, support, points, good)
 
     def _adjust(self, T_b_a: SE3, points: Points3, rays_a: FloatArray, rays_b: FloatArray) -> SE3:
-        n, f = len(points), self._camera.fx
+        n, f = len(points), min(self._camera.focal_px)
         R, t = stacked([SE3.identity(), T_b_a])
         xy = np.stack([rays_a, rays_b], axis=1).reshape(-1, 2) * f
         start, point, frame = np.arange(0, 2 * n + 1, 2), np.repeat(np.arange(n), 2), np.tile([0, 1], n)

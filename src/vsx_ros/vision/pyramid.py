@@ -134,13 +134,15 @@ def small_image(pyramid: Pyramid) -> SmallImage:
     return np.asarray(small - np.float32(small.mean(dtype=np.float64)))
 
 
-def rotation_between(reference: SmallImage, current: SmallImage, focal_px: float) -> tuple[FloatArray, float]:
+def rotation_between(
+    reference: SmallImage, current: SmallImage, focal_px: tuple[float, float]
+) -> tuple[FloatArray, float]:
     """(R_current_reference (3, 3), mean squared difference) explaining the motion by rotation alone.
 
-    focal_px: at level 0. The difference is infinite when the alignment leaves the image."""
+    focal_px: fx and fy at level 0. The difference is infinite when the alignment leaves the image."""
     tx, ty, roll, score = align_small(reference, current, 8)
-    focal = focal_px / SHRINK
-    return so3_exp(np.array([-ty / focal, tx / focal, roll])), float(score)
+    fx, fy = focal_px
+    return so3_exp(np.array([-ty * SHRINK / fy, tx * SHRINK / fx, roll])), float(score)
 
 
 class BlurDetector:
