@@ -136,9 +136,10 @@ def test_what_wheels_pushed_against_is_forgotten_once_the_base_drives_on_that_wa
     push = SE2(0.5, 0.0, heading)
     ground.pushed(push, 0)
     ground.bumped(push)
-    for back in (SE2(0.0, 0.0, 0.3), SE2(-0.3, 0.0, 0.0), SE2(0.2, 0.3, 0.0), SE2(0.05, 0.0, 0.0)):
+    around = SE2(3.0, 0.05, -1.57)
+    for back in (SE2(0.0, 0.0, 0.3), SE2(-0.3, 0.0, 0.0), SE2(0.2, 0.3, 0.0), SE2(0.05, 0.0, 0.0), around):
         ground.moved(push @ back, SECOND_NS)
-        assert ground.counts[1:] == (1, 1), "back, beside it, or no farther than it pushed"
+        assert ground.counts[1:] == (1, 1), "back, beside it, no farther than it pushed, or beyond it by another way"
     ground.moved(push @ SE2(0.12, 0.0, 0.0), SECOND_NS)
     assert ground.counts[1:] == (1, 0), "what the bumper felt stays"
 

@@ -23,8 +23,9 @@ NEAREST = -1  # keyframe to tie a pose to; others to be tied to are stored as NE
 _FIRST_NS = 20_000_000_000
 """How long a spot is avoided at first where wheels turned without effect; twice as long each time it happens again."""
 _SAME_M, _SAME_RAD = 0.3, 0.8  # a push within this distance is at the same spot
-_DRIVEN_ON_M, _BESIDE_M = 0.1, 0.1
-"""If the base drives this far ahead of a push, hardly to its side, the suspected obstacle is not there."""
+_DRIVEN_ON_M, _BESIDE_M = (0.1, 0.3), 0.1
+"""If the base stands this far ahead of a push, hardly to its side, the suspected obstacle is not there. Farther ahead,
+it may have come around the obstacle."""
 
 
 class AnchoredPoses:
@@ -167,7 +168,7 @@ class SuspectedObstacles:
         self._expiries.append(_Expiry(now_ns + _FIRST_NS, _FIRST_NS))
 
     def moved(self, pose: SE2) -> None:
-        """The base is here; removes spots that it has driven past."""
+        """The base is here; removes spots where it now stands in place of the obstacle."""
         if self._expiries:
             kept = [not _driven_on(spot, pose) for spot in self._spots.last_poses()]
             self._spots.keep(kept)
@@ -184,6 +185,7 @@ class SuspectedObstacles:
 
 
 def _driven_on(push: SE2, pose: SE2) -> bool:
-    """Whether a base at ``pose`` has passed the push."""
+    """Whether a base at ``pose`` has driven on from the push, through the place of the obstacle."""
     on = push.inverse() @ pose
-    return on.x > _DRIVEN_ON_M and abs(on.y) < _BESIDE_M
+    least_m, most_m = _DRIVEN_ON_M
+    return least_m < on.x < most_m and abs(on.y) < _BESIDE_M
