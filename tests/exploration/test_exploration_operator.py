@@ -5,7 +5,7 @@ import pytest
 from test_exploration_mission import SECOND, euclid, mapping_mission, situation
 
 from vsx_ros.config import Config, overridden
-from vsx_ros.exploration.decision import DOCK, OPERATOR, Action, MissionState, NavigationState
+from vsx_ros.exploration.decision import DOCK, OPERATOR, Action, MissionState, NavigationState, Outcome
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.user_goals import GoalState, UserGoals
 from vsx_ros.geometry.se2 import SE2
@@ -47,6 +47,32 @@ def test_a_failure_told_before_the_hold_that_caused_it_is_withdrawn():
     assert blamed(mission, 2 * SECOND) == 1
     mission.decide(3 * SECOND, situation(navigation=FAILED, held=STOPPED))
     assert blamed(mission, 3 * SECOND) == 0
+
+
+def test_drives_home_that_the_operator_ended_are_no_tries():
+    """Each is told as failed just before the hold."""
+    mission = mapping_mission()
+    mission.home(2 * SECOND)
+    for k in range(1, 11):
+        begin_ns = 20 * k * SECOND
+        assert mission.decide(begin_ns, situation()).reason == "driving home", k
+        mission.decide(begin_ns + SECOND, situation(navigation=FAILED, navigation_reason="the drive was ended"))
+        hold = OperatorHold(EMERGENCY_STOP, begin_ns + SECOND + SECOND // 5)
+        mission.decide(hold.since_ns, situation(navigation=FAILED, held=hold))
+        mission.decide(begin_ns + 5 * SECOND, situation(navigation=FAILED))
+    assert mission.outcome is None
+
+
+def test_drives_home_count_as_tries_only_while_the_robot_comes_no_nearer():
+    mission, far_m, tries = mapping_mission(), 8.0, 0
+    mission.home(2 * SECOND)
+    for k in range(3, 400, 10):
+        here = SE2(max(far_m - 1.0 * tries, 1.0), 0.0, 0.0)
+        decision = mission.decide(k * SECOND, situation(T_map_base=here, T_odom_base=here))
+        tries += decision.action is Action.GO
+        mission.decide((k + 1) * SECOND, situation(T_map_base=here, T_odom_base=here, navigation=FAILED))
+    assert mission.outcome is Outcome.STRANDED
+    assert tries == 7 + 5, "each of seven came nearer, and five did not"
 
 
 def test_an_older_failure_stays_one():

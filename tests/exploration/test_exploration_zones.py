@@ -113,6 +113,19 @@ def test_wheels_held_on_the_way_out_of_a_zone_are_no_failure() -> None:
     assert not any("still in the zone" in event.reason for event in mission.drain_events())
 
 
+def test_an_exit_whose_drive_the_operator_ended_is_tried_again() -> None:
+    mission, _ = under_way()
+    grid = zoned(box(-0.6, -1.0, 0.9, 1.0))
+    mission.decide(2 * SECOND, situation(grid, navigation=NavigationState.ACTIVE))
+    first = mission.decide(3 * SECOND, situation(grid))
+    failed, held = situation(grid, navigation=NavigationState.ABORTED), OperatorHold("teleop", 5 * SECOND)
+    mission.decide(5 * SECOND - SECOND // 5, failed)
+    mission.decide(5 * SECOND, failed._replace(held=held))
+    again = [mission.decide(k * SECOND, failed) for k in (9, 10)][-1]
+    assert "driving out of the zone 'rug'" in first.reason
+    assert again.goal == first.goal
+
+
 def test_an_exit_that_cannot_be_driven_to_is_not_tried_again_and_again() -> None:
     mission, _ = under_way()
     grid = zoned(box(-0.6, -1.0, 0.9, 1.0))

@@ -27,12 +27,13 @@ from vsx_ros.exploration.decision import (
     SavedMission,
     Situation,
 )
+from vsx_ros.exploration.home import Home
 from vsx_ros.exploration.operator_claim import OperatorClaim
 from vsx_ros.exploration.recovery import Recovery, Trail
 from vsx_ros.exploration.start_drives import StartDrives
 from vsx_ros.exploration.utility import TravelCostsFrom
 from vsx_ros.exploration.view_selector import ViewSelector
-from vsx_ros.exploration.view_tour import BRAKE_NS, Home, ViewTour
+from vsx_ros.exploration.view_tour import BRAKE_NS, ViewTour
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.slam.state import TrackingState
 
@@ -170,7 +171,7 @@ class Mission:
             self._start_drives.interrupt(situation.navigation)
             self._after_pause = self.state
             since_ns = min(fact.since_ns for fact in (situation.held, situation.user_goal) if fact is not None)
-            self.view_selector.blacklist.withdraw(min(since_ns, now_ns) - _RACE_NS)
+            self._tour.withdraw(min(since_ns, now_ns) - _RACE_NS)
             self._tour.forget_drive()
         if self.state is not state:
             self._log.enter(now_ns, state, reason)

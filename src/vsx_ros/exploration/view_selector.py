@@ -116,6 +116,11 @@ class ViewSelector:
         """The way to this pose outside a zone could not be driven."""
         self._exits.add(now_ns, pose)
 
+    def withdraw(self, since_ns: int) -> None:
+        """Forget failures of goals and exits since then."""
+        self.blacklist.withdraw(since_ns)
+        self._exits.withdraw(since_ns)
+
     def expected_gain(self, view: View, grid: OccupancyGrid) -> ExpectedGain:
         """What the view should show."""
         return ExpectedGain(view.pose, grid, self._radius_m, pose_rows(self.looked_from), self._config)
@@ -156,11 +161,10 @@ class GoalBlacklist:
             self._failed_here.append(pose)
         return seconds
 
-    def withdraw(self, since_ns: int) -> int:
-        """Forget failures since then: they were nobody's fault; returns their number."""
-        kept = [failure for failure in self._failures if failure.at_ns < since_ns]
-        withdrawn, self._failures, self._failed_here = len(self._failures) - len(kept), kept, []
-        return withdrawn
+    def withdraw(self, since_ns: int) -> None:
+        """Forget failures since then: they were nobody's fault."""
+        self._failures = [failure for failure in self._failures if failure.at_ns < since_ns]
+        self._failed_here = []
 
     def near(self, now_ns: int, poses: FloatArray) -> BoolArray:
         """(N,) which of the poses (N, 3) are blacklisted now."""

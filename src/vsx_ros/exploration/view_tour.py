@@ -3,6 +3,7 @@ and home on request."""
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import SECOND_NS, Action, Decision, MissionLog, NavigationState, Outcome, Situation
+from vsx_ros.exploration.home import Home
 from vsx_ros.exploration.recovery import SPOT_TURN, Trail, escape_arc
 from vsx_ros.exploration.utility import Rejection, View
 from vsx_ros.exploration.view_selector import ExpectedGain, ViewSelector
@@ -14,40 +15,7 @@ _EMPTY_WAIT_NS = 2 * SECOND_NS  # no view: the mapper may still be making the ma
 _SETTLE_NS, BRAKE_NS = SECOND_NS, SECOND_NS // 2  # wait for the map after a failed goal; for the base to stand
 _HOME_AGAIN_NS = 5 * SECOND_NS  # between tries to get home
 _MOST_BLOCKED = 30  # failed steps away from a hazard
-_MOST_TRIES = 5  # to get home; then the run ends where the robot is
 _AHEAD_M, _AHEAD_RAD = 0.2, 0.3  # braking from there at full speed ends at the view; the camera sees what it shows
-
-
-class Home:
-    """Where the exploration began, and the tries to get back, which may fail; call ``observe`` with every situation.
-    pose: T_map_base; None until the camera knows the map. asked: whether to go there."""
-
-    def __init__(self) -> None:
-        self.pose: SE2 | None = None
-        self.asked = False
-        self._begun: tuple[int, SE2] | None = None
-        self._tries = 0
-        self._why = ""
-
-    def observe(self, situation: Situation) -> None:
-        """Odometry gives the motion from the start of the exploration, or of the odometry's epoch, to the place where
-        the camera first knows the map."""
-        if self.pose is not None or situation.T_odom_base is None:
-            return
-        if self._begun is None or self._begun[0] != situation.odom_epoch:
-            self._begun = situation.odom_epoch, situation.T_odom_base
-        if situation.slam_state.tracked and situation.T_map_base is not None:
-            self.pose = situation.T_map_base @ situation.T_odom_base.inverse() @ self._begun[1]
-
-    def failed(self, reason: str) -> str:
-        """Count a failed drive home; returns words with the number of tries and this reason."""
-        self._tries, self._why = self._tries + 1, reason
-        return f"home was not reached, try {self._tries} of {_MOST_TRIES}: {reason}"
-
-    @property
-    def out_of_reach(self) -> str:
-        """Why not to try again; empty while tries are left."""
-        return f"home was not reached in {_MOST_TRIES} tries: {self._why}" if self._tries >= _MOST_TRIES else ""
 
 
 class ViewTour:
@@ -115,7 +83,7 @@ class ViewTour:
     def goal_failed(self, now_ns: int, reason: str) -> None:
         """The present goal, if there is one, has failed."""
         if self._goal is not None and self._home.asked:
-            self._log.note(now_ns, self._home.failed(reason))
+            self._log.note(now_ns, self._home.failed(now_ns, reason))
         elif self._goal is not None:
             seconds = self._view_selector.blacklist.add(now_ns, self._goal.pose)
             self._log.note(now_ns, f"goal blacklisted for {seconds:.0f} s: {reason}")
@@ -123,6 +91,11 @@ class ViewTour:
             self._view_selector.exit_failed(now_ns, self._exit)
             self._log.note(now_ns, f"still in the zone {self._leaving!r}: {reason}")
         self.forget_drive()
+
+    def withdraw(self, since_ns: int) -> None:
+        """Forget what failed since then: views, exits of zones and tries to get home."""
+        self._view_selector.withdraw(since_ns)
+        self._home.withdraw(since_ns)
 
     def _supervise(self, now_ns: int, situation: Situation) -> Decision:
         if situation.hazard and not self.backing_off:
