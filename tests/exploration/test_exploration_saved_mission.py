@@ -56,6 +56,12 @@ def test_a_damaged_memory_is_told(blacklist: list[object]) -> None:
         SavedMission.of({**SAVED.tree(), "blacklist": blacklist}, PATH)
 
 
+@pytest.mark.parametrize("failed", [(-5.0, 1), (float("nan"), 1), (float("inf"), 1), (1e12, 1), (9.0, 0), (9.0, 10**7)])
+def test_a_failed_goal_that_no_run_could_remember_is_told(failed: tuple[float, int]) -> None:
+    with pytest.raises(InputError, match="runs/lab/resume holds no memory of a mission .*; start a new run"):
+        SavedMission.of({**SAVED.tree(), "blacklist": [[1.0, 2.0, 0.0, *failed]]}, PATH)
+
+
 @pytest.mark.parametrize("name", ["elapsed_s", "driven_m"])
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), 1e12, "long", None, [1.0]])
 def test_a_time_or_way_of_no_run_is_told(name: str, value: object) -> None:

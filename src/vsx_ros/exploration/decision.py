@@ -160,6 +160,7 @@ class MissionLog:
 
 
 _MOST = 1e9  # seconds or metres of a run
+_MOST_TIMES = 1_000_000  # that one goal fails in a run
 
 
 OPERATOR, DOCK = "the operator", "the dock"  # who pauses a mission
@@ -222,7 +223,9 @@ class SavedMission(NamedTuple):
 
 def _failure(row: Any) -> tuple[SE2, float, int]:
     *pose, seconds, times = row if len(row) == 5 else [*row, 1]  # older versions kept four, without the count
-    return _pose(pose), float(seconds), int(times)
+    if not 1 <= int(times) <= _MOST_TIMES:
+        raise ValueError(f"{times} is no number of failures")
+    return _pose(pose), _amount(seconds), int(times)
 
 
 def _amount(value: Any) -> float:
