@@ -30,8 +30,9 @@ from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels import kernel
+from vsx_ros.occupancy.driven_ground import DriveHistory
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
-from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
+from vsx_ros.occupancy.ground_map import GroundMap
 from vsx_ros.planning.corridor import Visibility
 from vsx_ros.planning.path import Refusal, Trajectory
 from vsx_ros.planning.planner import Planner

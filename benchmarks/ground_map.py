@@ -36,7 +36,8 @@ from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy.ground_map import Surfaces
-from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
+from vsx_ros.occupancy.driven_ground import DriveHistory
+from vsx_ros.occupancy.ground_map import GroundMap
 from vsx_ros.robot import STOP
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig

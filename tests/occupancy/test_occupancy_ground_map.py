@@ -8,8 +8,9 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.driven_ground import DriveHistory
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
-from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
+from vsx_ros.occupancy.ground_map import GroundMap
 from vsx_ros.occupancy.unknown_ground import gaps
 
 MOUNT = mount_pose(-0.09, 0.0, 0.31, 0.0)

@@ -17,8 +17,9 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy.ground_map import Surfaces
+from vsx_ros.occupancy.driven_ground import DriveHistory
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
+from vsx_ros.occupancy.ground_map import GroundMap
 from vsx_ros.slam.snapshot import MapSnapshot
 
 _ALL_CELLS = 10**9

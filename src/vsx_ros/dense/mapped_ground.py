@@ -27,8 +27,9 @@ from vsx_ros.occupancy.anchored_poses import (
     AnchoredPoses,
     SuspectedObstacles,
 )
+from vsx_ros.occupancy.driven_ground import DriveHistory
 from vsx_ros.occupancy.grid import MAX_EXTENT_M, OccupancyGrid
-from vsx_ros.occupancy.ground_map import DriveHistory, GroundMap
+from vsx_ros.occupancy.ground_map import GroundMap
 from vsx_ros.occupancy.zoned_grid import with_zones
 from vsx_ros.occupancy.zones import AnchoredZones, Zone
 from vsx_ros.slam.snapshot import MapSnapshot
@@ -171,7 +172,7 @@ class MappedGround:
                 raise ValueError(f"it starts at {self.start}")
             self._trail.restore(state["trail"])
             self._bumps.restore(state["bumps"])
-            self._docked.restore(state.get("dock", np.zeros((0, 7))))  # sessions of older versions had none
+            self._docked.restore(state.get("dock", np.zeros((0, 8))))  # sessions of older versions had none
             self.zones.restore(state)
         except InputError:
             raise
@@ -207,12 +208,14 @@ class MappedGround:
         if dock is not None:  # the dock is touched on purpose
             bumps = [bump for bump in bumps if bump.distance_to(dock) > _AT_DOCK_M]
         touched, rays = bumps + self._suspected.poses(self._now_ns, *keyframes), snapshot.rays
+        trail = self.trail(snapshot)
+        passed = np.searchsorted(rays.ids, self._trail.newest, side="right") - 1
         return self._ground_map.build(
             rays.T_world_cams,
             snapshot.points_world,
             rays.keyframe,
             rays.point,
-            DriveHistory(self.trail(snapshot), touched, self.start),
+            DriveHistory(trail, touched, self.start, passed),
             surfaces=self.dense.surfaces(snapshot) if self.dense is not None and with_surfaces else None,
             obs_level=rays.level,
         )

@@ -30,13 +30,14 @@ it may have come around the obstacle."""
 
 class AnchoredPoses:
     """Poses on the floor, each tied to a keyframe. If that is removed, the pose is tied to the one that was nearest.
-    added: how many were ever added."""
+    added: how many were ever added. newest (N,): id of the newest keyframe when the base was last at each pose; NEAREST
+    until the next ``poses``."""
 
     def __init__(self, spacing_m: float, spacing_rad: float = math.inf) -> None:
         """A pose closer than this to the one before, in both position [m] and heading [rad], is left out."""
         self._spacing_m, self._spacing_rad, self.added = spacing_m, spacing_rad, 0
         self._world, self._relative = np.zeros((0, 3)), np.zeros((0, 3))
-        self._anchor = np.zeros(0, np.int64)
+        self._anchor, self.newest = np.zeros(0, np.int64), np.zeros(0, np.int64)
         # The keyframes' ids and headings in the last call of ``poses``.
         self._last: tuple[IntArray, FloatArray] = np.zeros(0, np.int64), np.zeros((0, 3))
 
@@ -49,10 +50,12 @@ class AnchoredPoses:
         if len(self._world):
             last = SE2(*self._world[-1].tolist())
             if last.distance_to(pose) <= self._spacing_m and abs(last.angle_to(pose)) <= self._spacing_rad:
+                self.newest[-1] = NEAREST
                 return
         self._world = np.vstack([self._world, pose.as_array()])
         self._relative = np.vstack([self._relative, np.zeros(3)])
         self._anchor = np.append(self._anchor, NEAREST - 1 - beside)
+        self.newest = np.append(self.newest, NEAREST)
         self.added += 1
         if (old := len(self._world) - 1 - _WHOLE) >= 0 and math.isinf(self._spacing_rad):  # else headings count
             away = np.linalg.norm(self._world[:, :2] - self._world[old, :2], axis=1)
@@ -67,20 +70,22 @@ class AnchoredPoses:
         """Keep only these of the ``last_poses``."""
         chosen = np.asarray(which, bool)
         self._world, self._relative, self._anchor = self._world[chosen], self._relative[chosen], self._anchor[chosen]
+        self.newest = self.newest[chosen]
 
     def state(self) -> FloatArray:
-        """(N, 7) for ``restore``: pose in the world, pose relative to its keyframe, id of the keyframe."""
-        return np.hstack([self._world, self._relative, self._anchor[:, None]])
+        """(N, 8) for ``restore``: pose in the world, pose relative to its keyframe, id of the keyframe, ``newest``."""
+        return np.column_stack([self._world, self._relative, self._anchor, self.newest])
 
     def restore(self, state: FloatArray) -> None:
-        """Continue from a ``state``. Raises InputError for anything else."""
-        if state.ndim != 2 or state.shape[1] != 7 or not (np.abs(state) <= MAX_EXTENT_M).all():
+        """Continue from a ``state``; those of older versions were (N, 7). Raises InputError for anything else."""
+        if state.ndim != 2 or state.shape[1] not in (7, 8) or not (np.abs(state) <= MAX_EXTENT_M).all():
             raise InputError(
-                f"poses to go on with must be of shape (N, 7), not {state.shape}, within {MAX_EXTENT_M:g} m; "
+                f"poses to go on with must be of shape (N, 8), not {state.shape}, within {MAX_EXTENT_M:g} m; "
                 "start a new run"
             )
         self._world, self._relative = state[:, :3].astype(float), state[:, 3:6].astype(float)
         self._anchor, self.added = state[:, 6].astype(np.int64), len(state)
+        self.newest = state[:, 7].astype(np.int64) if state.shape[1] == 8 else np.full(len(state), NEAREST)
 
     def settle(self) -> None:
         """Tie poses that are tied to no keyframe yet to those of the last ``poses``: they are in that map, and the next
@@ -104,6 +109,7 @@ class AnchoredPoses:
         tied = ids[at] == self._anchor
         self._world[tied] = _composed(cameras[at[tied]], self._relative[tied])
         self._tie(~tied, ids, cameras)
+        self.newest[self.newest == NEAREST] = ids[-1]
         self._last = ids, cameras
 
     def _tie(self, which: BoolArray, ids: IntArray, cameras: FloatArray) -> None:

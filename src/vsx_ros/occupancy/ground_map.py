@@ -1,9 +1,8 @@
 """The 2-D map of the floor, from the SLAM's points, the driven trail and the bumper (paper 5.2)."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,12 +11,12 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, Indices, Int32Array, Points2, Points3
 from vsx_ros.config import GroundMapConfig, RobotConfig
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy import ground_cells
 from vsx_ros.kernels.occupancy.ground_cells import Counts, Lattice
 from vsx_ros.kernels.occupancy.ground_map import PolarScans, Surfaces
 from vsx_ros.occupancy.certainty import Evidence, obstacle_probability
+from vsx_ros.occupancy.driven_ground import DriveHistory
 from vsx_ros.occupancy.grid import FREE, MAX_EXTENT_M, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import MIN_SURE_VOTES, gaps, rims, walls
 from vsx_ros.occupancy.virtual_scan import meet, virtual_scans
@@ -36,17 +35,6 @@ _WALL_SHARE = 0.5  # least part of a wall with gaps that must have been seen
 _MIN_SPOTS = 6  # of surface in a cell and its neighbours; a cell of the dense map has four
 _SEEN_THROUGH = 0.25  # free votes per surface vote; more remove a surface
 _MAX_SURFACE_SIGMA_M = 0.05  # a cell; less certain surfaces would be in the wrong one
-_BUMP_ARC_RAD = 1.0  # to each side: the bumper does not show more exactly where it was hit
-_BUMP_AHEAD_M = 0.05  # of the body: a cell
-
-
-class DriveHistory(NamedTuple):
-    """The base's history. trail: driven poses, free as wide as the robot. bumps: poses where a bumper was pressed; an
-    arc in front of each stays occupied. start: the operator promised ``start_clear_m`` of free floor in front of it."""
-
-    trail: Sequence[SE2] = ()
-    bumps: Sequence[SE2] = ()
-    start: SE2 | None = None
 
 
 class GroundMap:
@@ -59,9 +47,10 @@ class GroundMap:
         self, T_world_cams: Sequence[SE3], points_world: Points3, obs_keyframe: Indices, obs_point: Indices,
         driven: DriveHistory | None = None, surfaces: Surfaces | None = None, obs_level: Indices | None = None,
     ) -> OccupancyGrid:  # fmt: skip
-        """The grid. Evidence of an obstacle beats evidence of free space. Unseen cells stay unknown, except gaps in
-        walls and in the free ground (``unknown_ground.py``). The probabilities follow from the evidence
-        (``certainty.py``) and change no cell.
+        """The grid. Evidence of an obstacle beats evidence of free space; that the base has driven through a cell beats
+        both, but not what keyframes see there later. Unseen cells stay unknown, except gaps in walls and in the free
+        ground (``unknown_ground.py``). The probabilities follow from the evidence (``certainty.py``) and change no
+        cell.
 
         T_world_cams: K keyframes. points_world: (M, 3). obs_keyframe, obs_point: (O,) which keyframe saw which point.
         driven: where the base was, nowhere if None. surfaces: solid spots besides the points; the floor in front of
@@ -69,7 +58,7 @@ class GroundMap:
         the free space but show no obstacle.
         Raises InputError when an observation or a surface names a keyframe or point that does not exist, or the map
         would be larger than any building."""
-        trail, bumps, start = driven or DriveHistory()
+        driven = driven or DriveHistory()
         self._check(len(T_world_cams), points_world, obs_keyframe, obs_point, obs_level)
         points = writable(points_world, np.float64).reshape(-1, 3)
         keyframe, point = writable(obs_keyframe, np.int32), writable(obs_point, np.int32)
@@ -79,16 +68,22 @@ class GroundMap:
         if obs_level is not None:
             scans.hit[obs_level >= _COARSE_LEVEL] = 0.0
             scans.over[obs_level >= _COARSE_LEVEL] = 0.0
-        arcs = self._bump_cells(bumps)
+        arcs = driven.bump_points(self._robot.radius_m, self._config.resolution_m)
         reached = ground_cells.scan_corners(scans, points, point) if len(T_world_cams) else np.zeros((0, 2))
-        extent = np.vstack([reached, outline, self._passed(trail, start), arcs])
+        extent = np.vstack([reached, outline, driven.places(self._config.start_clear_m), arcs])
         lattice = self._lattice(extent)
         free_votes = ground_cells.count_free(scans, lattice)
         hits, over = self._hits(scans, points, point, lattice)
         every = np.arange(len(touched), dtype=np.int32)
         solid = ground_cells.count_hits(spots.points, every, touched.astype(np.float32), 1, lattice)
         occupied = self._occupied(hits, over, free_votes) | _solid(solid, free_votes)
-        known = self._known(trail, start, occupied, lattice)
+        passed = driven.last_pass(len(T_world_cams), self._robot.radius_m, lattice)
+        later = _later(scans, points, keyframe, point, passed, lattice)
+        put_there = np.zeros_like(occupied)
+        if later.hit.any():  # rarely
+            put_there = occupied & self._occupied(*self._hits(later, points, point, lattice), free_votes)
+        promised = driven.promised(self._config.start_clear_m, self._robot.radius_m, lattice)
+        known = ((passed >= 0) & ~put_there) | (promised & ~occupied)
         data = self._judged(free_votes, occupied, known, lattice)
         grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
         data[tuple(grid.cells(arcs).T)] = OCCUPIED
@@ -107,7 +102,7 @@ class GroundMap:
     def _judged(
         self, free_votes: Int32Array, occupied: BoolArray, known: BoolArray, lattice: Lattice
     ) -> NDArray[np.int8]:
-        """The value of each cell by the evidence. known: driven or promised cells, which are always free."""
+        """The value of each cell by the evidence. known: driven or promised cells, which are free."""
         data = np.full((lattice.rows, lattice.columns), UNKNOWN, np.int8)
         data[(free_votes >= _MIN_FREE_VOTES) | known] = FREE
         data[occupied] = OCCUPIED
@@ -130,12 +125,6 @@ class GroundMap:
             raise InputError("observations must name a keyframe and a point each, and points must be finite")
         if obs_level is not None and len(obs_level) != len(obs_point):
             raise InputError(f"{len(obs_level)} levels for {len(obs_point)} observations; give one each, or None")
-
-    def _passed(self, trail: Sequence[SE2], start: SE2 | None) -> Points2:
-        """(N, 2) driven and promised points [m], which the grid must cover."""
-        ahead = [(start @ np.array([[self._config.start_clear_m, 0.0]]))[0]] if start else []
-        poses = [(pose.x, pose.y) for pose in (*trail, *([start] if start else []))]
-        return np.array([*poses, *ahead]).reshape(-1, 2)
 
     def _occupied(self, hits: Counts, over: Counts, free_votes: Int32Array) -> BoolArray:
         """Cells with enough observations of obstacle points, except those that too many keyframes look through."""
@@ -174,36 +163,6 @@ class GroundMap:
         places = points[touched, :2]
         return spots, touched, np.array([places.min(axis=0), places.max(axis=0)]) if len(places) else places
 
-    def _start_strip(self, start: SE2, lattice: Lattice) -> BoolArray:
-        """The promised floor: from behind the robot to ``start_clear_m`` in front, a little wider than the robot."""
-        x, y = lattice.centres()
-        half_width = self._robot.radius_m + 2 * lattice.resolution
-        reach = max(half_width, self._config.start_clear_m) + half_width
-        columns, rows = np.abs(x[0] - start.x) <= reach, np.abs(y[:, 0] - start.y) <= reach
-        x, y = x[:, columns], y[rows]
-        c, s = math.cos(start.theta), math.sin(start.theta)
-        forward = c * (x - start.x) + s * (y - start.y)
-        left = -s * (x - start.x) + c * (y - start.y)
-        strip = np.zeros((lattice.rows, lattice.columns), bool)
-        strip[np.ix_(rows, columns)] = (
-            (np.abs(left) <= half_width) & (forward >= -half_width) & (forward <= self._config.start_clear_m)
-        )
-        return strip
-
-    def _known(self, trail: Sequence[SE2], start: SE2 | None, occupied: BoolArray, lattice: Lattice) -> BoolArray:
-        """Cells whose centre the robot's body has covered, and the promised floor without its obstacles."""
-        places = np.array([(pose.x, pose.y) for pose in trail]).reshape(-1, 2)
-        covered = ground_cells.cover_discs(places, self._robot.radius_m, lattice)
-        return covered if start is None else covered | (self._start_strip(start, lattice) & ~occupied)
-
-    def _bump_cells(self, bumps: Sequence[SE2]) -> Points2:
-        """(N, 2) points of the arcs just in front of the bumper [m]."""
-        radius = self._robot.radius_m + _BUMP_AHEAD_M
-        n = 2 * math.ceil(2 * _BUMP_ARC_RAD * radius / self._config.resolution_m)
-        angles = np.linspace(-_BUMP_ARC_RAD, _BUMP_ARC_RAD, n)
-        arc = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        return np.vstack([np.zeros((0, 2)), *(pose @ arc for pose in bumps)])
-
 
 def writable(array: Any, dtype: Any) -> NDArray[Any]:
     """The array as a kernel takes it; a copy if it is read-only, which is another type for the compiler."""
@@ -214,6 +173,16 @@ def _check_names(words: str, indices: Indices, count: int) -> None:
     """Raise InputError for an index that is not in 0..count - 1."""
     if len(indices) and not 0 <= int(np.min(indices)) <= int(np.max(indices)) < count:
         raise InputError(f"{words} {int(np.max(indices))} of {count}; all that is given must come from one snapshot")
+
+
+def _later(
+    scans: PolarScans, points: Points3, keyframe: Int32Array, point: Int32Array, passed: Int32Array, lattice: Lattice
+) -> PolarScans:
+    """The scans with those hits alone that are on driven ground or beside it, and newer than the last pass of the base
+    there. What stands at the edge of the way was there before."""
+    beside = cv2.dilate(passed.astype(np.float64), np.ones((3, 3), np.uint8)).astype(np.int32)
+    newer = ground_cells.newer_than(points, keyframe, point, beside, lattice)
+    return scans._replace(hit=scans.hit * newer, over=scans.over * newer)
 
 
 def _solid(spots: Counts, free_votes: Int32Array) -> BoolArray:

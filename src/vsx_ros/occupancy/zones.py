@@ -186,10 +186,10 @@ class AnchoredZones:
         return tuple(moved)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """For ``restore``: corners (N, 7) as of ``AnchoredPoses.state``, and what the zones are, as JSON (uint8)."""
+        """For ``restore``: corners (N, 8) as of ``AnchoredPoses.state``, and what the zones are, as JSON (uint8)."""
         corners = [corners.state() for _, corners in self._zones]
         told = json.dumps([zone.tree() for zone, _ in self._zones]).encode()
-        rows = np.vstack(corners) if corners else np.zeros((0, 7))
+        rows = np.vstack(corners) if corners else np.zeros((0, 8))
         return {"zone_corners": rows, "zones": np.frombuffer(told, np.uint8)}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:

@@ -94,10 +94,11 @@ def height_range(
 
 
 @kernel
-def cover_discs(poses: FloatArray, radius: float, lattice: Lattice) -> BoolArray:
-    """(rows, columns) whether the middle of a cell lies within radius [m] of one of the poses (N, 2)."""
+def cover_discs(poses: FloatArray, keyframe: IntArray, radius: float, lattice: Lattice) -> Int32Array:
+    """(rows, columns) the greatest keyframe (N,) of the poses (N, 2) within radius [m] of the middle of a cell; -1
+    where there is none."""
     rows, columns, resolution, origin_x, origin_y = lattice
-    covered = np.zeros((rows, columns), np.bool_)
+    covered = np.full((rows, columns), -1, np.int32)
     reach = int(radius / resolution) + 2
     for i in range(poses.shape[0]):
         x, y = poses[i, 0] - origin_x, poses[i, 1] - origin_y
@@ -107,8 +108,23 @@ def cover_discs(poses: FloatArray, radius: float, lattice: Lattice) -> BoolArray
             for c in range(max(0, column - reach), min(columns, column + reach + 1)):
                 dx = (c + 0.5) * resolution - x
                 if dx * dx + dy * dy <= radius * radius:
-                    covered[r, c] = True
+                    covered[r, c] = max(covered[r, c], keyframe[i])
     return covered
+
+
+@kernel
+def newer_than(
+    points: FloatArray, obs_keyframe: Int32Array, obs_point: Int32Array, keyframe: Int32Array, lattice: Lattice
+) -> BoolArray:
+    """(O,) whether each observation of points (M, 3) is by a later keyframe than that of its point's cell in keyframe
+    (rows, columns); False where that is negative."""
+    newer = np.zeros(obs_point.shape[0], np.bool_)
+    for o in range(obs_point.shape[0]):
+        column = math.floor((points[obs_point[o], 0] - lattice.origin_x) / lattice.resolution)
+        row = math.floor((points[obs_point[o], 1] - lattice.origin_y) / lattice.resolution)
+        if 0 <= row < lattice.rows and 0 <= column < lattice.columns:
+            newer[o] = 0 <= keyframe[row, column] < obs_keyframe[o]
+    return newer
 
 
 @kernel
