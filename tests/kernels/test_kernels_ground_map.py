@@ -17,13 +17,14 @@ NONE = np.zeros(0, np.float32)
 
 
 def scans_of(positions, headings, free):
-    return kernels.PolarScans(positions, headings, free, free, NONE, NONE)
+    return kernels.PolarScans(positions, headings, free, np.zeros_like(free), free, NONE, NONE)
 
 
-@pytest.fixture
-def scene():
+@pytest.fixture(params=[0.31, 0.8])
+def scene(request):
+    """The camera below, and above, the greatest height at which a ray proves the floor free."""
     rng = np.random.default_rng(4)
-    positions = np.column_stack([rng.uniform(-1, 1, (6, 2)), np.full(6, 0.31)])
+    positions = np.column_stack([rng.uniform(-1, 1, (6, 2)), np.full(6, request.param)])
     points = np.column_stack([rng.uniform(-4, 4, (80, 2)), rng.uniform(-0.2, 1.2, 80)])
     keyframe, point = (a.ravel().astype(np.int32) for a in np.meshgrid(np.arange(6), np.arange(80), indexing="ij"))
     keep = rng.uniform(size=len(point)) < 0.5
@@ -42,7 +43,7 @@ def test_parallax_is_the_angle_to_the_first_ray(scene):
 
 def slow_scans(positions, yaws, points, parallax, keyframe, point):
     free, hit, over = np.zeros((len(positions), BINS)), np.zeros(len(point)), np.zeros(len(point))
-    nearest = np.full(free.shape, np.inf)
+    nearest, begin = np.full(free.shape, np.inf), np.where(positions[:, 2:] > 0.45, np.inf, np.zeros(free.shape))
     for o, (k, p) in enumerate(zip(keyframe, point)):
         d = points[p, :2] - positions[k, :2]
         z, camera_z, distance = points[p, 2], positions[k, 2], math.hypot(*d)
@@ -59,10 +60,17 @@ def slow_scans(positions, yaws, points, parallax, keyframe, point):
             hit[o] = distance if distance <= 4.5 else 0.0
         elif 0.60 < z <= 1.0 and error <= 0.10:
             over[o] = distance if distance <= 4.5 else 0.0
-        if z > 0.45:
+        low_from = 0.0
+        if camera_z > 0.45:
+            low_from, end = (
+                (distance * (camera_z - 0.45) / (camera_z - z), end) if z < 0.45 else (np.inf, min(end, 0.0))
+            )
+        elif z > 0.45:
             end = min(end, distance * (0.45 - camera_z) / (z - camera_z))
+        if end > low_from:
+            begin[k, b] = min(begin[k, b], low_from)
         free[k, b] = max(free[k, b], min(end, 4.5))
-    return np.maximum(np.minimum(free, nearest), 0), hit, over
+    return np.maximum(np.minimum(free, nearest), 0), begin, hit, over
 
 
 def test_scans_agree_with_the_slow_twin(scene):
@@ -70,9 +78,10 @@ def test_scans_agree_with_the_slow_twin(scene):
     parallax = kernels.point_parallax(positions, points, keyframe, point)
     headings = np.column_stack([np.cos(yaws), np.sin(yaws)])
     scans = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, BINS, HEIGHTS, RANGES)
-    _, _, free, _, hit, over = scans
-    slow_free, slow_hit, slow_over = slow_scans(positions, yaws, points, parallax, keyframe, point)
+    _, _, free, begin, _, hit, over = scans
+    slow_free, slow_begin, slow_hit, slow_over = slow_scans(positions, yaws, points, parallax, keyframe, point)
     assert np.allclose(free, slow_free, atol=1e-6)
+    assert np.allclose(begin, slow_begin, atol=1e-6)
     assert np.allclose(hit, slow_hit, atol=1e-6)
     assert np.allclose(over, slow_over, atol=1e-6)
     assert (over > 0).any()
@@ -121,11 +130,14 @@ def test_gaps_are_bridged_only_while_they_are_narrow():
     free = np.zeros((1, 360))
     free[0, [0, 3, 10, 30, 359]] = [2.0, 1.0, 3.0, 3.0, 0.5]
     bridged, narrow = free.copy(), free.copy()
-    kernels.bridge_gaps(bridged, 8, 0.15)
+    begin = np.zeros_like(free)
+    begin[0, [0, 3]] = 0.4, 0.9
+    kernels.bridge_gaps(bridged, begin, 8, 0.15)
+    assert np.allclose(begin[0, :4], [0.4, 0.9, 0.9, 0.9])
     assert np.allclose(bridged[0, 1:3], 1.0)
     assert np.allclose(bridged[0, 4:10], 1.0)
     assert not bridged[0, 11:30].any()
-    kernels.bridge_gaps(narrow, 8, 0.04)
+    kernels.bridge_gaps(narrow, np.zeros_like(narrow), 8, 0.04)
     assert np.allclose(narrow[0, 1:3], 0.04 / math.radians(3))
     assert np.array_equal(narrow[0, [0, 3, 10]], free[0, [0, 3, 10]])
 

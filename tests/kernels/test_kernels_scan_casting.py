@@ -12,7 +12,9 @@ N_BEARINGS = 120
 
 
 def scans_of(positions, headings, free, hit=None):
-    return PolarScans(positions, headings, free, free, *[np.zeros(0, np.float32) if hit is None else hit] * 2)
+    return PolarScans(
+        positions, headings, free, np.zeros_like(free), free, *[np.zeros(0, np.float32) if hit is None else hit] * 2
+    )
 
 
 def middles(rows, columns, resolution, origin):

@@ -40,22 +40,28 @@ def virtual_scans(
     heights = (
         config.obstacle_min_height_m,
         config.obstacle_max_height_m,
-        min(config.clear_max_height_m, config.obstacle_max_height_m),
+        _clear_max_m(config),
         max(_TOP_M, config.obstacle_max_height_m),
         _FLOOR_GROWTH,
     )
     ranges = config.max_range_m, _PIXEL_NOISE_RAD, _MAX_HIT_ERROR_M, 0.5 * config.resolution_m, _CAUTION
     parallax = kernels.point_parallax(positions, points, keyframe, point)
     scans = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, N_BEARINGS, heights, ranges)
-    kernels.bridge_gaps(scans.free, _MAX_GAP_BINS, _MAX_GAP_M)
+    kernels.bridge_gaps(scans.free, scans.begin, _MAX_GAP_BINS, _MAX_GAP_M)
     return scans
 
 
 def meet(scans: PolarScans, surfaces: Surfaces, touched: BoolArray, config: GroundMapConfig) -> None:
     """End each scan, in place, in front of the touched (N,) surface spots that its own keyframe sees. A keyframe that
     sees the foot of a surface also sees the floor in front of it (the virtual laser of paper 5.2)."""
-    shape, reaches = (0.5 * config.resolution_m, _CAUTION, config.resolution_m), (FOOT_M, config.max_range_m)
+    shape = 0.5 * config.resolution_m, _CAUTION, config.resolution_m
+    reaches = FOOT_M, config.max_range_m, _clear_max_m(config)
     kernels.meet_surfaces(scans, surfaces, touched, shape, reaches)
+
+
+def _clear_max_m(config: GroundMapConfig) -> float:
+    """The greatest height [m] at which a ray would have met an obstacle."""
+    return min(config.clear_max_height_m, config.obstacle_max_height_m)
 
 
 def laser_scan(grid: OccupancyGrid, pose: SE2, n_bearings: int, max_range_m: float) -> FloatArray:

@@ -171,8 +171,8 @@ def count_free(scans: PolarScans, lattice: Lattice) -> Int32Array:
     """(rows, columns) int32: how many keyframes' scans pass through each cell.
 
     Near the camera rays are denser than cells. There one ray serves two or four bins, as far as all of them are free;
-    the number of bins is a multiple of four."""
-    positions, headings, free = scans.positions, scans.headings, scans.free
+    the number of bins is a multiple of four. Rays that begin farther off serve one bin each."""
+    positions, headings, free, begin = scans.positions, scans.headings, scans.free, scans.begin
     rows, columns, resolution, origin_x, origin_y = lattice
     # Lower half of each word: the count; upper half: the keyframe that counted last.
     votes = np.zeros((rows, columns), np.int64)
@@ -186,6 +186,11 @@ def count_free(scans: PolarScans, lattice: Lattice) -> Int32Array:
         for b in range(0, n, 4):
             pairs = min(free[k, b], free[k, b + 1]), min(free[k, b + 2], free[k, b + 3])
             if free[k, b] <= 0.0 and free[k, b + 1] <= 0.0 and free[k, b + 2] <= 0.0 and free[k, b + 3] <= 0.0:
+                continue
+            if begin[k, b] > 0.0 or begin[k, b + 1] > 0.0 or begin[k, b + 2] > 0.0 or begin[k, b + 3] > 0.0:
+                for j in range(b, b + 4):
+                    at_first, at_last = begin[k, j] / resolution, free[k, j] / resolution
+                    cast(votes, k + 1, frame, table[2 * j + 1], at_first, at_last, np.inf)
                 continue
             shared = cast(
                 votes, k + 1, frame, table[2 * b + 4], 0.0, min(pairs[0], pairs[1]) / resolution, 0.5 * pair_until

@@ -16,7 +16,8 @@ class PolarScans(NamedTuple):
 
     positions: (K, 3) camera centres, world [m]. headings: (K, 2) cosine and sine of the headings of the optical axes.
     Bearings count from these, counter-clockwise, in B equal bins around the circle.
-    free: (K, B), passable up to this distance [m], 0 where unknown.
+    free: (K, B), passable up to this distance [m], 0 where unknown. begin: (K, B), and from this distance on [m]: rays
+    of a high camera come down to the height of obstacles only there.
     nearest: (K, B), limit of a ray by the first obstacle point [m], infinite where there is none.
     hit: (O,), horizontal distance [m] of the obstacle in each observation, 0 if it shows no obstacle; over: the same
     for points higher than an obstacle, which may stand on one."""
@@ -24,6 +25,7 @@ class PolarScans(NamedTuple):
     positions: Points3
     headings: Points2
     free: Float32Array
+    begin: Float32Array
     nearest: Float32Array
     hit: Float32Array
     over: Float32Array
@@ -87,6 +89,7 @@ def polar_scans(
     max_range, noise, max_error, half_width, caution = ranges
     n, bins_per_rad = n_bearings, n_bearings / (2.0 * math.pi)
     free = np.zeros((positions.shape[0], n), np.float32)
+    begin = first_begin(positions[:, 2], clear_max, n)
     nearest = np.full((positions.shape[0], n), np.inf, np.float32)
     hit, over = np.zeros(obs_point.shape[0], np.float32), np.zeros(obs_point.shape[0], np.float32)
     for o in range(obs_point.shape[0]):
@@ -109,31 +112,55 @@ def polar_scans(
         if z > clear_max:
             low_until = distance * max(0.0, clear_max - camera_z) / (z - camera_z) if z > camera_z else 0.0
             proven = min(proven, low_until)
+        low_from = low_begin(distance, z, camera_z, clear_max)
+        if proven > low_from:
+            begin[k, bearing] = min(begin[k, bearing], low_from)
         free[k, bearing] = max(free[k, bearing], min(proven, max_range))
     free = np.maximum(np.minimum(free, nearest), np.float32(0.0))
-    return PolarScans(positions=positions, headings=headings, free=free, nearest=nearest, hit=hit, over=over)
+    return PolarScans(
+        positions=positions, headings=headings, free=free, begin=begin, nearest=nearest, hit=hit, over=over
+    )
+
+
+@kernel
+def first_begin(camera_z: FloatArray, clear_max: float, n_bearings: int) -> Float32Array:
+    """(K, B) ``begin`` of scans without rays: infinite for cameras (K,) above clear_max [m], 0 for others."""
+    begin = np.zeros((camera_z.shape[0], n_bearings), np.float32)
+    for k in range(camera_z.shape[0]):
+        if camera_z[k] > clear_max:
+            begin[k] = np.inf
+    return begin
+
+
+@kernel
+def low_begin(distance: float, z: float, camera_z: float, clear_max: float) -> float:
+    """Horizontal distance [m] from which a ray to a point of height z [m] is at most clear_max [m] high; 0 for a ray
+    that begins there, infinite for one that stays above."""
+    if camera_z <= clear_max:
+        return 0.0
+    return distance * (camera_z - clear_max) / (camera_z - z) if z < clear_max else np.inf
 
 
 @kernel
 def meet_surfaces(
     scans: PolarScans, surfaces: Surfaces, touched: BoolArray, shape: tuple[float, float, float],
-    reaches: tuple[float, float],
+    reaches: tuple[float, float, float],
 ) -> None:  # fmt: skip
     """End scans, in place, at the touched (N,) spots of surface that their own keyframe sees.
 
     No ray goes farther; a ray to the foot of a surface is extended to it, unless something is nearer.
 
     shape: half a spot's width [m]; number of sigmas, and extra distance [m], by which a ray ends before it. reaches:
-    height up to which a spot is a foot, longest ray [m]."""
+    height up to which a spot is a foot, longest ray, height up to which a ray proves the floor free [m]."""
     free, nearest = scans.free, scans.nearest
     longest, n = reaches[1], scans.free.shape[1]
     until, to_foot = nearest.copy(), np.zeros(free.shape, np.bool_)
     for i in range(surfaces.points.shape[0]):
         if touched[i]:
-            _end_at(scans, surfaces, i, surfaces.keyframe[i], shape, reaches[0], until, to_foot)
+            _end_at(scans, surfaces, i, surfaces.keyframe[i], shape, reaches, until, to_foot)
     for s in range(surfaces.shown.shape[0]):
         if touched[surfaces.shown[s]]:
-            _end_at(scans, surfaces, surfaces.shown[s], surfaces.witness[s], shape, reaches[0], until, to_foot)
+            _end_at(scans, surfaces, surfaces.shown[s], surfaces.witness[s], shape, reaches, until, to_foot)
     for k in range(free.shape[0]):
         for b in range(n):
             if to_foot[k, b]:
@@ -143,10 +170,11 @@ def meet_surfaces(
 
 @kernel
 def _end_at(
-    scans: PolarScans, surfaces: Surfaces, i: int, k: int, shape: tuple[float, float, float], foot: float,
-    until: Float32Array, to_foot: BoolArray,
+    scans: PolarScans, surfaces: Surfaces, i: int, k: int, shape: tuple[float, float, float],
+    reaches: tuple[float, float, float], until: Float32Array, to_foot: BoolArray,
 ) -> None:  # fmt: skip
-    """End the rays of scan k at spot i: until (K, B), in place; to_foot (K, B): whether they end at a foot."""
+    """End the rays of scan k at spot i: until (K, B), in place; to_foot (K, B): whether they end at a foot. The scans'
+    ``begin`` is that of the rays to a foot, too."""
     half_width, caution, short = shape
     n = until.shape[1]
     dx, dy = surfaces.points[i, 0] - scans.positions[k, 0], surfaces.points[i, 1] - scans.positions[k, 1]
@@ -156,9 +184,11 @@ def _end_at(
     bearing = bearing_bin(scans.headings[k, 0], scans.headings[k, 1], dx, dy, n)
     reach = min(n // 2, int(half_width / distance * n / (2.0 * math.pi)))
     shorten(until, k, bearing, reach, max(0.0, distance - caution * surfaces.sigma_m[i] - short))
-    if surfaces.points[i, 2] <= foot:
+    if surfaces.points[i, 2] <= reaches[0]:
+        low_from = low_begin(distance, surfaces.points[i, 2], scans.positions[k, 2], reaches[2])
         for b in range(bearing - reach, bearing + reach + 1):
             to_foot[k, b % n] = True
+            scans.begin[k, b % n] = min(scans.begin[k, b % n], low_from)
 
 
 @kernel
@@ -190,8 +220,9 @@ def bearing_bin(c: float, s: float, dx: float, dy: float, n_bearings: int) -> in
 
 
 @kernel
-def bridge_gaps(free: Float32Array, max_gap: int, max_width: float) -> None:
-    """Fill the empty bins of free (K, B) between two filled ones with the smaller of the two, in place.
+def bridge_gaps(free: Float32Array, begin: Float32Array, max_gap: int, max_width: float) -> None:
+    """Fill the empty bins of free (K, B) between two filled ones with the smaller of the two, in place, and those of
+    begin (K, B) with the greater.
 
     Only where at most max_gap bins are empty, and only as far out as they are at most max_width [m] wide."""
     n = free.shape[1]
@@ -205,4 +236,5 @@ def bridge_gaps(free: Float32Array, max_gap: int, max_width: float) -> None:
                     reach = min(min(free[k, b], far), max_width / ((gap + 1) * 2.0 * math.pi / n))
                     for i in range(1, gap + 1):
                         free[k, (b + i) % n] = reach
+                        begin[k, (b + i) % n] = max(begin[k, b], begin[k, (b + gap + 1) % n])
                     break
