@@ -253,7 +253,7 @@ def test_a_robot_that_was_carried_in_the_air_trusts_the_map_no_more_until_it_kno
 def test_a_resumed_mission_goes_back_along_the_way_it_remembers_although_its_odometry_restarts():
     mission = mapping_mission()
     here = wheels_driven(mission, 2.0, SE2())
-    saved = mission.to_save(3 * SECOND, here)
+    saved = mission.to_save(3 * SECOND, here, 0)
     again = Mission(Config(), euclid)
     again.restore(4 * SECOND, saved, SE2())
     lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", odom_epoch=7)
@@ -263,7 +263,7 @@ def test_a_resumed_mission_goes_back_along_the_way_it_remembers_although_its_odo
 
 
 def test_a_resumed_mission_that_knows_neither_place_nor_way_looks_around_on_the_spot():
-    saved = mapping_mission().to_save(3 * SECOND, SE2())
+    saved = mapping_mission().to_save(3 * SECOND, SE2(), 0)
     again = Mission(Config(), euclid)
     again.restore(4 * SECOND, saved._replace(trail=[]), SE2())
     goals, pose = [], SE2(1.0, 2.0, 0.3)

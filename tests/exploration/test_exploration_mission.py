@@ -229,7 +229,7 @@ def test_pause_resume_stop_and_home():
     assert stopped.outcome is Outcome.STOPPED
     stopped.home(10 * SECOND)
     assert stopped.decide(10 * SECOND, situation()).reason == "stopped by the operator"
-    assert not stopped.to_save(10 * SECOND, SE2()).going_home
+    assert not stopped.to_save(10 * SECOND, SE2(), 0).going_home
 
 
 def test_on_the_way_to_a_view_it_turns_home_at_once_when_asked():
@@ -303,7 +303,9 @@ def test_home_is_where_the_exploration_began_although_the_wheels_counted_before(
     mission.decide(SECOND, tracked)
     mission.home(2 * SECOND)
     resumed = Mission(Config(), euclid)
-    resumed.restore(3 * SECOND, SavedMission.of(mission.to_save(2 * SECOND, here).tree(), Path("mission.json")), SE2())
+    resumed.restore(
+        3 * SECOND, SavedMission.of(mission.to_save(2 * SECOND, here, 0).tree(), Path("mission.json")), SE2()
+    )
     elsewhere = situation(T_map_base=SE2(0.3, 0.2, 0.0))
     for now_s in (3, 4):
         resumed.decide(now_s * SECOND, elsewhere)

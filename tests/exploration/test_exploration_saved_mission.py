@@ -81,7 +81,7 @@ def test_a_goal_that_failed_before_the_interruption_fails_once_more_and_not_for_
 def test_a_paused_mission_stands_until_it_is_told_to_go_on() -> None:
     mission = mission_of(SAVED)
     assert {mission.decide(k * SECOND, LOST).action for k in range(2, 30)} == {Action.WAIT}
-    assert mission.to_save(30 * SECOND, SE2()).paused
+    assert mission.to_save(30 * SECOND, SE2(), 0).paused
     mission.resume(30 * SECOND)
     assert mission.decide(31 * SECOND, LOST).action is Action.GO
 
@@ -101,12 +101,23 @@ def test_a_robot_that_was_moved_does_not_back_along_the_way_it_came() -> None:
     assert "looking around" in drives[1].reason
 
 
+def test_a_trail_is_not_told_relative_to_a_pose_of_another_odometry() -> None:
+    """The base restarted its counting after the last decision."""
+    mission = mission_of(SAVED)
+    for k in range(5):
+        mission.decide((2 + k) * SECOND, LOST._replace(T_odom_base=SE2(0.1 * k, 0.0, 0.0), odom_epoch=1))
+    here = SE2(0.4, 0.0, 0.0)
+    assert len(mission.to_save(8 * SECOND, here, 1).trail) == len(SAVED.trail) + 5
+    restarted = mission.to_save(8 * SECOND, SE2(), 2)
+    assert (restarted.trail, restarted.home) == ([], SAVED.home)
+
+
 def test_a_mission_stopped_before_it_was_recalled_stays_ended() -> None:
     mission = Mission(Config(), lambda start, grid: lambda poses: np.zeros(len(poses)))
     mission.stop(0)
     mission.restore(SECOND, SAVED, SE2())
     assert mission.outcome is Outcome.STOPPED
-    kept = mission.to_save(2 * SECOND, SE2())
+    kept = mission.to_save(2 * SECOND, SE2(), 0)
     assert (kept.looked_from, kept.home, kept.trail) == (SAVED.looked_from, SAVED.home, SAVED.trail)
     assert mission.decide(9 * SECOND, LOST).action is Action.FINISH
 
@@ -115,11 +126,11 @@ def test_a_robot_sent_home_before_it_was_recalled_goes_home() -> None:
     mission = Mission(Config(), lambda start, grid: lambda poses: np.zeros(len(poses)))
     mission.home(0)
     mission.restore(SECOND, SAVED._replace(going_home=False, paused=False), SE2())
-    assert mission.to_save(2 * SECOND, SE2()).going_home
+    assert mission.to_save(2 * SECOND, SE2(), 0).going_home
 
 
 def test_a_mission_that_has_ended_at_home_remembers_no_wish_to_go_there() -> None:
     mission = mission_of(SAVED._replace(going_home=True))
-    assert mission.to_save(2 * SECOND, SE2()).going_home
+    assert mission.to_save(2 * SECOND, SE2(), 0).going_home
     mission.stop(3 * SECOND)
-    assert not mission.to_save(4 * SECOND, SE2()).going_home
+    assert not mission.to_save(4 * SECOND, SE2(), 0).going_home

@@ -15,6 +15,7 @@ from actionlib.action_client import ClientGoalHandle, CommStateMachine
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult
 
+from vsx_ros.control.localization import LocalizationState
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, SavedMission
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
@@ -102,7 +103,7 @@ class Session:
         mission: Any = SimpleNamespace(
             paused_by=set(), outcome=None, view_selector=selector, to_save=lambda *_: saved, restore=lambda *_: None
         )
-        where: Any = SimpleNamespace(at=lambda _: SimpleNamespace(T_odom_base=SE2()))
+        where: Any = SimpleNamespace(at=lambda _: LocalizationState(odometry=Odometry(0, SE2())))
         self.topics = MissionTopics(mission, 0.5)
         self.writer = MissionWriter(mission, threading.Lock(), where, self.topics)
         self.writer.restore(0, SE2())

@@ -101,9 +101,9 @@ class Mission:
 
     # An interruption ----------------------------------------------------------------------------------------
 
-    def to_save(self, now_ns: int, T_odom_base: SE2) -> SavedMission:
-        """What another session needs to continue from here."""
-        trail = [T_odom_base.inverse() @ pose for pose in self._trail.poses]
+    def to_save(self, now_ns: int, T_odom_base: SE2, odom_epoch: int) -> SavedMission:
+        """What another session needs to continue from here. odom_epoch: that of T_odom_base."""
+        trail = self._trail.behind(T_odom_base, odom_epoch)
         looked_from, blacklist = list(self.view_selector.looked_from), self.view_selector.blacklist.left(now_ns)
         going_home, paused = self._home.asked and self.state is not MissionState.DONE, OPERATOR in self.paused_by
         return SavedMission(looked_from, blacklist, trail, going_home=going_home, home=self._home.pose, paused=paused)

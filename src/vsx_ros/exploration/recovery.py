@@ -42,6 +42,11 @@ class Trail:
             self.clear()
         return other
 
+    def behind(self, T_odom_base: SE2, odom_epoch: int) -> list[SE2]:
+        """The poses relative to the base, at a pose of this epoch; none if the trail is of another one."""
+        known = self._epoch in (None, odom_epoch)
+        return [T_odom_base.inverse() @ pose for pose in self.poses] if known else []
+
     def clear(self) -> None:
         """The base was carried: the trail is not behind it any more."""
         self.poses.clear()

@@ -171,11 +171,11 @@ class MissionWriter:
     def write(self) -> None:
         """Write everything now; this may wait for the disk."""
         now_ns = headers.now_ns()
-        T_odom_base = self._where.at(now_ns).T_odom_base
-        if self._checkpoint is None or self._saved is not None or T_odom_base is None:
+        odometry = self._where.at(now_ns).odometry
+        if self._checkpoint is None or self._saved is not None or odometry is None:
             return
         with self._lock:
-            saved = self._mission.to_save(now_ns, T_odom_base)
+            saved = self._mission.to_save(now_ns, odometry.T_odom_base, odometry.odom_epoch)
         elapsed_s, driven_m = self._told.so_far
         saved = saved._replace(elapsed_s=elapsed_s, driven_m=driven_m)
         with logs.log_errors(), self._writing:

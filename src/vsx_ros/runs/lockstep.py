@@ -133,7 +133,7 @@ class FastRun:
         system = self.system
         if self.keeper.note(system.slam, stamp_ns, now=now):
             pursued = {"errors_m": np.array(self._errors_m, float), "plans": np.array([self.plans])}
-            mission = system.mission.to_save(stamp_ns, system.odometry.T_odom_base)
+            mission = system.mission.to_save(stamp_ns, system.odometry.T_odom_base, system.odometry.odom_epoch)
             self.keeper.write({**system.ground.state(), **pursued}, mission.tree())
 
     def _observe(self, command: VelocityCommand) -> Observation:
