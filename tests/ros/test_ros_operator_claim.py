@@ -11,13 +11,17 @@ pytest.importorskip("rospy")
 
 import actionlib
 
+from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, NavigationState, Situation
+from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.user_goals import UserGoals
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import headers
 from vsx_ros.ros.mission_output import GoalSender
 from vsx_ros.ros.nodes.explore import ExploreNode
 from vsx_ros.ros.situation import HeardSituation
+from vsx_ros.slam.state import TrackingState
 
 CLAIMS = [lambda heard: heard._user_goals.sent(2, "/rviz-1", "map"), lambda heard: heard._on_hold(OperatorHold("a", 2))]
 
@@ -45,25 +49,27 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(headers, "now_ns", lambda: 1)
 
 
-def sent(heard: Exploring) -> Any:
-    """The action that the node carries out."""
+def exploring(heard: Any, mission: Any, state: Any, acts: list[Any]) -> Any:
+    """The node, without a master. state: of its last goal, and why. acts: the decisions that it carries out."""
     node: Any = ExploreNode.__new__(ExploreNode)
-    acts: list[Action] = []
     node._heard, node._lock = heard, nullcontext()
     node._lease = SimpleNamespace(promise=lambda seconds: None)
     node._slam = SimpleNamespace(is_known=lambda name: True)
     node._goals = SimpleNamespace(
-        is_served=True,
-        state=lambda: (NavigationState.IDLE, ""),
-        give_up=lambda identity: None,
-        act=lambda now_ns, decision: acts.append(decision.action),
+        is_served=True, state=state, give_up=lambda identity: None, act=lambda now_ns, decision: acts.append(decision)
     )
-    claim = SimpleNamespace(given_up="")
-    node._mission = SimpleNamespace(decide=heard.decide, drain_events=list, outcome=None, claim=claim)
+    node._mission = mission
     node._writer = SimpleNamespace(restore=lambda *_: None)
     node._topics = SimpleNamespace(events=lambda events: None, report=lambda *_: False)
-    node._decide()
-    return acts
+    return node
+
+
+def sent(heard: Exploring) -> list[Action]:
+    """The actions that the node carries out."""
+    claim, acts = SimpleNamespace(given_up=""), list[Any]()
+    mission = SimpleNamespace(decide=heard.decide, drain_events=list, outcome=None, claim=claim)
+    exploring(heard, mission, lambda: (NavigationState.IDLE, ""), acts)._decide()
+    return [decision.action for decision in acts]
 
 
 @pytest.mark.parametrize("claim", CLAIMS)
@@ -73,6 +79,43 @@ def test_what_comes_while_views_are_ranked_is_not_overruled(claim: Any) -> None:
 
 def test_without_it_the_robot_drives() -> None:
     assert sent(Exploring(lambda heard: None)) == [Action.GO]
+
+
+class Starting(Exploring):
+    """A robot without a map, at the origin."""
+
+    def at(self, now_ns: int, navigation: NavigationState, navigation_reason: str) -> Situation:
+        here = super().at(now_ns, navigation, navigation_reason)
+        blind = here._replace(slam_state=TrackingState.NOT_INITIALISED, slam_reason="", T_odom_base=SE2(), odom_epoch=0)
+        return blind._replace(navigation=navigation, navigation_reason=navigation_reason, user_goal_end="there")
+
+
+@pytest.mark.parametrize("claim", CLAIMS)
+def test_a_start_drive_that_was_not_sent_is_driven_afterwards(claim: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    heard, mission, acts, now_s = Starting(None), Mission(Config(), Any), list[Any](), [0]
+    monkeypatch.setattr(headers, "now_ns", lambda: now_s[0] * 10**9)
+    before = [NavigationState.IDLE]
+    node = exploring(heard, mission, lambda: (before[0], ""), acts)
+    decide, claims = mission.decide, list[Any]()
+
+    def decided(now_ns: int, situation: Situation) -> Any:
+        decision = decide(now_ns, situation)
+        if claims:
+            claims.pop()(heard)
+        return decision
+
+    mission.decide = decided  # type: ignore[method-assign]
+    node._decide()
+    before[0], now_s[0] = NavigationState.SUCCEEDED, 3
+    claims.append(claim)
+    node._decide()
+    heard._held, heard._user_goals = None, UserGoals("/explore-")
+    for now_s[0] in range(20, 24):
+        node._decide()
+    ahead, waits, *later = [decision.goal for decision in acts]
+    back = next(goal for goal in later if goal is not None)
+    assert waits is None
+    assert (back.x, back.theta) == (-ahead.x, 0.0), "back, and not yet the quarter turn"
 
 
 def test_a_goal_that_is_given_up_ends_for_move_base_too(monkeypatch: pytest.MonkeyPatch) -> None:

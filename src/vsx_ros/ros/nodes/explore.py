@@ -18,7 +18,7 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import BatteryState
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.decision import Action
+from vsx_ros.exploration.decision import Action, NavigationState
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.planner import Planner
@@ -81,8 +81,9 @@ class ExploreNode:
             self._writer.restore(now_ns, situation.T_odom_base)
             decision = self._mission.decide(now_ns, situation)
             if decision.action is Action.GO and self._heard.is_claimed_since(situation):
-                # Somebody took the robot while a view was chosen; our goal would end theirs.
-                decision = self._mission.decide(now_ns, self._heard.at(now_ns, *self._goals.state()))
+                # Somebody took the robot while a view was chosen; our goal would end theirs. It is not sent: what
+                # became of the goal before says nothing of it.
+                decision = self._mission.decide(now_ns, self._heard.at(now_ns, NavigationState.IDLE, ""))
             events = self._mission.drain_events()
         self._goals.give_up(self._mission.claim.given_up)
         self._goals.act(now_ns, decision)
