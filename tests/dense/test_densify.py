@@ -110,6 +110,29 @@ def test_the_same_snapshots_give_the_same_bits(textured: MapSnapshot) -> None:
     assert all(np.array_equal(a, b) for a, b in zip(runs[0].cells, runs[1].cells))
 
 
+def looked_through(densifier: Densifier, dense: DenseMap) -> dict[tuple[int, int], int]:
+    """How many keyframes look through each cell of the boxes' plane, where any does."""
+    boxes = next(plane for plane in dense.planes if abs(abs(plane.offset) - X) < 0.1)
+    surface = densifier._surfaces[boxes.id]
+    cells = np.argwhere(surface._passing > 0)
+    return {tuple((cell + surface.low).tolist()): int(surface._passing[tuple(cell)]) for cell in cells}
+
+
+def test_cells_that_a_plane_gains_know_who_looked_through_them_before() -> None:
+    """First only the left box is known, then the right one, in the same plane. Over both the wall behind is seen."""
+    rng = np.random.default_rng(5)
+    y, z = rng.uniform(GAP + 0.05, 1.05, 240), rng.uniform(0.1, 0.55, 240)
+    boxes = np.stack([X + rng.normal(0.0, 0.005, 240), np.where(np.arange(240) < 120, -y, y), z], axis=1)
+    back = np.stack([4.5 + rng.normal(0.0, 0.01, 400), rng.uniform(-2, 2, 400), rng.uniform(1.1, 2.0, 400)], axis=1)
+    left = scene.snapshot(PLAIN, scene.DRIVE, np.vstack([back, boxes[:120]]))
+    both = scene.snapshot(PLAIN, scene.DRIVE, np.vstack([back, boxes]), version=2)
+    growing, at_once = densifier(), densifier()
+    before = looked_through(growing, growing.update(left))
+    after = looked_through(growing, growing.update(both))
+    assert len(after) > len(before) > 0
+    assert after == looked_through(at_once, at_once.update(both))
+
+
 def test_a_map_that_grew_is_as_full_as_one_made_at_once(textured: MapSnapshot) -> None:
     growing = densifier()
     for n in range(3, len(textured.images) + 1):

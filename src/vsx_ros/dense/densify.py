@@ -124,9 +124,8 @@ class Densifier:
         if surface is None or moved(surface.judged_at, plane, _MOVED_M * unit):
             surface, looks = Surface(plane, self._config, unit, self._has_floor), every
         else:
-            surface.extended(plane)
+            looks = every if surface.extended(plane) else anew
             surface.mark_seen(plane, views.at(fresh))
-            looks = anew
         rays = snapshot.rays
         surface.look_through(plane, centres, snapshot.points_world, rays.keyframe[looks], rays.point[looks])
         return surface

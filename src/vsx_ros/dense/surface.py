@@ -55,21 +55,24 @@ class Surface:
         shape = np.maximum(high - low, 1)
         return low, (int(shape[0]), int(shape[1]))
 
-    def extended(self, plane: Plane) -> None:
-        """Enlarge the grid for a plane that has grown; new cells are due."""
+    def extended(self, plane: Plane) -> bool:
+        """Enlarge the grid for a plane that has grown; new cells are due. Returns whether it was enlarged: then the
+        counts of ``look_through`` begin anew, as keyframes of before also look through the new cells."""
         low, shape = self._bounds(plane)
         before = np.maximum(self.low - low, 0)
         after = np.maximum(low + shape - self.low - self.due.shape, 0)
         if not before.any() and not after.any():
-            return
+            return False
         pad = [(int(before[0]), int(after[0])), (int(before[1]), int(after[1]))]
         self.low = self.low - before
-        self.due, self._passing = np.pad(self.due, pad, constant_values=True), np.pad(self._passing, pad)
+        self.due = np.pad(self.due, pad, constant_values=True)
+        self._passing = np.zeros(self.due.shape, np.int64)
         self._said = Judgement._make(np.pad(a, pad, constant_values=blank) for a, blank in zip(self._said, _UNJUDGED))
         known, self._contact = self._contact, Contact.none(len(self.due))
         for column, before_it in zip(self._contact, known):
             column[before[0] : before[0] + len(before_it)] = before_it
         self._untested = np.pad(self._untested, pad[0], constant_values=self._stands)
+        return True
 
     def centres(self, plane: Plane, cells: IntArray) -> Points3:
         """(N, 3) world positions of cells (N, 2), indices of the arrays."""
