@@ -24,6 +24,12 @@ def test_the_printed_tree_is_read_back(tmp_path, capsys):
     assert to_dict(config) == {**to_dict(Config()), "planner": to_dict(config)["planner"]}
 
 
+@pytest.mark.parametrize("text", ["2e-1", "5e-05", "0.25"])
+def test_numbers_are_read_as_python_writes_them(text, capsys):
+    assert execute(["config", "--set", f"limits.v_m_s={text}"]) == 0
+    assert from_dict(yaml.safe_load(capsys.readouterr().out)).limits.v_m_s == float(text)
+
+
 def test_entries_tell_unit_and_bound():
     lines = {line.split(":")[0].strip(): line for line in commented_yaml(Config()).splitlines() if ":" in line}
     assert lines["phi_rad_m"].endswith("# rad/m, > 0")

@@ -128,3 +128,10 @@ def test_a_gazebo_world_is_described_drawn_and_imported(tmp_path: Path, capsys: 
     assert load_world(out).start_pose.x == 0.0
     with pytest.raises(ConfigError, match="stands in pillar/hidden"):
         run("import", str(ROOM), "--start", "2,6.1,0", "--out", str(out))
+
+
+@pytest.mark.parametrize("start", ["1e9,0,0", "-1000,0,0", "0,99,0"])
+def test_a_start_outside_of_the_world_is_refused(start, tmp_path, capsys):
+    assert main.execute(["world", "lab", f"--start={start}", "--picture", str(tmp_path / "p.png")]) == 1
+    assert "give a place in it" in capsys.readouterr().err
+    assert not (tmp_path / "p.png").exists()

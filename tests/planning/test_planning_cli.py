@@ -75,14 +75,13 @@ def test_the_generic_planner_says_how_much_it_turns(capsys):
 
 
 def test_meaningless_questions():
-    with pytest.raises(PlanningError, match="goal pose"):
-        run("--start", "0,0,0", "--goal", "nan,0,0")
     with pytest.raises(ConfigError, match="phi"):
         run("--start", "0,0,0", "--goal", "1,0,0", "--phi", "0")
     with pytest.raises(PlanningError, match="apart"):
         run("--start", "0,0,0", "--goal", "1e6,0,0")
-    with pytest.raises(SystemExit):
-        run("--start", "0,0", "--goal", "1,0,0")
+    for start in ("0,0", "nan,0,0"):
+        with pytest.raises(SystemExit):
+            run("--start", start, "--goal", "1,0,0")
 
 
 def test_a_file_that_is_no_map_is_named_as_it_was_given(tmp_path):

@@ -9,7 +9,7 @@ from typing import Any
 
 from vsx_hw import bases
 from vsx_ros.cli.new_run import new_run
-from vsx_ros.cli.option_values import BASES, PLANNERS
+from vsx_ros.cli.option_values import BASES, PLANNERS, seed
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.ros import launch, logs
@@ -88,7 +88,7 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--camera-info-url", default="", help="file with the camera's calibration")
     if name != "bringup":
         add("--planner", choices=PLANNERS, default="fov", metavar="NAME", help="fov (default), unconstrained, paper")
-        add("--seed", type=int, default=0, help="seed of the random draws (0)")
+        add("--seed", type=seed, default=0, help="seed of the random draws (0)")
         add("--load-map", default="", help="SLAM map (.vsxmap) to go on in, the robot anywhere in it")
         add("--room", default="", help="explore only this room of the loaded map")
         add("--zones", default="", help="YAML with zones to begin with, in the coordinates of the map")

@@ -42,7 +42,7 @@ def add_engine(parser: argparse.ArgumentParser) -> None:
 
 def positive(text: str) -> float:
     """A number above 0."""
-    if not float(text) > 0.0:
+    if not 0.0 < float(text) < math.inf:
         raise argparse.ArgumentTypeError(f"{text}: give a positive number")
     return float(text)
 
@@ -51,6 +51,13 @@ def count(text: str) -> int:
     """A whole number of at least 1."""
     if int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text}: give a number of at least 1")
+    return int(text)
+
+
+def seed(text: str) -> int:
+    """A whole number from 0 on."""
+    if int(text) < 0:
+        raise argparse.ArgumentTypeError(f"{text}: give a whole number from 0 on")
     return int(text)
 
 
@@ -82,8 +89,11 @@ def pose(text: str) -> tuple[float, float, float]:
     """X,Y,DEG as metres and radians."""
     try:
         x, y, degrees = (float(word) for word in text.split(","))
+        finite = math.isfinite(x + y + degrees)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a pose; write X,Y,DEG, e.g. 1.5,-2,90") from None
+        finite = False
+    if not finite:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a pose; write X,Y,DEG, e.g. 1.5,-2,90")
     return x, y, math.radians(degrees)
 
 

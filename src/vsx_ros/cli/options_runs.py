@@ -15,6 +15,7 @@ from vsx_ros.cli.option_values import (
     pose_text,
     positive,
     rate,
+    seed,
     share,
 )
 
@@ -66,7 +67,7 @@ def _robot(parser: argparse.ArgumentParser) -> None:
     add("--world", metavar="NAME|FILE", help=emulated)
     add_models(parser)
     add_hard_things(parser)
-    add("--seed", type=int, metavar="N", help="world and noise of the emulator (default 1)")
+    add("--seed", type=seed, metavar="N", help="world and noise of the emulator (default 1)")
     add(
         "--base",
         choices=BASES,
@@ -106,7 +107,7 @@ def replay(parser: argparse.ArgumentParser) -> None:
     add("--load-map", type=Path, metavar="FILE", help="go on in a SLAM map that --save-map wrote")
     add("--save-map", type=Path, metavar="FILE", help="at the end, save the SLAM map to go on in it")
     add("--out", type=Path, metavar="RUN", help="run folder (default runs/<date>_<name>)")
-    add("--seed", type=int, default=0, metavar="N", help="seed of the SLAM's random draws (default 0)")
+    add("--seed", type=seed, default=0, metavar="N", help="seed of the SLAM's random draws (default 0)")
     add("--ros", action="store_true", help="feed the ROS nodes instead, with /clock and use_sim_time")
     add("--rate", type=float, metavar="R", help="with --ros: speed; 1 (default) real time, 0 with no image left out")
     add("--view", action="store_true", help="with --ros: serve the live view")

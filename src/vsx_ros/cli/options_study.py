@@ -4,7 +4,7 @@ import argparse
 import re
 from pathlib import Path
 
-from vsx_ros.cli.option_values import PLANNERS, add_engine, add_parameters, count, pose, positive, seeds
+from vsx_ros.cli.option_values import PLANNERS, add_engine, add_parameters, count, pose, positive, seed, seeds
 
 EXPERIMENTS = ("table1", *(f"fig{k}" for k in range(2, 8)))  # of the paper
 
@@ -24,7 +24,7 @@ def plan(parser: argparse.ArgumentParser) -> None:
     add("--map", type=Path, metavar="map.yaml", help="a map as map_server keeps it; else open floor")
     add("--phi", type=float, metavar="RAD_PER_M", help="greatest change of view per metre driven")
     add("--planner", choices=PLANNERS, default="fov", metavar="fov|unconstrained|paper", help="motion planner (fov)")
-    add("--seed", type=int, default=0, help="of the randomised searches (default 0)")
+    add("--seed", type=seed, default=0, help="of the randomised searches (default 0)")
     add("--json", action="store_true", help="print everything as JSON")
     add("--plot", type=Path, metavar="FILE", help="write a picture (.png)")
     add_parameters(parser)
@@ -45,7 +45,7 @@ def evaluate(parser: argparse.ArgumentParser) -> None:
         "--align", choices=("se3", "sim3", "yaw"), default="se3",
         help="what the alignment may change: rotation and position (default), also size, or heading and position",
     )  # fmt: skip
-    add("--max-gap", type=float, default=0.02, metavar="S", help="largest gap between stamps (0.02)")
+    add("--max-gap", type=positive, default=0.02, metavar="S", help="largest gap between stamps (0.02)")
     add("--json", action="store_true", help="print JSON")
 
 
@@ -77,7 +77,7 @@ def reproduce(parser: argparse.ArgumentParser) -> None:
     add("what", metavar="WHAT", choices=(*EXPERIMENTS, "all"), help=", ".join((*EXPERIMENTS, "all")))
     add("--world", default="lab", metavar="NAME", help="lab, office, corridor, building or a file")
     add("--seeds", type=seeds, metavar="A:B", help="worlds A to B - 1 (default 100:120; figures: A)")
-    add("--seed", type=int, metavar="N", help="the same as --seeds N:N+1")
+    add("--seed", type=seed, metavar="N", help="the same as --seeds N:N+1")
     add("--noises", type=count, default=1, metavar="K", help="drives of each with other noise (default 1)")
     add("--time", type=positive, metavar="S", help="emulated time of fig4, fig5 (90), fig7 (600)")
     add("--quick", action="store_true", help="two worlds and a minute: done in some minutes")

@@ -33,6 +33,10 @@ def world(args: argparse.Namespace) -> int:
     tell_remarks(world)
     if args.start is not None:
         x, y, theta = args.start
+        x0, y0, x1, y1 = world.bounds
+        if not (x0 <= x <= x1 and y0 <= y <= y1):
+            at, to = f"({x0:.1f}, {y0:.1f})", f"({x1:.1f}, {y1:.1f})"
+            raise ConfigError(f"--start {x:g},{y:g}: the world reaches from {at} to {to} m; give a place in it")
         world = world.starting_at(Start(x=x, y=y, theta_rad=theta))
         world = checked_start(world) if isinstance(world, MeshWorld) else world
     if args.verb == "info":

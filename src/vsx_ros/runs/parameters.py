@@ -38,8 +38,16 @@ def load(file: Path | None, assignments: Sequence[str]) -> Config:
         if not equals:
             raise ConfigError(f"--set {assignment}: expected NAME=VALUE, e.g. --set limits.v_m_s=0.2")
         with explained(ConfigError, f"--set {assignment}: the value is none", "write a number"):
-            values[name.strip()] = yaml_tree(text) if text else ""
+            values[name.strip()] = _number(yaml_tree(text)) if text else ""
     return overridden(config, values)
+
+
+def _number(value: Any) -> Any:
+    """The number that a text is: for YAML 1.1, 2e-1 without a point is none."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def commented_yaml(config: Config) -> str:
