@@ -127,13 +127,15 @@ class Preprocessor:
         )
 
     def _is_frozen(self, pyramid: Pyramid, T_odom_base: SE2 | None) -> bool:
-        """Whether the image equals the last one exactly though the base has moved. Noise makes live images differ."""
+        """Whether the image equals the last one exactly though the base has moved. Noise makes live images differ; only
+        where there is no light, nothing may be seen twice."""
         before, self._last_image = self._last_image, (pyramid, T_odom_base)
         if before is None or T_odom_base is None or before[1] is None:
             return False
         still = before[1].distance_to(T_odom_base) < STILL_M and abs(before[1].angle_to(T_odom_base)) < STILL_RAD
         # Comparing the coarsest level is almost always enough, in a fraction of the time.
-        same = np.array_equal(before[0].level(LEVELS - 1), pyramid.level(LEVELS - 1))
+        coarse = pyramid.level(LEVELS - 1)
+        same = np.array_equal(before[0].level(LEVELS - 1), coarse) and coarse.min() < coarse.max()
         if still or not same or not np.array_equal(before[0].pixels, pyramid.pixels):
             return False
         self._last_image = before

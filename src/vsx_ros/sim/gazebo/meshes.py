@@ -124,7 +124,7 @@ def _instances(nodes: Any, name: str, matrix: Any, path: Path, budget: Budget) -
         budget.take("parts of meshes", 1, str(path))
         if isinstance(node, Node):
             inner = node.matrix if matrix is None else np.dot(matrix, node.matrix)
-            yield from _instances(node.children, node.name or "", inner, path, budget)
+            yield from _instances(node.children, getattr(node, "node", node).name or "", inner, path, budget)
         elif isinstance(node, ControllerNode):  # a skin at rest
             bound = node.objects("controller", matrix)
             yield from ((name, skin.geometry) for skin in bound if getattr(skin, "geometry", None) is not None)
