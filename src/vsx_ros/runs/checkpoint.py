@@ -52,7 +52,7 @@ class Checkpoint:
         return (self.path / "map.zip").exists()
 
     def is_older_than(self, path: Path) -> bool:
-        """Whether the file exists and was written after the checkpoint, or there is none."""
+        """Whether there is the file, and no checkpoint that was written after it."""
         map_file = self.path / "map.zip"
         return path.exists() and (not self.exists or path.stat().st_mtime_ns >= map_file.stat().st_mtime_ns)
 

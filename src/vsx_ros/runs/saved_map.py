@@ -29,18 +29,18 @@ def save_map_of(folder: RunFolder, out: Path) -> None:
 def save_continued(slam_map: SlamMap, before: Path | None, out: Path) -> None:
     """Save a SLAM map with the zones, the dock and the rooms of the one that it continues; without one, those of an
     older map at that path are gone. Raises MapFileError."""
-    zones = load_zones(zone_file(before)) if before is not None else []
-    docked = load_dock(dock_file(before)) if before is not None else None
-    rooms = load_rooms(room_file(before)) if before is not None else None
     save_slam_map(slam_map, out)
-    save_zones(zones, zone_file(out))
-    save_dock(docked, dock_file(out))
-    save_rooms(rooms, room_file(out))
+    _copy_zones_and_dock(before, out)
+    save_rooms(load_rooms(room_file(before)) if before is not None else None, room_file(out))
 
 
 def copy_places(map_file: Path, grid: OccupancyGrid, out: Path, config: Config) -> None:
     """Write the zones, the dock and the rooms of a map beside a ground map that was made from it. Raises
     MapFileError."""
-    save_zones(load_zones(zone_file(map_file)), zone_file(out))
-    save_dock(load_dock(dock_file(map_file)), dock_file(out))
+    _copy_zones_and_dock(map_file, out)
     write_rooms(grid, out, config, map_file)
+
+
+def _copy_zones_and_dock(before: Path | None, out: Path) -> None:
+    save_zones(load_zones(zone_file(before)) if before is not None else [], zone_file(out))
+    save_dock(load_dock(dock_file(before)) if before is not None else None, dock_file(out))

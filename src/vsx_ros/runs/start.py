@@ -143,7 +143,10 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
 
 def opened_recording(args: argparse.Namespace) -> Recording:
     """The recording of the options, with a camera; damage is reported. Raises InputError if it cannot be used as
-    requested, CalibrationError for an unreadable calibration."""
+    requested, CalibrationError for an unreadable calibration, ConfigError if the map to go on with lies in the run
+    folder."""
+    if args.out is not None:
+        keep_apart(args.out, args.load_map)
     RunFolder.check(args.out or dated(args.input.stem))
     recording = open_recording(args.input, args.image_topic, args.odometry_topic)
     if recording.damage:
@@ -154,10 +157,7 @@ def opened_recording(args: argparse.Namespace) -> Recording:
 
 
 def replay_folder(args: argparse.Namespace, config: Config) -> RunFolder:
-    """The run folder, with the configuration in it. Raises InputError if something else has this path, ConfigError if
-    the map to go on with lies in it."""
-    if args.out:
-        keep_apart(args.out, args.load_map)
+    """The run folder, with the configuration in it. Raises InputError if something else has this path."""
     folder = RunFolder.create(args.out) if args.out else RunFolder.create_dated(args.input.stem)
     folder.write_config(config, args.line, seed=args.seed, input=str(args.input.resolve()))
     return folder
