@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from vsx_ros.calibration.driving import DrivingCalibration
 from vsx_ros.config import Config
 from vsx_ros.control.localization import UNLOCALIZED, Localization, LocalizationState
+from vsx_ros.control.stuck import StuckDetector
 from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
@@ -45,8 +46,8 @@ class SlamSession:
         self._config = config
         self.calibration: DrivingCalibration | None = None
         self._record = None if state is None else TrackingRecord.restored(state)
-        self._localization = Localization()
-        self._late: deque[TrackingResult] = deque()
+        self._localization, self._stuck_detector = Localization(), StuckDetector()
+        self._late: deque[tuple[TrackingResult, Odometry | None]] = deque()  # with the odometry of its image
         self._beside = NEAREST  # the keyframe relative to which the camera was placed last
         # The newest reading as SLAM got it (corrected), and with its original pose.
         self._corrected: Odometry | None = None
@@ -96,28 +97,35 @@ class SlamSession:
         """Where the base is at a tracked frame; also enters it in the ground. odometry: of the frame. computing_ns:
         time from a frame's stamp until its pose is known."""
         now_ns, localization = tracking.stamp_ns, self._localization
+        corrected: Odometry | None = None
         if odometry is not None and not odometry.impossible:
             known = self._corrected
             corrected = odometry if known is None or known.stamp_ns != odometry.stamp_ns else known
             if localization.add_odometry(corrected):
                 self._read = corrected._replace(T_odom_base=odometry.T_odom_base)
-        self._late.append(tracking)
-        while self._late and now_ns >= self._late[0].stamp_ns + computing_ns:
-            late = self._late.popleft()
-            if late.corrected:
-                self.ground.corrected()
-            localization.add_state(late.state, late.reason, late.ahead)
-            if late.state.tracked and late.T_world_cam is not None:
-                localization.add_pose(late.stamp_ns, (late.T_world_cam @ self._T_cam_base).to_se2())
-            placed = late.anchor if late.T_world_cam is not None else None
-            self._beside = NEAREST if placed is None else placed.keyframe
+        self._late.append((tracking, corrected))
+        while self._late and now_ns >= self._late[0][0].stamp_ns + computing_ns:
+            self._take_late(*self._late.popleft())
         self.where = where = localization.at(now_ns)._replace(odometry=self._read)
         self._seen_at = where.T_map_base if where.slam_state.tracked else self._seen_at
-        if where.stuck is not None:
-            self.ground.pushed(where.stuck.T_world_push, now_ns)
+        if (stuck := self._stuck_detector.stuck) is not None:
+            self.ground.pushed(stuck.T_world_push, now_ns)
         elif self._is_placed(where.T_map_base):
             self.ground.moved(where.T_map_base, now_ns, self._beside)
         return where
+
+    def _take_late(self, tracking: TrackingResult, odometry: Odometry | None) -> None:
+        if tracking.corrected:
+            self.ground.corrected()
+        if tracking.state.tracked and tracking.T_world_cam is not None:
+            T_world_base = (tracking.T_world_cam @ self._T_cam_base).to_se2()
+            self._localization.add_pose(tracking.stamp_ns, T_world_base)
+            if odometry is not None:
+                self._stuck_detector.add(odometry, T_world_base)
+        stuck = self._stuck_detector.stuck
+        self._localization.add_state(tracking.state, tracking.reason, tracking.ahead, stuck.reason if stuck else "")
+        placed = tracking.anchor if tracking.T_world_cam is not None else None
+        self._beside = NEAREST if placed is None else placed.keyframe
 
     def bumped(self, T_map_base: SE2 | None) -> None:
         """Something was touched here; forgotten where the camera has been lost for too long."""

@@ -163,7 +163,7 @@ class ExplorationSystem:
             T_map_base=where.T_map_base, T_odom_base=T_odom_base, odom_epoch=where.odom_epoch,
             grid=self.grid, landmarks_world=self.slam.snapshot().points_world,
             navigation=self.navigator.state, navigation_reason=self.navigator.reason,
-            hazard=hazard or (where.stuck.reason if where.stuck is not None else None), held=held,
+            hazard=hazard or where.stuck or None, held=held,
         )  # fmt: skip
         decision = self.mission.decide(now_ns, situation)
         cost_ns = 0

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vsx_ros.control.localization import StuckDetector
+from vsx_ros.control.stuck import StuckDetector
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
 
@@ -13,12 +13,12 @@ START = SE2(2.0, -1.0, 0.7)
 
 
 def drive(
-    watch: StuckDetector, counted: SE2, seen: SE2, steps: int, way_m: float, seen_share: float
+    watch: StuckDetector, counted: SE2, seen: SE2, steps: int, way_m: float, seen_share: float, every_ns: int = 0
 ) -> tuple[SE2, SE2]:
     """So many steps of way_m by odometry, of which the camera sees a share; where the base is by either."""
-    for _ in range(steps):
+    for k in range(steps):
         counted, seen = counted @ SE2(way_m, 0.0, 0.0), seen @ SE2(seen_share * way_m, 0.0, 0.0)
-        watch.add(Odometry(0, counted), seen)
+        watch.add(Odometry((k + 1) * every_ns, counted), seen)
     return counted, seen
 
 
@@ -35,6 +35,17 @@ def test_turning_wheels_of_a_standing_base_are_noticed_within_centimetres(way_m:
     push = watch.stuck.T_world_push.theta - seen.theta
     assert math.cos(push) == pytest.approx(math.copysign(1.0, way_m))
     assert ("ahead" if way_m > 0 else "back") in watch.stuck.reason
+
+
+@pytest.mark.parametrize("images_hz", [30, 10, 6, 3])
+def test_a_slow_computer_notices_it_in_few_images(images_hz: int):
+    watch, every_ns, way_m = StuckDetector(), 10**9 // images_hz, 0.2 / images_hz  # at 0.2 m/s
+    counted, seen = drive(watch, SE2(), START, 20, way_m, 1.0, every_ns)
+    assert watch.stuck is None
+    counted, seen = drive(watch, counted, seen, 9, way_m, 0.0, every_ns)
+    assert watch.stuck is not None
+    drive(watch, counted, seen, 10, way_m, 1.0, every_ns)
+    assert watch.stuck is None
 
 
 def test_it_holds_while_the_base_stands_and_ends_when_it_is_seen_to_move():

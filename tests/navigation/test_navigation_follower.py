@@ -7,7 +7,7 @@ import pytest
 from driving import POSE_LATE_NS, Base
 
 from vsx_ros.config import Config, LimitsConfig
-from vsx_ros.control.localization import UNLOCALIZED, Localization, LocalizationState, Stuck
+from vsx_ros.control.localization import UNLOCALIZED, Localization, LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
@@ -162,7 +162,7 @@ def test_a_new_hazard_ends_the_drive_and_one_that_is_there_may_be_backed_away_fr
 
 
 def test_getting_stuck_ends_the_drive_and_being_stuck_does_not(drive: Drive) -> None:
-    drive.changed = lambda where: where._replace(stuck=Stuck(SE2(), "stuck: the wheels turned"))
+    drive.changed = lambda where: where._replace(stuck="stuck: the wheels turned")
     drive.go_on(0.04)
     assert (drive.told[-1], drive.follower.report.reason) == (0.0, "stuck: the wheels turned")
     drive.follower.follow(drive.base.now_ns, ahead(drive.base.pose), "map", 2)

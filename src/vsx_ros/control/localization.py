@@ -1,5 +1,4 @@
-"""Where the base is and how well that is known: odometry carries late SLAM poses forward. Also detects wheels that turn
-while the camera stands: then the base pushes against something that no bumper feels."""
+"""Where the base is and how well that is known: odometry carries late SLAM poses forward."""
 
 import math
 from collections import deque
@@ -24,73 +23,21 @@ _BEYOND, _LEAST_M, _LEAST_RAD, _ALIKE_M, _ALIKE_RAD = 5.0, 0.04, 0.04, 0.03, 0.0
 _SLAM_M, _SLAM_RAD = 0.01, 0.008
 _DRIFT_M, _DRIFT_RAD, _STANDING_VARIANCE = 0.02, 0.03, 1e-8  # m, rad per sqrt(m); of a base that stands
 _BEND_RAD_M, _BEND_DRIFT = 0.15, 0.05  # rad/m, per sqrt(m)
-_STEP_M, _PAIRS = 0.005, 40  # wheel distance between two stored pairs; their number, for 20 cm
-# Wheel distance over which it is judged, least number of poses in between, and share that the camera must see.
-_WAY_M, _POSES, _SHARE = 0.06, 3, 0.35
-_MAP_JUMP_M = 0.02  # if the camera moves farther than odometry by more, the map has moved
-_UNSEEN_M = (1.0 - _SHARE) * _WAY_M  # if the wheels move farther in one step by more, the camera did not see it
-
-
-class Stuck(NamedTuple):
-    """T_world_push: the base, turned towards what it pushes against. reason: in words."""
-
-    T_world_push: SE2
-    reason: str
-
-
-class StuckDetector:
-    """Call ``add`` with every pose from the camera. ``stuck`` is set until the base is seen to move again."""
-
-    def __init__(self) -> None:
-        self._pairs: deque[tuple[Odometry, SE2]] = deque(maxlen=_PAIRS)
-        self.stuck: Stuck | None = None
-
-    def add(self, odometry: Odometry, T_world_base: SE2) -> None:
-        """Take the base's pose at one instant, by odometry and by the camera."""
-        T_odom_base = odometry.T_odom_base
-        if self._pairs:
-            last, T_world_last = self._pairs[-1]
-            counted_m = last.T_odom_base.distance_to(T_odom_base)
-            unseen_m = counted_m - T_world_last.distance_to(T_world_base)
-            if last.odom_epoch != odometry.odom_epoch or unseen_m < -_MAP_JUMP_M or unseen_m > _UNSEEN_M:
-                self._pairs.clear()
-            elif counted_m < _STEP_M:
-                return
-        self._pairs.append((odometry, T_world_base))
-        seen_m = 0.0
-        for back, (before, T_world_before) in enumerate(reversed(self._pairs)):
-            seen_m = max(seen_m, T_world_before.distance_to(T_world_base))
-            if before.T_odom_base.distance_to(T_odom_base) >= _WAY_M:
-                counted = before.T_odom_base.inverse() @ T_odom_base
-                self.stuck = _verdict(counted, T_world_base, seen_m) if back > _POSES else None
-                if self.stuck is not None:  # the drive from here on is judged separately
-                    self._pairs = deque([(odometry, T_world_base)], maxlen=_PAIRS)
-                return
-
-
-def _verdict(counted: SE2, T_world_base: SE2, seen_m: float) -> Stuck | None:
-    way_m = math.hypot(counted.x, counted.y)
-    if seen_m >= _SHARE * way_m:
-        return None
-    ahead = counted.x > 0.0
-    push = T_world_base @ SE2(0.0, 0.0, 0.0 if ahead else math.pi)
-    where = "ahead" if ahead else "back"
-    return Stuck(push, f"stuck: the wheels turned {way_m:.2f} m {where}, the camera moved {seen_m:.2f} m")
 
 
 class LocalizationState(NamedTuple):
     """What is known at one instant.
 
     T_map_base: None before the first pose of the camera. odometry: the newest reading, None before the first.
-    slam_age_s: age of the image of the newest camera pose. stuck: set when the wheels turn although the camera stands.
-    ahead: what hides the map before the camera, in words; empty: nothing does."""
+    slam_age_s: age of the image of the newest camera pose. stuck: that the wheels turn although the camera stands.
+    ahead: what hides the map before the camera. Both in words, and empty if nothing does."""
 
     T_map_base: SE2 | None = None
     odometry: Odometry | None = None
     slam_state: TrackingState = TrackingState.NOT_INITIALISED
     slam_reason: str = ""
     slam_age_s: float = math.inf
-    stuck: Stuck | None = None
+    stuck: str = ""
     ahead: str = ""
 
     @property
@@ -134,9 +81,8 @@ class Localization:
         self._bend_rad_m = 0.0
         self._covariance: FloatArray = np.zeros((4, 4))
         self._off: FloatArray | None = None  # by how much the last SLAM pose was off, if that was no noise
-        self._stuck_detector = StuckDetector()
         self._slam = (TrackingState.NOT_INITIALISED, "waiting for vslam")
-        self._ahead = ""
+        self._ahead = self._stuck = ""
 
     def add_odometry(self, odometry: Odometry) -> bool:
         """Take a reading. Returns False and ignores it when it is not newer than the last. Raises InputError for an
@@ -160,7 +106,6 @@ class Localization:
         odometry = odometry_at(self._odometry, stamp_ns)
         if odometry is None:
             return
-        self._stuck_detector.add(odometry, T_world_base)
         T_odom_base = odometry.T_odom_base
         if self._anchor is not None:
             believed = self._carried(T_odom_base)
@@ -171,17 +116,17 @@ class Localization:
                 return
         self._stand_at(T_world_base, T_odom_base, _SLAM_M, _SLAM_RAD)
 
-    def add_state(self, state: TrackingState, reason: str, ahead: str = "") -> None:
-        """Take the state of SLAM, and what hides the map ahead."""
-        self._slam, self._ahead = (state, reason), ahead
+    def add_state(self, state: TrackingState, reason: str, ahead: str = "", stuck: str = "") -> None:
+        """Take the state of SLAM, what hides the map ahead, and that the base is stuck, in words."""
+        self._slam, self._ahead, self._stuck = (state, reason), ahead, stuck
 
     def at(self, now_ns: int) -> LocalizationState:
         """What is known now."""
-        newest, stuck = self._odometry[-1] if self._odometry else None, self._stuck_detector.stuck
+        newest = self._odometry[-1] if self._odometry else None
         state, reason = self._slam
         return LocalizationState(
             T_map_base=self.pose(), odometry=newest, slam_state=state, slam_reason=reason,
-            slam_age_s=self.slam_age_s(now_ns), stuck=stuck, ahead=self._ahead,
+            slam_age_s=self.slam_age_s(now_ns), stuck=self._stuck, ahead=self._ahead,
         )  # fmt: skip
 
     def pose(self) -> SE2 | None:

@@ -113,7 +113,7 @@ class Follower:
 
     def step(self, now_ns: int, where: LocalizationState, ages: MessageAges = ALL_FRESH) -> VelocityCommand | None:
         """The command for now; None when there is none, so that others may drive."""
-        was_stuck, self._is_stuck = self._is_stuck, where.stuck is not None
+        was_stuck, self._is_stuck = self._is_stuck, bool(where.stuck)
         is_hidden = self._waits(now_ns, where.ahead)
         if not self._following:
             return STOP if 0 <= now_ns - self._rested_ns < _ZERO_FOR_S * 1e9 and self._rested_ns >= 0 else None
@@ -121,8 +121,8 @@ class Follower:
             return self.end(now_ns, "move_base is silent")
         if ages.vslam_s > _VSLAM_GONE_S and not 0 <= now_ns - self._begun_ns <= _VSLAM_GONE_S * 1e9:
             return self.end(now_ns, "vslam is silent")
-        if where.stuck is not None and not was_stuck:
-            return self.end(now_ns, where.stuck.reason)
+        if where.stuck and not was_stuck:
+            return self.end(now_ns, where.stuck)
         self.result = result = self._followed(now_ns, where, _why_stale(ages), is_hidden)
         if self._stop is not None and self._tracker.stands:
             return self.end(now_ns, "stopped on the way")

@@ -145,10 +145,11 @@ def twist(command: VelocityCommand) -> Twist:
     return Twist(linear=Vector3(command.v, 0.0, 0.0), angular=Vector3(0.0, 0.0, command.omega))
 
 
-def state_msg(state: TrackingState, reason: str, ahead: str = "") -> DiagnosticStatus:
-    """The SLAM's state. name: NOT_INITIALISED, TRACKING, POOR or LOST; message: the reason; value ``ahead``: what hides
-    the map before the camera."""
-    return DiagnosticStatus(_LEVELS[state], state.word, reason, "vslam", [KeyValue("ahead", ahead)] if ahead else [])
+def state_msg(state: TrackingState, reason: str, ahead: str = "", stuck: str = "") -> DiagnosticStatus:
+    """The SLAM's state. name: NOT_INITIALISED, TRACKING, POOR or LOST; message: the reason. Values, if any: ``ahead``:
+    what hides the map before the camera; ``stuck``: that the wheels turn although the camera stands."""
+    values = [KeyValue(key, words) for key, words in (("ahead", ahead), ("stuck", stuck)) if words]
+    return DiagnosticStatus(_LEVELS[state], state.word, reason, "vslam", values)
 
 
 def tracking_state(msg: DiagnosticStatus) -> TrackingState:
@@ -158,9 +159,10 @@ def tracking_state(msg: DiagnosticStatus) -> TrackingState:
     return _STATES[msg.name]
 
 
-def hidden_ahead(msg: DiagnosticStatus) -> str:
-    """What hides the map before the camera, in words; empty if nothing does."""
-    return next((str(value.value) for value in msg.values if value.key == "ahead"), "")
+def ahead_and_stuck(msg: DiagnosticStatus) -> tuple[str, str]:
+    """What hides the map before the camera, and that the base is stuck, in words; empty if nothing does."""
+    values = {value.key: str(value.value) for value in msg.values}
+    return values.get("ahead", ""), values.get("stuck", "")
 
 
 def hazard_words(mask: int) -> str:

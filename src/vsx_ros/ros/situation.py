@@ -53,7 +53,7 @@ class LocalizationSubscriber:
     def _on_state(self, msg: DiagnosticStatus) -> None:
         state = convert.tracking_state(msg)
         with self._lock:
-            self._localization.add_state(state, msg.message, convert.hidden_ahead(msg))
+            self._localization.add_state(state, msg.message, *convert.ahead_and_stuck(msg))
 
     def at(self, now_ns: int) -> LocalizationState:
         """What is known now."""
@@ -124,7 +124,7 @@ class HeardSituation:
             slam_state=where.slam_state, slam_reason=where.slam_reason, T_map_base=where.T_map_base,
             T_odom_base=where.T_odom_base, grid=self.grid, navigation=navigation, navigation_reason=navigation_reason,
             lifted=Hazard(self._hazards) & Hazard.WHEEL_DROP == Hazard.WHEEL_DROP,
-            hazard=convert.hazard_words(self._hazards) or (where.stuck.reason if where.stuck is not None else None),
+            hazard=convert.hazard_words(self._hazards) or where.stuck or None,
             landmarks_world=self._landmarks, odom_epoch=where.odom_epoch, held=self._held,
             user_goal=self._user_goals.current, user_goal_end=self._user_goals.last_end,
         )  # fmt: skip

@@ -97,10 +97,10 @@ class SlamInput:
             self._status.without_images()
         return None
 
-    def used(self, result: TrackingResult) -> None:
-        """Report that the last frame was tracked."""
+    def used(self, result: TrackingResult, stuck: str) -> None:
+        """Report that the last frame was tracked, and, in words, that the base is stuck."""
         before_s, self._used_s = self._used_s, time.monotonic()
-        self._status.frame(result, self._used_s - before_s, self._sync.dropped)
+        self._status.frame(result, self._used_s - before_s, self._sync.dropped, stuck)
 
     def refused(self, reason: str) -> None:
         """Report that the last frame was unusable; it counts as missing."""

@@ -46,7 +46,7 @@ class SlamStatus:
         self._state_pub = rospy.Publisher(topics.SLAM_STATE, DiagnosticStatus, queue_size=5, latch=True)
         self._diagnostics = Diagnostics()
         self._state, self._reason = TrackingState.NOT_INITIALISED, "waiting for the first image"
-        self._fps, self._ahead = 0.0, ""
+        self._fps, self._ahead, self._stuck = 0.0, "", ""
         self.announce()
 
     def waiting_for(self, topic: str) -> None:
@@ -59,7 +59,7 @@ class SlamStatus:
 
     def without_images(self, reason: str = "no image comes") -> None:
         """No image came for a while: the camera's pose is not known now, but tracking is not lost yet."""
-        self._change(TrackingState.DUBIOUS if self._state is TrackingState.GOOD else self._state, reason, "")
+        self._change(TrackingState.DUBIOUS if self._state is TrackingState.GOOD else self._state, reason)
 
     def clock_set_back(self, seconds: float) -> None:
         """Images are older than those already seen, so they are unusable."""
@@ -74,10 +74,11 @@ class SlamStatus:
         if logs.due("refused", _AGAIN_S):
             rospy.logerr("%s", reason)
 
-    def frame(self, result: TrackingResult, period_s: float, dropped: int) -> None:
-        """Report a tracked frame, ``period_s`` after the previous one; ``dropped`` counts the skipped frames."""
+    def frame(self, result: TrackingResult, period_s: float, dropped: int, stuck: str) -> None:
+        """Report a tracked frame, ``period_s`` after the previous one; ``dropped`` counts the skipped frames. stuck: in
+        words, that the wheels turn although the camera stands."""
         self._fps += _FPS_MEMORY * (1.0 / max(period_s, 1e-3) - self._fps)
-        self._change(result.state, result.reason, result.ahead)
+        self._change(result.state, result.reason, result.ahead, stuck)
         self._diagnostics.set("input", OK, f"{self._fps:.0f} images a second", dropped=dropped)
         self._publish(
             tracked_ratio=result.found / max(result.searched, 1),
@@ -94,16 +95,17 @@ class SlamStatus:
         self._diagnostics.set("map", OK, f"{keyframes} keyframes, {points} points, {map_mib:.0f} MiB")
         self._publish(keyframes=keyframes, points=points, map_mib=map_mib, dense_mib=dense_bytes / MIB)
 
-    def _change(self, state: TrackingState, reason: str, ahead: str) -> None:
-        if (state, reason, ahead) != (self._state, self._reason, self._ahead):
+    def _change(self, state: TrackingState, reason: str, ahead: str = "", stuck: str | None = None) -> None:
+        stuck = self._stuck if stuck is None else stuck  # without images the wheels cannot be judged anew
+        if (state, reason, ahead, stuck) != (self._state, self._reason, self._ahead, self._stuck):
             if state is not self._state:
                 rospy.loginfo("%s: %s", state.word, reason)
-            self._state, self._reason, self._ahead = state, reason, ahead
+            self._state, self._reason, self._ahead, self._stuck = state, reason, ahead, stuck
             self.announce()
 
     def announce(self) -> None:
         """Publish the state."""
-        msg = convert.state_msg(self._state, self._reason, self._ahead)
+        msg = convert.state_msg(self._state, self._reason, self._ahead, self._stuck)
         self._state_pub.publish(msg)
         self._diagnostics.set("tracking", msg.level, f"{msg.name} {msg.message}".strip())
 

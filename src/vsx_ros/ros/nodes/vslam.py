@@ -79,8 +79,8 @@ class VslamNode:
         if self._pictures.is_new(frame.image, odometry):  # driving on a repeated picture would be driving blind
             self._lease.renew()
         self._poses.publish(result, odometry)
-        self._session.locate(result, odometry)
-        self._input.used(result)
+        where = self._session.locate(result, odometry)
+        self._input.used(result, where.stuck)
         self._run.frame(slam, result, odometry, time.monotonic() - began_s)
         self._run.see(frame, self._maps.grid)
         self._preview.show(frame, slam.tracked_features)
