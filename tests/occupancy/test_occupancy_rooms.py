@@ -85,6 +85,7 @@ def test_rooms_keep_their_numbers_and_names_while_the_map_grows() -> None:
     assert [room.name for room in again.update(two_rooms()).rooms] == ["kitchen", "room 2"]
 
 
+@pytest.mark.compiled  # 400 updates
 def test_numbers_stay_within_what_a_file_holds() -> None:
     """Rooms come and go with the map for hours; those that are there, and the named ones, keep their numbers."""
     tracker, elsewhere = RoomTracker(CONFIG), OccupancyGrid(np.full((9, 9), UNKNOWN, np.int8), 0.05, 0.0, 0.0)
