@@ -1,5 +1,6 @@
 """How a test waits: as long as it takes. How late a busy machine is."""
 
+import itertools
 import threading
 import time
 from collections.abc import Callable
@@ -18,13 +19,19 @@ class Lateness:
     _TICK_S = 0.01
 
     def __init__(self) -> None:
-        self._late: list[tuple[float, float]] = []
+        self._due_s = [time.monotonic() + self._TICK_S]
+        self._woken_s: list[float] = []  # one for each of those that is over
         self._closed = False
         threading.Thread(target=self._measure, daemon=True).start()
 
     def since(self, began_s: float) -> float:
-        """Sum of the delays since then [s]; began_s: of time.monotonic()."""
-        return sum(late_s for woken_s, late_s in self._late if woken_s >= began_s)
+        """Sum of the delays from then until now [s]; began_s: of time.monotonic()."""
+        return self.between(began_s, time.monotonic())
+
+    def between(self, began_s: float, ended_s: float) -> float:
+        """Sum of the delays in this time [s], with one that lasts; both of time.monotonic(), until now."""
+        waits = itertools.zip_longest(self._due_s, self._woken_s, fillvalue=time.monotonic())
+        return sum(max(0.0, min(woken_s, ended_s) - max(due_s, began_s)) for due_s, woken_s in waits)
 
     def close(self) -> None:
         """End the measuring."""
@@ -32,10 +39,11 @@ class Lateness:
 
     def _measure(self) -> None:
         while not self._closed:
-            began_s = time.monotonic()
-            time.sleep(self._TICK_S)
+            time.sleep(max(0.0, self._due_s[-1] - time.monotonic()))
             woken_s = time.monotonic()
-            self._late.append((woken_s, woken_s - began_s - self._TICK_S))
+            self._woken_s.append(woken_s)
+            self._due_s.append(woken_s + self._TICK_S)
+        self._due_s.pop()
 
 
 def wait_for(
