@@ -16,7 +16,7 @@ import rosgraph
 import rospy
 from actionlib_msgs.msg import GoalID
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Point, Pose, PoseWithCovarianceStamped, Twist
+from geometry_msgs.msg import Point, Pose, PoseWithCovarianceStamped, TransformStamped, Twist
 from last_images import LastImages
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap
@@ -25,6 +25,7 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from vsx_ros.control.trajectory_tracker import FollowStatus
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower import decode_report
 from vsx_ros.ros import convert, topics
 
@@ -81,21 +82,41 @@ def test_nobody_listens_to_the_ground_truth(stack: Stack) -> None:
 
 def test_pictures_become_a_pose_a_map_and_a_tf_tree(stack: Stack) -> None:
     stack.wait_until_driving()
-    pose = heard(topics.POSE, PoseWithCovarianceStamped, 60.0)
+    transforms: list[TransformStamped] = []
+    poses: list[PoseWithCovarianceStamped] = []
+    subscribers = [
+        rospy.Subscriber(topics.TF, TFMessage, lambda msg: transforms.extend(msg.transforms)),
+        rospy.Subscriber(topics.POSE, PoseWithCovarianceStamped, poses.append),
+    ]
+
+    def stamps(child: str) -> list[rospy.Time]:
+        return [t.header.stamp for t in transforms if t.child_frame_id == child]
+
+    def within_the_tree() -> list[PoseWithCovarianceStamped]:
+        if not (bases := stamps(topics.BASE_FRAME)):
+            return []
+        return [pose for pose in poses if min(bases) <= pose.header.stamp <= max(bases)]
+
+    stack.wait(
+        lambda: len(transforms) >= 60 and stamps(topics.ODOM_FRAME) and within_the_tree(), "poses and transforms"
+    )
+    for subscriber in subscribers:
+        subscriber.unregister()
+    pose = within_the_tree()[-1]
     assert pose.header.frame_id == topics.MAP_FRAME
     stack.wait(lambda: heard(topics.MAP_POINTS, PointCloud2).width > 100, "map points", 30.0)
-    transforms = [t for _ in range(60) for t in heard(topics.TF, TFMessage).transforms]
     edges = {(t.header.frame_id, t.child_frame_id) for t in transforms}
     static = {(t.header.frame_id, t.child_frame_id) for t in heard(topics.TF_STATIC, TFMessage).transforms}
     assert edges == {(topics.MAP_FRAME, topics.ODOM_FRAME), (topics.ODOM_FRAME, topics.BASE_FRAME)}
-    latest = {t.child_frame_id: t.transform for t in transforms}
-    T_map_odom, T_odom_base = (
-        convert.se2(Pose(Point(latest[frame].translation.x, latest[frame].translation.y, 0.0), latest[frame].rotation))
-        for frame in (topics.ODOM_FRAME, topics.BASE_FRAME)
-    )
-    # The tree and the pose say the same of a robot that drove on meanwhile.
-    T_map_base = convert.se2(heard(topics.POSE, PoseWithCovarianceStamped).pose.pose)
-    assert (T_map_odom @ T_odom_base).distance_to(T_map_base) < 0.3
+
+    def transform(child: str) -> SE2:
+        """At the time of the pose."""
+        of_child = (t for t in transforms if t.child_frame_id == child)
+        nearest = min(of_child, key=lambda t: abs(t.header.stamp - pose.header.stamp)).transform
+        return convert.se2(Pose(Point(nearest.translation.x, nearest.translation.y, 0.0), nearest.rotation))
+
+    T_map_base = convert.se2(pose.pose.pose)
+    assert (transform(topics.ODOM_FRAME) @ transform(topics.BASE_FRAME)).distance_to(T_map_base) < 0.1
     assert (topics.BASE_FRAME, topics.BODY_FRAME) in static
     assert (topics.CAMERA_FRAME, topics.OPTICAL_FRAME) in static
     grid = convert.grid(heard(topics.MAP, OccupancyGrid))
