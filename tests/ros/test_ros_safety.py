@@ -9,10 +9,9 @@ import re
 import signal
 import threading
 import time
-from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import pytest
 
@@ -39,6 +38,7 @@ pytestmark = pytest.mark.ros
 STOP_WITHIN_S = 0.5
 STALE_S = 5.0
 """After so long without a word the aggregator of ROS calls a task stale."""
+SECONDS = 8  # of health that is told once a second
 
 
 def children(pid: int) -> list[int]:
@@ -47,27 +47,38 @@ def children(pid: int) -> list[int]:
     return [int(child) for task in tasks for child in task.read_text().split()]
 
 
+class Told(NamedTuple):
+    """periodic: with all of its node, not alone as a new error. stamp: of the node."""
+
+    stamp: rospy.Time
+    periodic: bool
+    status: DiagnosticStatus
+
+
 class Diagnostics:
     """Everything that the nodes say of their health, by the name of the task."""
 
     def __init__(self) -> None:
-        self.said: dict[str, list[tuple[float, DiagnosticStatus]]] = defaultdict(list)
+        self.said: dict[str, list[Told]] = {}
         self._lock = threading.Lock()
         self._subscriber = rospy.Subscriber(topics.DIAGNOSTICS, DiagnosticArray, self._listen)
 
     def _listen(self, msg: DiagnosticArray) -> None:
+        periodic = [status.level for status in msg.status] != [DiagnosticStatus.ERROR]
         with self._lock:
             for status in msg.status:
-                self.said[status.name].append((time.monotonic(), status))
+                self.said.setdefault(status.name, []).append(Told(msg.header.stamp, periodic, status))
 
-    def since(self, begin_s: float) -> dict[str, list[DiagnosticStatus]]:
+    def since(self, begin: rospy.Time) -> dict[str, list[Told]]:
+        """What the nodes have said later than then, whenever it was heard."""
         with self._lock:
-            recent = {name: [status for when_s, status in told if when_s > begin_s] for name, told in self.said.items()}
+            recent = {name: [told for told in all_told if told.stamp > begin] for name, all_told in self.said.items()}
         return {name: told for name, told in recent.items() if told}
 
     def latest(self, name: str) -> DiagnosticStatus:
         with self._lock:
-            return self.said[name][-1][1]
+            told = self.said.get(name)
+            return told[-1].status if told else DiagnosticStatus(level=DiagnosticStatus.STALE)
 
     def close(self) -> None:
         self._subscriber.unregister()
@@ -262,39 +273,41 @@ def test_the_last_bytes_of_a_base_node_are_standstill(
 
 def test_every_task_is_told_once_a_second_under_a_lasting_name(stack: Stack, diagnostics: Diagnostics) -> None:
     stack.wait_until_driving()
-    time.sleep(1.5)
-    begin_s = time.monotonic()
-    time.sleep(6.0)
-    first = diagnostics.since(begin_s)
+    begin = rospy.Time.now()
     tasks = {"camera: stream", "camera: calibration", "mobile_base: link", "mobile_base: battery"}
     tasks |= {"mobile_base: safety", "follower: control", "explore: mission", "move_base: goal", "move_base: planner"}
-    assert tasks <= set(first)
-    assert {len(told) for name, told in first.items() if name in tasks} <= {5, 6, 7}
-    assert all(status.hardware_id for told in first.values() for status in told)
-    assert [name for name in first if not re.fullmatch(r"\w+: [\w ]+", name)] == []
-    again_s = time.monotonic()
-    time.sleep(2.0)
-    assert set(diagnostics.since(again_s)) >= tasks
+
+    def stamps(task: str) -> list[rospy.Time]:
+        return [told.stamp for told in diagnostics.since(begin).get(task, ()) if told.periodic]
+
+    stack.wait(lambda: all(len(stamps(task)) > SECONDS for task in tasks), f"{tasks} for so long")
+    for task in tasks:
+        told = stamps(task)
+        period_s = (told[-1] - told[0]).to_sec() / (len(told) - 1)
+        assert 6 / 7 < period_s < 6 / 5, task
+    said = diagnostics.since(begin)
+    assert all(told.status.hardware_id for all_told in said.values() for told in all_told)
+    assert [name for name in said if not re.fullmatch(r"\w+: [\w ]+", name)] == []
 
 
 def test_a_dead_node_is_silent_long_enough_to_be_called_stale(stack: Stack, diagnostics: Diagnostics) -> None:
-    stack.wait(lambda: "camera: stream" in diagnostics.said, "the camera's health", 20.0)
+    stack.wait(lambda: {"camera: stream", "mobile_base: link"} <= set(diagnostics.said), "their health", 20.0)
+    camera = stack._processes["camera"]
     stack.kill("camera")
-    time.sleep(0.5)
-    begin_s = time.monotonic()
-    time.sleep(STALE_S)
-    told = diagnostics.since(begin_s)
-    assert not [name for name in told if name.startswith("camera:")]
-    assert "mobile_base: link" in told
+    camera.wait()
+    killed = rospy.Time.now()
+    stale = killed + rospy.Duration.from_sec(STALE_S)
+    stack.wait(lambda: "mobile_base: link" in diagnostics.since(stale), "the base's health all the time")
+    assert not [name for name in diagnostics.since(killed) if name.startswith("camera:")]
     stack.start("camera")
-    stack.wait(lambda: "camera: stream" in diagnostics.since(begin_s), "the camera to be back", 20.0)
+    stack.wait(lambda: "camera: stream" in diagnostics.since(killed), "the camera to be back", 20.0)
 
 
 @pytest.mark.ends_mission
 def test_an_empty_battery_is_an_error_and_sends_the_robot_home_once(stack: Stack, diagnostics: Diagnostics) -> None:
-    begin_s = time.monotonic()
+    begin = rospy.Time.now()
     stack.another_mission()
-    stack.wait(lambda: "explore: mission" in diagnostics.since(begin_s), "the mission", 60.0)
+    stack.wait(lambda: "explore: mission" in diagnostics.since(begin), "the mission", 60.0)
     stack.wait(lambda: diagnostics.latest("explore: mission").level == DiagnosticStatus.OK, "the mission", 60.0)
     events: list[dict[str, str]] = []
     listener = rospy.Subscriber(f"/{topics.EXPLORE_EVENTS}", String, lambda msg: events.append(json.loads(msg.data)))
