@@ -185,6 +185,12 @@ class Stack:
 
         wait_for(condition, what, said, within_s=within_s)
 
+    def wait_for_stop(self, since_s: float, within_s: float) -> None:
+        """The wheels stood since then, though they may turn again by now; within_s: see ``wait``."""
+        self.wait(lambda: not self.plant.moving or self.plant.stopped_s > since_s, "the wheels to stand")
+        stopped_s = self.plant.stopped_s
+        assert stopped_s - since_s < within_s + self.lateness.between(since_s, stopped_s)
+
     def wait_until_driving(self) -> None:
         """The wheels turn, and have done so for a moment; what tests before did to the robot may have ended its
         mission, then there is another."""

@@ -175,11 +175,12 @@ def test_the_stick_turns_the_wheels_while_it_says_so_and_its_silence_stops_them(
         return left < 0.0 < right
 
     stack.wait(turns, "the wheels to turn", 30.0)
-    stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
+    stack.wait_for_stop(time.monotonic(), 2.0)
     ticket = 0
     stack.wait(turns, "the wheels to turn", 30.0)
+    let_go_s = time.monotonic()
     assert command(port, "drive", {"forward": 0, "left": 0, "ticket": 0})["ok"]
-    stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
+    stack.wait_for_stop(let_go_s, 2.0)
     stack.wait_until_driving()
 
 

@@ -73,13 +73,16 @@ def drive(stack: Stack) -> Iterator[Drive]:
 def veer(stack: Stack, drive: Drive) -> tuple[str, int, str]:
     """Block a wheel of the driving base until the follower gives its trajectory up; what it said."""
     stack.wait_until_driving()
-    before = len(drive.told)
+    before, blocked_s = len(drive.told), time.monotonic()
     stack.plant.left_blocked = True
     try:
         stack.wait(lambda: drive.since(before, "diverged", "stopped", "arrived"), "the end of the trajectory", 20.0)
     finally:
         stack.plant.left_blocked = False
-    stack.wait(lambda: not stack.plant.moving, "the wheels to stop", STOP_WITHIN_S)
+    said_s = time.monotonic()
+    stack.wait(lambda: not stack.plant.moving or stack.plant.stopped_s > blocked_s, "the wheels to stop")
+    stopped_s = stack.plant.stopped_s
+    assert stopped_s - said_s < STOP_WITHIN_S + stack.lateness.between(said_s, stopped_s)
     said = drive.since(before, "diverged", "stopped", "arrived")
     assert said is not None
     return said
