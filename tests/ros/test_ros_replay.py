@@ -76,15 +76,16 @@ def test_the_nodes_find_what_lock_step_finds(bag: Path, in_lock_step: RunFolder,
     assert "the recording was played to its end" in done.stdout
     folder, expected = RunFolder.open(out), in_lock_step.read_summary()
     summary = folder.read_summary()
-    if rate == "0":
-        assert summary["frames"] == FRAMES
-    assert expected["frames_tracked"] - 20 <= summary["frames_tracked"] <= expected["frames_tracked"] + 5
+    skipped = FRAMES - summary["frames"]  # in real time as many as a busy machine has to
+    assert skipped == 0 or rate == "1"
+    assert expected["frames_tracked"] - 5 - skipped <= summary["frames_tracked"] <= expected["frames_tracked"] + 5
     assert summary["frames_lost"] == 0
     assert expected["ate_rmse_m"] < 0.03
     assert summary["ate_rmse_m"] < 0.03
-    here, there = folder.read_poses("trajectory")[-1], in_lock_step.read_poses("trajectory")[-1]
-    assert here.stamp_ns == there.stamp_ns
-    assert abs(here.T.translation - there.T.translation).max() < 0.03
+    here, there = ({p.stamp_ns: p.T.translation for p in f.read_poses("trajectory")} for f in (folder, in_lock_step))
+    last_ns = max(here.keys() & there.keys())
+    assert last_ns == max(here) == max(there) or rate == "1"
+    assert abs(here[last_ns] - there[last_ns]).max() < 0.03
     free_m2 = [(f.read_map().data == 0).sum() * 0.05**2 for f in (folder, in_lock_step)]
     assert free_m2[0] == pytest.approx(free_m2[1], rel=0.3)
     assert (out / "report.html").exists()
@@ -108,8 +109,8 @@ def test_rosbags_own_player_feeds_the_nodes_too(bag: Path, in_lock_step: RunFold
     [path] = (tmp_path / "runs").iterdir()
     folder = RunFolder(path)
     assert (folder.path / "summary.json").exists(), done.stdout + done.stderr
-    expected = in_lock_step.read_summary()["frames_tracked"]
-    assert folder.read_summary()["frames_tracked"] == pytest.approx(expected, abs=15)
+    summary, expected = folder.read_summary(), in_lock_step.read_summary()["frames_tracked"]
+    assert expected - 5 - (FRAMES - summary["frames"]) <= summary["frames_tracked"] <= expected + 15
     here, there = folder.read_poses("trajectory")[-1], in_lock_step.read_poses("trajectory")[-1]
     assert abs(here.T.translation - there.T.translation).max() < 0.1
     free_m2 = [(f.read_map().data == 0).sum() * 0.05**2 for f in (folder, in_lock_step)]
