@@ -191,6 +191,14 @@ class Stack:
         stopped_s = self.plant.stopped_s
         assert stopped_s - since_s < within_s + self.lateness.between(since_s, stopped_s)
 
+    def stands_for(self, seconds: float) -> bool:
+        """Whether the wheels stand, and turn for no moment of this time either."""
+        started_s = self.plant.started_s
+        if self.plant.moving:
+            return False
+        time.sleep(seconds)
+        return self.plant.started_s == started_s
+
     def wait_until_driving(self) -> None:
         """The wheels turn, and have done so for a moment; what tests before did to the robot may have ended its
         mission, then there is another."""

@@ -20,10 +20,10 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 
 
 class CountedPlant(BodyPlant):
-    """The wheels at the far end of the wire; remembers the highest speed that they were told [m/s], and what
-    ``turned_again`` said at the moment when they began to turn."""
+    """The wheels at the far end of the wire; remembers the highest speed that they were told [m/s], how often they
+    began to turn, and what ``turned_again`` said at that moment."""
 
-    fastest_m_s = 0.0
+    fastest_m_s, starts = 0.0, 0
     turns = could_be_stopped = False
 
     @staticmethod
@@ -33,10 +33,19 @@ class CountedPlant(BodyPlant):
     def set_wheel_speeds(self, left_m_s: float, right_m_s: float) -> None:
         turn = (left_m_s, right_m_s) != (0.0, 0.0)
         if turn and not self.turns:
+            self.starts += 1
             self.could_be_stopped = self.turned_again()
         self.turns = turn
         self.fastest_m_s = max(self.fastest_m_s, abs(left_m_s), abs(right_m_s))
         super().set_wheel_speeds(left_m_s, right_m_s)
+
+    def stands_for(self, seconds: float) -> bool:
+        """Whether the wheels stand, and turn for no moment of this time either."""
+        starts = self.starts
+        if self.turns:
+            return False
+        time.sleep(seconds)
+        return self.starts == starts
 
 
 class LoneBase:

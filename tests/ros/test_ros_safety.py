@@ -188,25 +188,23 @@ def test_the_emergency_stop_outlives_a_reconnection_and_a_restart_of_its_node(st
         rospy.wait_for_service(f"/{topics.ESTOP}", 20.0)
         assert rospy.ServiceProxy(f"/{topics.ESTOP}", SetBool)(stop).success
 
-    def stands() -> bool:
-        time.sleep(1.0)
-        return not stack.plant.moving
-
     try:
         stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive", 10.0)
         estop(True)
         stack.wait(lambda: not stack.plant.moving, "the emergency stop", 2.0)
-        assert stands()
+        started_s = stack.plant.started_s
+        assert stack.stands_for(1.0)
         stack._base.unplug()
         time.sleep(0.5)
         stack._base.replug()
         rospy.wait_for_message(f"/{topics.ODOM}", rospy.AnyMsg, 10.0)
-        assert stands(), "reconnected, and it drives"
+        assert stack.stands_for(1.0), "reconnected, and it drives"
         stack.kill("mobile_base")
         stack.start("mobile_base")
         rospy.wait_for_message(f"/{topics.ODOM}", rospy.AnyMsg, 20.0)
         stack.wait(lambda: hand.get_num_connections() > 0, "the new node to listen", 10.0)
-        assert stands(), "restarted, and it drives"
+        assert stack.stands_for(1.0), "restarted, and it drives"
+        assert stack.plant.started_s == started_s, "it has driven in between"
         estop(False)
         stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive again", 5.0)
     finally:
@@ -231,9 +229,7 @@ def test_all_nodes_register_with_another_master_and_the_robot_explores_on(stack:
     stack.wait_until_driving()
     before, parameters = graph(), master.getParam("/")
     stack.kill("rosmaster")
-    stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 2.0)
-    time.sleep(1.0)
-    assert not stack.plant.moving
+    stack.wait(lambda: stack.stands_for(1.0), "the wheels to stand for a second", 3.0)
     stack.start_master()
     stack.wait(lambda: graph() == before, "all nodes to register", 15.0)
     after = master.getParam("/")

@@ -105,8 +105,7 @@ def test_emergency_stop_holds_until_it_is_cleared(stack: Stack, teleop: Teleop) 
     stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive", 5.0)
     assert estop(True).success
     stack.wait(lambda: not stack.plant.moving, "the emergency stop", 2.0)
-    time.sleep(0.5)
-    assert not stack.plant.moving
+    assert stack.stands_for(0.5)
     assert estop(False).success
     stack.wait(lambda: stack.plant.commanded[0] < -0.03, "teleop to drive again", 2.0)
 
@@ -143,8 +142,12 @@ def test_hazards_are_told_and_obeyed(
     told: list[int] = []
     subscriber = rospy.Subscriber(absolute(topics.HAZARDS), UInt8, lambda msg: told.append(msg.data))
     stack.wait(lambda: int(hazard) in told, "the hazard to be told", 2.0)
-    time.sleep(0.3)
-    assert stack.plant.moving == allowed
+    if allowed:
+        time.sleep(0.3)
+        stack.wait(lambda: stack.plant.moving, "the wheels to turn on")
+    else:
+        stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 0.3)
+        assert stack.stands_for(0.3)
     assert told.count(int(hazard)) == 1, "an edge is told once"
     monkeypatch.undo()
     stack.wait(lambda: told[-1] & int(hazard) == 0, "the hazard to be over", 2.0)
