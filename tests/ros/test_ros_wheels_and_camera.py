@@ -58,27 +58,25 @@ def teleop(stack: Stack) -> Iterator[Teleop]:
     hand.let_go()
 
 
-def collect(topic: str, kind: Any, seconds: float) -> list[Any]:
+def listen(stack: Stack, topic: str, kind: Any, count: int) -> list[Any]:
+    """So many messages in a row."""
     messages: list[Any] = []
     subscriber = rospy.Subscriber(absolute(topic), kind, messages.append, buff_size=2**24)
-    time.sleep(seconds)
+    stack.wait(lambda: len(messages) >= count, f"{count} messages on {topic}")
     subscriber.unregister()
     return messages
 
 
 def test_images_come_with_the_calibration_of_their_instant(stack: Stack) -> None:
-    rospy.wait_for_message(absolute(topics.IMAGE), Image, timeout=PATIENCE_S)
     infos: list[CameraInfo] = []
     subscriber = rospy.Subscriber(absolute(topics.CAMERA_INFO), CameraInfo, infos.append)
-    time.sleep(0.3)
-    pictures = collect(topics.IMAGE, Image, 1.5)
-    time.sleep(0.2)
-    subscriber.unregister()
-    assert len(pictures) >= 3
+    stack.wait(lambda: infos, "a calibration")
+    pictures = listen(stack, topics.IMAGE, Image, 15)
     assert {(p.encoding, p.width, p.height, p.step) for p in pictures} == {("bayer_grbg8", 640, 480, 640)}
     stamps = [p.header.stamp.to_nsec() for p in pictures]
     assert stamps == sorted(set(stamps))
-    assert set(stamps) <= {i.header.stamp.to_nsec() for i in infos}
+    stack.wait(lambda: set(stamps) <= {i.header.stamp.to_nsec() for i in infos}, "a calibration for every image")
+    subscriber.unregister()
     # Exposure times lie on the camera's own grid of 1/15 s, whatever the machine's load.
     steps = [(b - a) * 15e-9 for a, b in zip(stamps, stamps[1:])]
     assert max(abs(step - round(step)) for step in steps) < 0.001
@@ -88,10 +86,10 @@ def test_images_come_with_the_calibration_of_their_instant(stack: Stack) -> None
 
 
 def test_odometry_is_even_and_the_battery_known(stack: Stack) -> None:
-    readings = collect(topics.ODOM, Odometry, 1.0)
-    assert len(readings) >= 25
+    readings = listen(stack, topics.ODOM, Odometry, 50)
     steps_ms = [(b.header.stamp - a.header.stamp).to_nsec() * 1e-6 for a, b in zip(readings, readings[1:])]
     assert max(abs(step - 20.0) for step in steps_ms if step < 30.0) < 5.0
+    assert sorted(steps_ms)[len(steps_ms) // 2] < 30.0  # longer where a busy machine lost readings
     battery = rospy.wait_for_message(absolute(topics.BATTERY), BatteryState, timeout=PATIENCE_S)
     emulated_v = stack._base._board.battery.voltage_v  # it drains; a Kobuki tells tenths of a volt
     assert 15.0 < emulated_v <= 16.25
@@ -191,11 +189,15 @@ def test_a_pressed_button_is_told_once_and_so_is_its_release(stack: Stack, monke
 def test_reset_odometry_starts_at_the_origin(stack: Stack, teleop: Teleop) -> None:
     from std_srvs.srv import Trigger
 
+    readings: list[Odometry] = []
+    subscriber = rospy.Subscriber(absolute(topics.ODOM), Odometry, readings.append)
     teleop.drive(0.0)
     stack.wait(lambda: not stack.plant.moving, "the robot to stand", 2.0)
     time.sleep(0.5)
     assert rospy.ServiceProxy(absolute(topics.RESET_ODOMETRY), Trigger)().success
-    time.sleep(0.1)
-    pose = convert.odometry(rospy.wait_for_message(absolute(topics.ODOM), Odometry, timeout=PATIENCE_S)).T_odom_base
+    later = rospy.Time.now() + rospy.Duration.from_sec(0.1)
+    stack.wait(lambda: readings and readings[-1].header.stamp > later, "odometry after that")
+    subscriber.unregister()
+    pose = convert.odometry(readings[-1]).T_odom_base
     assert math.hypot(pose.x, pose.y) < 0.002
     assert abs(pose.theta) < 0.01
