@@ -8,6 +8,8 @@ import pytest
 
 pytest.importorskip("rospy")
 
+from waiting import wait_for
+
 from vsx_ros.ros.master_guard import MasterGuard
 
 _RUN = """
@@ -33,8 +35,7 @@ def test_the_master_of_a_killed_run_ends() -> None:
         master = int(run.stdout.readline())
         assert alive(master)
         run.kill()
-        while alive(master):
-            pass
+        wait_for(lambda: not alive(master), "the master to end")
 
 
 def test_the_guard_of_a_run_that_ends_in_order_does_nothing() -> None:
