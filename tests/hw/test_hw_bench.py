@@ -4,12 +4,12 @@ import os
 import struct
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 import serial
 from hw_plant import FreeWheels
+from waiting import PATIENCE_S, wait_for
 
 from vsx_hw.bases import base_emulator
 from vsx_hw.create.protocol import CREATE_2
@@ -19,9 +19,9 @@ BENCH = str(Path(__file__).resolve().parents[2] / "hw" / "bench.py")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "PYTHONUNBUFFERED": "1"}
 
 
-def run(*arguments: str, seconds: float = 30.0) -> subprocess.CompletedProcess[str]:
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, *arguments], env=ENVIRONMENT, capture_output=True, text=True, timeout=seconds
+        [sys.executable, *arguments], env=ENVIRONMENT, capture_output=True, text=True, timeout=PATIENCE_S
     )
 
 
@@ -73,8 +73,8 @@ def test_a_create_is_found_and_told_to_stop(tmp_path):
         plant.speeds = (0.1, 0.1)
         done = run("-c", "import vsx_hw.bases as b; b.main()", port, "create2")
         assert done.returncode == 0, done.stderr
-        time.sleep(0.1)
-        assert bytes(emulator._board.log).endswith(bytes((145, 0, 0, 0, 0, 128, 173)))
+        end = bytes((145, 0, 0, 0, 0, 128, 173))
+        wait_for(lambda: bytes(emulator._board.log).endswith(end), "the last bytes")
     assert "create" in run("-c", "import vsx_hw.bases as b; b.main()", port, "tricycle").stderr
 
 

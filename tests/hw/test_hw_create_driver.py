@@ -34,9 +34,11 @@ def test_starts_in_safe_drives_measures_and_stops_without_commands(rig):
     wait_for(lambda: rig.plant.speeds == (0.0, 0.0), within_s=5.0)
     left, right = rig.plant.travel
     slack = 0.05 if rig.kind == "create" else 0.004
-    time.sleep(0.2)  # what was measured before standstill has been read by then
-    while not rig.readings.empty():
-        rig.readings.get()
+
+    def headings():
+        return [rig.wait(lambda r: True).odometry.heading_rad for _ in range(10)]
+
+    wait_for(lambda: len(set(headings())) == 1, "what was measured before standstill to be read")
     reading = rig.wait(lambda r: True)
     assert reading.odometry.heading_rad == pytest.approx((right - left) / rig.plant.wheel_base_m, abs=slack)
 

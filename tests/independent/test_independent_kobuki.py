@@ -123,8 +123,9 @@ def test_each_contact_is_told_and_stops_what_it_forbids(tmp_path):
             wait_for(lambda: robot.body.speed_m_s == pytest.approx(0.2), "driving")
             with host.line.held():
                 setattr(robot, field, bit)
+            hazard = Hazard(_BITS[field] * bit)
+            wait_for(lambda: host.last.hazards == hazard, f"{field} {bit} told")  # noqa: B023 (called at once)
             wait_for(lambda: robot.body.speed_m_s == 0.0, f"standstill at {field} {bit}")
-            assert host.last.hazards == Hazard(_BITS[field] * bit)
             host.want = (-0.1, 0.0)
             if field != "wheel_drop":
                 wait_for(lambda: robot.body.speed_m_s == pytest.approx(-0.1), f"backing off from {field} {bit}")
