@@ -17,7 +17,7 @@ from ros_ports import HOST, free_port
 from waiting import PATIENCE_S
 
 from vsx_ros.ros import launch, topics
-from vsx_ros.runs.process import DONE, FAILED, STOPPED
+from vsx_ros.runs.process import FAILED, STOPPED
 
 pytestmark = pytest.mark.ros
 
@@ -133,27 +133,31 @@ def test_two_explorations_share_a_master_and_a_third_of_the_same_name_is_refused
     uri = processes.environment["ROS_MASTER_URI"]
     processes.start("roscore", "roscore", "-p", uri.rsplit(":", 1)[1])
     processes.wait(lambda: knows_its_run(uri), "roscore")
-    explore = (sys.executable, "-m", "vsx_ros.cli.main", "explore", "--world", "lab", "--headless", "--time")
+    explore = (sys.executable, "-m", "vsx_ros.cli.main", "explore", "--world", "lab", "--headless", "--time", "300")
     runs = {
-        robot: processes.start(robot, *explore, seconds, "--out", str(tmp_path / robot), ROS_NAMESPACE=robot)
-        for robot, seconds in {"a": "300", "b": "45"}.items()
+        robot: processes.start(robot, *explore, "--out", str(tmp_path / robot), ROS_NAMESPACE=robot) for robot in ROBOTS
     }
+
+    def has_mapped(robot: str) -> bool:
+        return "mapping: " in (tmp_path / f"{robot}.txt").read_text(encoding="utf-8")
 
     def state(robot: str) -> str:
         return str(json.loads(processes.vsx("status", "--json", ROS_NAMESPACE=robot).stdout)["state"])
 
-    processes.wait(lambda: all(state(robot) == "mapping" for robot in ROBOTS), "both to map")
-    refused = processes.run(*explore, "9", "--out", str(tmp_path / "c"), ROS_NAMESPACE="a")
+    processes.wait(lambda: all(map(has_mapped, ROBOTS)), "both to map")
+    refused = processes.run(*explore, "--out", str(tmp_path / "c"), ROS_NAMESPACE="a")
     assert refused.returncode == FAILED
     assert "node /a/mobile_base runs already" in refused.stderr
     assert "ROS_NAMESPACE=" in refused.stderr
     assert not (tmp_path / "c").exists()
-    assert runs["b"].wait(PATIENCE_S) == DONE, processes.logs()
+    ended = processes.run("rosservice", "call", f"/b/{topics.EXPLORE_STOP}")
+    assert ended.returncode == 0, ended.stderr
+    assert runs["b"].wait(PATIENCE_S) == STOPPED, processes.logs()
     assert state("a") in ("mapping", "recovering"), "the end of b is not a's"
     runs["a"].send_signal(signal.SIGINT)
     assert runs["a"].wait(PATIENCE_S) == STOPPED, processes.logs()
-    for robot, reason in {"a": "stopped by the operator", "b": "time limit of 45 s"}.items():
+    for robot in ROBOTS:
         summary = json.loads((tmp_path / robot / "summary.json").read_text(encoding="utf-8"))
-        assert summary["stop_reason"] == reason
+        assert summary["stop_reason"] == "stopped by the operator"
         assert summary["frames_tracked"] > 0
         assert summary["collisions"] == 0
