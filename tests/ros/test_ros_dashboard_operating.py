@@ -6,6 +6,7 @@ pytest.importorskip("rospy")
 
 from chromium import EXECUTABLE
 from served_page import CONTRASTS, ServedPage
+from waiting import wait_for
 
 from vsx_ros.robot import STOP, VelocityCommand
 
@@ -24,6 +25,14 @@ def box(page: ServedPage, name: str) -> list[float]:
 def drives(page: ServedPage) -> list[VelocityCommand]:
     """What the stick told the base."""
     return [value for name, value in page.done if name == "drive" and value is not None]
+
+
+def stands_and_is_silent(page: ServedPage) -> None:
+    """The stick tells the base to stand, and says nothing more."""
+    wait_for(lambda: drives(page)[-1] == STOP, "the stop", lambda: drives(page)[-3:])
+    count = len(page.done)
+    page.value("new Promise(done => setTimeout(done, 600))")
+    assert len(page.done) == count
 
 
 def test_pause_and_resume_are_one_button(page: ServedPage) -> None:
@@ -150,11 +159,7 @@ def test_the_stick_drives_while_it_is_held_and_letting_go_stops(page: ServedPage
     else:
         page.browser.mouse("Released", x - 0.5 * reach, y)
     page.wait("!hand.holds")
-    page.value("new Promise(done => setTimeout(done, 600))")
-    assert drives(page)[-1] == STOP
-    count = len(page.done)
-    page.value("new Promise(done => setTimeout(done, 600))")
-    assert len(page.done) == count  # and it says nothing more
+    stands_and_is_silent(page)
 
 
 def test_a_second_finger_stops_while_the_first_one_holds_the_stick(page: ServedPage) -> None:
@@ -194,8 +199,7 @@ def test_arrow_keys_hold_the_stick_until_it_loses_them(page: ServedPage, ends: s
     assert drives(page)[-1] == VelocityCommand(0.2, 0.0)
     page.value(ends)
     page.wait("!hand.holds")
-    page.value("new Promise(done => setTimeout(done, 600))")
-    assert drives(page)[-1] == STOP
+    stands_and_is_silent(page)
 
 
 def test_a_stick_whose_page_goes_away_falls_silent(page: ServedPage) -> None:
@@ -206,10 +210,13 @@ def test_a_stick_whose_page_goes_away_falls_silent(page: ServedPage) -> None:
     page.wait("hand.sent >= 3")
     page.browser.open("about:blank")
     page.browser.wait("document.readyState === 'complete' && location.href === 'about:blank'")
-    page.browser.evaluate("new Promise(done => setTimeout(done, 600))")
-    count = len(drives(page))
-    page.browser.evaluate("new Promise(done => setTimeout(done, 600))")
-    assert len(drives(page)) == count  # the base stops by itself: half a second after the last movement
+
+    def is_silent() -> bool:
+        count = len(drives(page))
+        page.browser.evaluate("new Promise(done => setTimeout(done, 600))")
+        return len(drives(page)) == count
+
+    wait_for(is_silent, "silence")  # the base stops by itself: half a second after the last movement
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
