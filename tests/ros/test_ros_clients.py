@@ -43,7 +43,7 @@ AHEAD_M = 0.25
 
 
 def tool(stack: Stack, *words: str, until: str = "") -> str:
-    """What a command line tool says until it ends or has said what it shall; then it gets a Ctrl-C."""
+    """What a command line tool says until it ends or has said three times what it shall; then it gets a Ctrl-C."""
     environment = {**stack.environment, "PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(
         words, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
@@ -54,7 +54,7 @@ def tool(stack: Stack, *words: str, until: str = "") -> str:
         said = ""
         for line in started.stdout:
             said += line
-            if until and until in line:
+            if until and until in line and said.count(until) >= 3:
                 started.send_signal(signal.SIGINT)
         watchdog.cancel()
     return said
