@@ -9,7 +9,7 @@ import rospy
 from chromium import Chromium
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from served_page import window_place
-from waiting import PATIENCE_S
+from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.config import RobotConfig
 from vsx_ros.geometry.se2 import SE2
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from conftest import Stack
 
 _FROM_M, _AT_LEAST_M = 1.3, 0.9  # the zone's middle ahead of the base's, as it is begun and as it is saved
+_STOP_M = 0.25  # in which the robot stops, with the time until it knows of the zone
 _SQUARE_M = 0.25 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 _KEPT = 2000  # newest true poses
 
@@ -58,7 +59,7 @@ class TrueOutline:
 
 def draw_across_the_plan(browser: Chromium, stack: Stack) -> bool:
     """By clicks on the open page, a square of half a metre ahead on the way that is driven. Whether there was such a
-    way, and the time to draw it."""
+    way, and the time to draw it; a zone that came too late to stop before it is removed."""
     here = browser.evaluate("known.pose.slice(0, 2)")
     plan = np.array(browser.evaluate("known.plan")).reshape(-1, 2)
     away_m = np.hypot(*(plan - here).T)
@@ -77,4 +78,11 @@ def draw_across_the_plan(browser: Chromium, stack: Stack) -> bool:
         return False
     browser.click("#saveZone")
     browser.wait("$('said').textContent.startsWith('Zone ') && draft === null")
-    return True
+    x, y = browser.evaluate("known.pose.slice(0, 2)")
+    to_edge_m = np.hypot(place[0] - x, place[1] - y) + _SQUARE_M.min()
+    if to_edge_m > RobotConfig().radius_m + _STOP_M:
+        return True
+    browser.wait("known.zones.zones.length === 1")
+    remove = "document.querySelector('#zones button')?.click(), known.zones.zones.length === 0"
+    wait_for(lambda: browser.evaluate(remove), "the zone to be removed", pause_s=0.2)  # the button asks back
+    return False
