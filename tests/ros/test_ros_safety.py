@@ -263,9 +263,12 @@ def test_the_last_bytes_of_a_base_node_are_standstill(
     stack.kill("mobile_base", end)
     stack.wait(lambda: not stack.plant.moving, "the wheels to stand", 1.0)
     assert process.wait(PATIENCE_S) is not None
+    farewell = BASES["kobuki"].stop_bytes().farewell
+    stack.wait(lambda: bytes(heard).endswith(farewell), "the farewell")
     time.sleep(0.2)
+    last = bytes(heard)
     stack.start("mobile_base")
-    assert bytes(heard).endswith(BASES["kobuki"].stop_bytes().farewell)
+    assert last.endswith(farewell)
 
 
 def test_every_task_is_told_once_a_second_under_a_lasting_name(stack: Stack, diagnostics: Diagnostics) -> None:
