@@ -63,7 +63,8 @@ def resumed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Previo
     befores.append(before)
     assert execute(["report", str(out)]) == 0
     assert REASON in (out / "report.html").read_text()
-    assert 13 <= len(Moments.read(out / "moments.jsonl").pictures) <= 16
+    second = before.ended_ns // SECOND  # 13, or later where it was killed late
+    assert second <= len(Moments.read(out / "moments.jsonl").pictures) <= second + 3
     assert execute(["explore", "--fast", "--resume", str(out)]) == 0
     return out, befores
 
@@ -79,11 +80,11 @@ def test_no_more_than_the_last_seconds_are_lost(resumed):
 
 
 def test_its_report_shows_every_second_of_all_sessions(resumed):
-    out, _ = resumed
-    kept = Moments.read(out / "moments.jsonl")
+    out, (before,) = resumed
+    kept, second = Moments.read(out / "moments.jsonl"), before.ended_ns // SECOND
     seconds = [line.stamp_ns // SECOND for line in kept.pictures]
     assert seconds == sorted(seconds)
-    assert set(range(40)) - set(seconds) <= {0, 13, 14}, "the second in which it was killed"
+    assert set(range(40)) - set(seconds) <= {0, second, second + 1}, "the second in which it was killed"
     assert len(kept.maps) in range(20, 45)
     page = (out / "report.html").read_text()
     assert REASON not in page
