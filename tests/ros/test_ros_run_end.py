@@ -8,8 +8,9 @@ import sys
 import threading
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import file_samples
 import numpy as np
@@ -131,6 +132,25 @@ def test_nobody_looks_so_it_ends_by_itself(folder: RunFolder) -> None:
     shown = End(folder)
     shown._thread.join()
     assert shown.go_on is False
+
+
+def test_a_machine_that_was_late_shows_the_end_to_who_looks(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each tick comes an hour late; the page comes, and comes again after a break."""
+    tell, ticks, now_s = [], [1, 0, 1, 1, 0, 1], [0.0]
+
+    def served(_board: Board, _commands: object, report: Callable[[int], object], *_: object) -> SimpleNamespace:
+        tell.append(report)
+        return SimpleNamespace(serve_forever=lambda: None, close=lambda: None)
+
+    def late(_: float) -> None:
+        now_s[0] += 3600.0
+        if ticks:
+            tell[0](ticks.pop(0))
+
+    monkeypatch.setattr(ending, "ViewServer", served)
+    monkeypatch.setattr(ending, "time", SimpleNamespace(monotonic=lambda: now_s[0], sleep=late))
+    show_end(Ended(folder, folder.read_summary(), ended_well=True), TOKEN, 0, lambda: not ticks)
+    assert ticks == []
 
 
 def test_a_taken_port_is_no_failure(folder: RunFolder, end: End) -> None:

@@ -44,10 +44,9 @@ def show_end(
         return False
     server.report = lambda: (ended.folder.path / "report.html").read_bytes()
     threading.Thread(target=server.serve_forever, name="end", daemon=True).start()
-    seen_s, patience_s = time.monotonic(), _COME_S
-    while not (on.is_set() or stopped()) and time.monotonic() - seen_s < patience_s:
-        if looking[-1] and stay:
-            seen_s, patience_s = time.monotonic(), _GONE_S
+    left_s = _COME_S  # counted in ticks: on a machine that is late, the viewers are, too
+    while not (on.is_set() or stopped()) and left_s > 0.0:
+        left_s = _GONE_S if looking[-1] and stay else left_s - _TICK_S
         time.sleep(_TICK_S)
     time.sleep(_TICK_S)  # the answer to the last command is under way
     server.close()
