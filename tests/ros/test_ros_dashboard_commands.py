@@ -9,9 +9,12 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import rospy
+from std_srvs.srv import Trigger
 from waiting import PATIENCE_S
 
-from vsx_ros.ros.dashboard.commands import commands
+from vsx_ros.ros import calls
+from vsx_ros.ros.dashboard.commands import answer_of, commands
 from vsx_ros.ros.dashboard.feed import Board
 from vsx_ros.ros.dashboard.server import TOKEN_HEADER, Answer, ViewServer
 
@@ -41,3 +44,16 @@ def test_a_text_follows_the_name_of_its_command_and_no_other() -> None:
 
 def test_the_page_may_change_zones_and_name_rooms() -> None:
     assert {"zones?", "name-room?", "estop", "pause"} <= commands().keys()
+
+
+def test_a_service_that_is_late_may_still_act_and_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def late(*_: object, **__: object) -> None:
+        raise calls.NoAnswer
+
+    monkeypatch.setattr(calls, "service", late)
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+    answer = answer_of("dock/leave", Trigger)
+    assert not answer.ok
+    assert answer.message == (
+        "service /dock/leave has not answered in 2 s; is its node running? A busy one may still do it"
+    )

@@ -28,7 +28,7 @@ class Graph:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.published: list[tuple[str, Any]] = []
-        self.listeners = 1
+        self.listeners, self.connects_s = 1, 0.0
         self.planned = Answer(True, json.dumps(WAY))
         self.goals = GoalStatusArray()
         monkeypatch.setattr(drives.rospy, "Publisher", self._publisher)
@@ -45,8 +45,8 @@ class Graph:
             resolved_name=f"/{topic}",
         )  # fmt: skip
 
-    def _message(self, topic: str, *_: Any, **__: Any) -> GoalStatusArray:
-        if not self.listeners:
+    def _message(self, topic: str, *_: Any, timeout: float) -> GoalStatusArray:
+        if not self.listeners or timeout < self.connects_s:
             raise rospy.ROSException("nobody")
         return self.goals
 
@@ -117,6 +117,12 @@ def test_ending_a_drive_leaves_the_goals_of_the_exploration(graph: Graph) -> Non
     assert [(topic, msg.id) for topic, msg in graph.published] == [(topics.MOVE_BASE_CANCEL, "/rviz-2")]
     graph.listeners = 0
     assert "move_base" in graph.drives.end().message
+
+
+def test_a_drive_ends_on_a_machine_that_takes_seconds_to_hear_of_it(graph: Graph) -> None:
+    graph.connects_s = 8.0
+    graph.goals = GoalStatusArray(status_list=[GoalStatus(GoalID(id="/rviz-2"), GoalStatus.ACTIVE, "")])
+    assert graph.drives.end().ok
 
 
 def test_the_stick_drives_by_the_input_of_teleop(graph: Graph) -> None:

@@ -59,6 +59,7 @@ def exploring(heard: Any, mission: Any, state: Any, acts: list[Any]) -> Any:
         is_served=True, state=state, give_up=lambda identity: None, act=lambda now_ns, decision: acts.append(decision)
     )
     node._mission = mission
+    node._requests = SimpleNamespace(tell_next=lambda now_ns: None, unless_to_stand=lambda act: act())
     node._writer = SimpleNamespace(restore=lambda *_: None)
     node._topics = SimpleNamespace(events=lambda events: None, report=lambda *_: False)
     return node

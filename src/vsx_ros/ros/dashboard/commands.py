@@ -44,5 +44,6 @@ def answer_of(
     try:
         response = calls.service(service, kind, *arguments, within_s=within_s)
     except (rospy.ROSException, rospy.ServiceException):
-        return Answer(False, f"service {rospy.resolve_name(service)} does not answer; is its node running?")
+        late = f"has not answered in {within_s:g} s; is its node running? A busy one may still do it"
+        return Answer(False, f"service {rospy.resolve_name(service)} {late}")
     return Answer(bool(response.success), said if said and response.success else str(response.message))

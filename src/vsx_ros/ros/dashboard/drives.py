@@ -21,7 +21,7 @@ from vsx_ros.ros.dashboard.server import Answer, Command
 from vsx_ros.ros.situation import LIVE_GOAL
 
 _PLAN_S = 10.0  # a long way on a busy machine
-_GOALS_S = 2.0  # move_base tells its goals five times a second
+_GOALS_S = 10.0  # move_base tells its goals five times a second, but a busy machine has to connect first
 _TICKETS = 2**53  # JavaScript counts exactly as far
 
 
@@ -75,10 +75,12 @@ class Drives:
         def goals() -> GoalStatusArray:
             return rospy.wait_for_message(topics.MOVE_BASE_STATUS, GoalStatusArray, timeout=_GOALS_S)
 
+        if self._cancel_pub.get_num_connections() == 0:
+            return Answer(False, f"nobody listens on {self._cancel_pub.resolved_name}; is move_base running?")
         try:
             told = calls.within(2.0 * _GOALS_S, goals, topics.MOVE_BASE_STATUS)
         except rospy.ROSException:
-            return Answer(False, "move_base does not say what it drives to; is it running?")
+            return Answer(False, "move_base does not say what it drives to; end the exploration, or stop the wheels")
         explorer = f"{rospy.resolve_name('explore')}-"
         ours = [status.goal_id for status in told.status_list if status.status in LIVE_GOAL]
         ours = [goal for goal in ours if not goal.id.startswith(explorer)]

@@ -49,11 +49,11 @@ class ExploreNode:
         self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
         self._topics = MissionTopics(self._mission, config.exploration.stop_cost_m)
         self._goals = GoalSender()
+        self._requests = MissionRequests(self._mission, self._goals.cancel)
         self._charges = False  # the node dock takes care of the battery
         if config.docking.return_to_charge:
             subscribe(topics.DOCK_POSE, PoseStamped, self._on_dock, queue_size=1)
         subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
-        MissionRequests(self._mission, self._lock)
         self._writer = MissionWriter(self._mission, self._lock, self._heard.where, self._topics)
         threads.every(PERIOD_S, "lease", self._lease.keep)
         threads.every(config.exploration.decide_s, "mission", self._decide)
@@ -65,18 +65,19 @@ class ExploreNode:
         empty = energy_messages.is_nearly_empty(msg) and not self._charges
         if empty and not self._battery_empty:
             rospy.logwarn("battery at %.1f V is nearly empty: going home", msg.voltage)
-            with self._lock:
-                self._mission.home(headers.now_ns(), "the battery")
+            self._requests.send_home("the battery")
         self._battery_empty = self._battery_empty or empty
 
     def _decide(self) -> None:
         self._lease.promise(_DECIDE_WITHIN_S)
+        now_ns, navigation = headers.now_ns(), self._goals.state()  # first: a pause that comes now ends the goal
+        with self._lock:
+            self._requests.tell_next(now_ns)
         ready = self._slam.is_known("vslam") and self._goals.is_served
         if not ready and self._mission.outcome is None:
             self._diagnostics.set("mission", WARN, "waiting for vslam to see images and for move_base")
             return
-        now_ns = headers.now_ns()
-        situation = self._heard.at(now_ns, *self._goals.state())
+        situation = self._heard.at(now_ns, *navigation)
         with self._lock:
             self._writer.restore(now_ns, situation.T_odom_base)
             decision = self._mission.decide(now_ns, situation)
@@ -86,7 +87,7 @@ class ExploreNode:
                 decision = self._mission.decide(now_ns, self._heard.at(now_ns, NavigationState.IDLE, ""))
             events = self._mission.drain_events()
         self._goals.give_up(self._mission.claim.given_up)
-        self._goals.act(now_ns, decision)
+        self._requests.unless_to_stand(lambda: self._goals.act(now_ns, decision))
         self._topics.events(events)
         if self._topics.report(decision, self._goals.state()[0], self._heard.grid):
             self._diagnostics.set("mission", OK, f"{decision.state}: {decision.reason}")
