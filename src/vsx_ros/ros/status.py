@@ -1,6 +1,7 @@
 """Collects and prints ``vsx status``."""
 
 import json
+import math
 import sys
 import time
 from collections import deque
@@ -23,7 +24,7 @@ from vsx_ros.runs import process
 from vsx_ros.runs.process import DONE, FAILED
 
 _LISTEN_S, _PERIOD_S = 2.0, 1.0  # measuring time for rates; time between two outputs
-_PATIENCE_S = 4.0  # Longest wait for values that nobody has published yet
+_PATIENCE_S, _TICK_S = 4.0, 0.1  # longest wait for values that nobody has published yet; between looks at them
 
 
 class StatusBoard:
@@ -37,27 +38,53 @@ class StatusBoard:
              "battery_left_s", "docking", "docking_reason", "zones", "zones_entered", "room", "left_s")
         )  # fmt: skip
         self._safety = f"{rospy.resolve_name('mobile_base').lstrip('/')}: safety"
-        self._images_s: deque[float] = deque(maxlen=200)
-        subscribe(topics.EXPLORE_STATUS, String, self._on_explore, queue_size=1)
-        subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_slam, queue_size=1)
-        subscribe(f"{topics.STATS}/tracked_ratio", Float32, lambda m: self._set(tracked_ratio=m.data), queue_size=1)
-        subscribe(topics.CAMERA_INFO, CameraInfo, lambda _: self._images_s.append(time.monotonic()), queue_size=10)
-        subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1)
-        subscribe(topics.MUX_ACTIVE, String, lambda m: self._set(driver=m.data), queue_size=1)
-        subscribe(topics.HAZARDS, UInt8, lambda m: self._set(hazards=convert.hazard_words(m.data)), queue_size=1)
-        subscribe(topics.DOCK_STATUS, String, self._on_dock, queue_size=1)
-        hear_operator_hold(self._on_hold)
-        subscribe(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20)
-        subscribe(topics.ZONES, String, self._on_zones, queue_size=1)
-        subscribe(topics.ROOMS, String, self._on_rooms, queue_size=1)
+        self._first_image_s = math.inf
+        self._images: deque[tuple[float, float]] = deque(maxlen=200)  # when heard, and of when
+        ratio = f"{topics.STATS}/tracked_ratio"
+        self._subscribers = [
+            subscribe(topics.EXPLORE_STATUS, String, self._on_explore, queue_size=1),
+            subscribe(topics.SLAM_STATE, DiagnosticStatus, self._on_slam, queue_size=1),
+            subscribe(ratio, Float32, lambda m: self._set(tracked_ratio=m.data), queue_size=1),
+            subscribe(topics.CAMERA_INFO, CameraInfo, self._on_image, queue_size=200),
+            subscribe(topics.BATTERY, BatteryState, self._on_battery, queue_size=1),
+            subscribe(topics.MUX_ACTIVE, String, lambda m: self._set(driver=m.data), queue_size=1),
+            subscribe(topics.HAZARDS, UInt8, lambda m: self._set(hazards=convert.hazard_words(m.data)), queue_size=1),
+            subscribe(topics.DOCK_STATUS, String, self._on_dock, queue_size=1),
+            hear_operator_hold(self._on_hold),
+            subscribe(topics.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, queue_size=20),
+            subscribe(topics.ZONES, String, self._on_zones, queue_size=1),
+            subscribe(topics.ROOMS, String, self._on_rooms, queue_size=1),
+        ]
 
     def facts(self) -> dict[str, Any]:
         """What is known now; None for unknown values."""
-        recent = [s for s in list(self._images_s) if time.monotonic() - s < _LISTEN_S]
-        rate_hz = 0.0 if self._images_s else None
-        if len(recent) > 1:
-            rate_hz = round((len(recent) - 1) / (recent[-1] - recent[0]), 1)
-        return {**self._facts, "camera_hz": rate_hz}
+        return {**self._facts, "camera_hz": self._camera_hz()}
+
+    def wait(self) -> None:
+        """Until all is known, or nobody has been connected for a while. Counted in ticks: a machine that is late gives
+        the messages no time either."""
+        always = self._facts.keys() - {"left_s", "battery_left_s"}
+        connected, left_s = 0, _PATIENCE_S
+        while any(self.facts()[name] is None for name in always) and left_s > 0.0:
+            before, connected = connected, sum(each.get_num_connections() for each in self._subscribers)
+            left_s = _PATIENCE_S if connected > before else left_s - _TICK_S
+            time.sleep(_TICK_S)
+
+    def _camera_hz(self) -> float | None:
+        """Images a second by their stamps: after a late connection many come at once. None until it is measured."""
+        now_s = time.monotonic()
+        if now_s - self._first_image_s < _LISTEN_S:
+            return None
+        stamps_s = [stamp_s for heard_s, stamp_s in list(self._images) if now_s - heard_s < _LISTEN_S]
+        if len(stamps_s) < 2:
+            return 0.0
+        span_s = stamps_s[-1] - stamps_s[0]
+        return round((len(stamps_s) - 1) / span_s, 1) if span_s > 0.0 else None
+
+    def _on_image(self, msg: CameraInfo) -> None:
+        now_s = time.monotonic()
+        self._images.append((now_s, msg.header.stamp.to_sec()))
+        self._first_image_s = min(self._first_image_s, now_s)
 
     def _set(self, **facts: Any) -> None:
         self._facts.update(facts)
@@ -146,11 +173,7 @@ def status(*, watch: bool, as_json: bool) -> int:
     """Listen and print, once or until Ctrl-C."""
     operator_command.join("status")
     board = StatusBoard()
-    time.sleep(_LISTEN_S)
-    always = board.facts().keys() - {"left_s", "battery_left_s"}
-    deadline_s = time.monotonic() + _PATIENCE_S - _LISTEN_S
-    while any(board.facts()[name] is None for name in always) and time.monotonic() < deadline_s:
-        time.sleep(0.1)
+    board.wait()
     while True:
         facts = board.facts()
         clear = "\x1b[H\x1b[J" if watch and sys.stdout.isatty() else ""
