@@ -7,16 +7,18 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any, ParamSpec
 
 import rosgraph
 import rospy
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import Odometry as OdometryMsg
 from std_srvs.srv import SetBool, Trigger
 
 from vsx_hw.errors import DeviceError, DeviceTimeout
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.ros import calls, convert, logs, topics
+from vsx_ros.ros.callbacks import ODOMETRY_QUEUE
 from vsx_ros.ros.environment import DEFAULT_MASTER, export_ros_address
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs.process import DONE, STOPPED
@@ -24,7 +26,7 @@ from vsx_ros.runs.process import DONE, STOPPED
 P = ParamSpec("P")
 
 _LEAVE_S = 3.0  # to unregister from the master
-_STOP_S, _STAND_S = 6.0, 2.0  # for the answer to the emergency stop; then for the base to stand still
+_STOP_S, _STAND_S = 6.0, 2.0  # for the answer to the emergency stop, and for odometry; then to stand still
 _OFFERED_S, _SAVED_S = 5.0, 120.0  # The map of a large building is 120 MB, and its disk may be slow
 
 
@@ -75,12 +77,9 @@ def stop(*, release: bool) -> int:
     """The emergency stop of ``vsx stop``: set or release it. After setting it, check that the wheels stand. Raises
     ConfigError without a master or base, DeviceError when the base does not answer or rolls on."""
 
-    def call() -> None:
-        join("stop")
-        rospy.ServiceProxy(topics.ESTOP, SetBool)(not release)
-
     try:
-        calls.within(_STOP_S, call, "the base")
+        calls.within(calls.MASTER_S, lambda: join("stop"), "the ROS master")
+        calls.within(_STOP_S, lambda: rospy.ServiceProxy(topics.ESTOP, SetBool)(not release), "the base")
         if not release:
             _see_it_stand()
     except KeyboardInterrupt:
@@ -102,20 +101,25 @@ def stop(*, release: bool) -> int:
 
 def _see_it_stand() -> None:
     """Wait until odometry reports standstill. Raises DeviceError if the wheels still turn or no odometry comes."""
-    said = "it sends no odometry"
-    deadline_s = time.monotonic() + _STAND_S
-    while (left_s := deadline_s - time.monotonic()) > 0.0:
-        try:
-            seen = convert.odometry(rospy.wait_for_message(topics.ODOM, Odometry, timeout=left_s))
-        except rospy.ROSException:
-            break
-        except InputError as error:
-            said = str(error)
-            continue
-        if seen.stands:
-            return
-        said = f"its odometry says {seen.v:.2f} m/s, {seen.omega:.2f} rad/s"
-    raise DeviceError(f"the base took the emergency stop, but {said}; look at it, and use its power button if it rolls")
+    said, heard = "it sends no odometry", SimpleQueue[OdometryMsg]()
+    rospy.Subscriber(topics.ODOM, OdometryMsg, heard.put, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)
+    with contextlib.suppress(Empty):  # what has come counts, however late this thread is
+        msg, deadline_s = heard.get(timeout=_STOP_S), time.monotonic() + _STAND_S
+        while said := _why_not_standing(msg):
+            msg = heard.get(timeout=max(0.0, deadline_s - time.monotonic()))
+    if said:
+        raise DeviceError(
+            f"the base took the emergency stop, but {said}; look at it, and use its power button if it rolls"
+        )
+
+
+def _why_not_standing(msg: OdometryMsg) -> str:
+    """An empty string if it stands."""
+    try:
+        seen = convert.odometry(msg)
+    except InputError as error:
+        return str(error)
+    return "" if seen.stands else f"its odometry says {seen.v:.2f} m/s, {seen.omega:.2f} rad/s"
 
 
 @command

@@ -1,0 +1,110 @@
+"""``vsx stop`` on a slow laptop: what it waits for, and how long; without a master."""
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rospy
+from nav_msgs.msg import Odometry
+from waiting import PATIENCE_S
+
+from vsx_hw.errors import DeviceError, DeviceTimeout
+from vsx_ros.ros import calls, operator_command
+from vsx_ros.runs.process import DONE
+
+
+class Graph:
+    """joins_s and answers_s: what it takes to join the master and to get the base's answer, on a clock of its own.
+    heard: the odometry that a new subscriber hears at once."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.joins_s = self.answers_s = self.now_s = 0.0
+        self.heard: list[float] = [0.0]
+        self.subscribers: list[Callable[[Odometry], None]] = []
+        self.subscribed = threading.Event()
+        monkeypatch.setattr(operator_command.logs, "quiet_failures", lambda: None)
+        monkeypatch.setattr(operator_command, "join", lambda _: self._pass(self.joins_s))
+        monkeypatch.setattr(calls, "within", self._within)
+        monkeypatch.setattr(rospy, "ServiceProxy", lambda *_: lambda _: self._pass(self.answers_s))
+        monkeypatch.setattr(rospy, "Subscriber", self._subscribe)
+        monkeypatch.setattr(rospy, "signal_shutdown", lambda _: None)
+
+    def _pass(self, seconds: float) -> None:
+        self.now_s += seconds
+
+    def _within(self, seconds: float, ask: Callable[[], Any], whom: str) -> Any:
+        began_s, answer = self.now_s, ask()
+        if self.now_s - began_s > seconds:
+            raise calls.NoAnswer(f"{whom} did not answer in {seconds:g} s")
+        return answer
+
+    def _subscribe(self, topic: str, _: object, callback: Callable[[Odometry], None], **__: object) -> None:
+        self.subscribers.append(callback)
+        for v_m_s in self.heard:
+            callback(odometry(v_m_s))
+        self.subscribed.set()
+
+
+def odometry(v_m_s: float) -> Odometry:
+    msg = Odometry()
+    msg.header.stamp = rospy.Time(1)
+    msg.pose.pose.orientation.w = 1.0
+    msg.twist.twist.linear.x = v_m_s
+    return msg
+
+
+@pytest.fixture
+def graph(monkeypatch: pytest.MonkeyPatch) -> Graph:
+    return Graph(monkeypatch)
+
+
+def test_a_slow_master_leaves_the_base_its_time(graph: Graph) -> None:
+    graph.joins_s, graph.answers_s = 9.0, 5.0
+    assert operator_command.stop(release=False) == DONE
+    assert operator_command.stop(release=True) == DONE
+
+
+@pytest.mark.parametrize(("joins_s", "answers_s", "whom"), [(99.0, 0.0, "the ROS master"), (0.0, 7.0, "the base")])
+def test_who_does_not_answer_is_named(graph: Graph, joins_s: float, answers_s: float, whom: str) -> None:
+    graph.joins_s, graph.answers_s = joins_s, answers_s
+    with pytest.raises(DeviceTimeout, match=f"{whom} did not answer in .* s; use its power button"):
+        operator_command.stop(release=False)
+
+
+def test_one_connection_hears_the_wheels_come_to_rest(graph: Graph) -> None:
+    graph.heard = [0.3, 0.2, 0.1, 0.0]
+    assert operator_command.stop(release=False) == DONE
+    assert len(graph.subscribers) == 1
+
+
+def test_what_came_while_this_machine_was_late_counts(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(operator_command, "_STAND_S", 0.0)
+    graph.heard = [0.3, 0.0]
+    assert operator_command.stop(release=False) == DONE
+
+
+def test_odometry_has_time_to_be_connected(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(operator_command, "_STAND_S", 0.0)
+    monkeypatch.setattr(operator_command, "_STOP_S", PATIENCE_S)
+    graph.heard, codes = [], list[int]()
+    stopping = threading.Thread(target=lambda: codes.append(operator_command.stop(release=False)), daemon=True)
+    stopping.start()
+    assert graph.subscribed.wait(PATIENCE_S)
+    graph.subscribers[0](odometry(0.0))
+    stopping.join(PATIENCE_S)
+    assert codes == [DONE]
+
+
+def test_a_base_that_rolls_on_or_says_nothing_is_no_success(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(operator_command, "_STAND_S", 0.01)
+    graph.heard = [0.3] * 3
+    with pytest.raises(DeviceError, match=r"its odometry says 0\.30 m/s"):
+        operator_command.stop(release=False)
+    monkeypatch.setattr(operator_command, "_STOP_S", 0.01)
+    graph.heard = []
+    with pytest.raises(DeviceError, match="it sends no odometry"):
+        operator_command.stop(release=False)
