@@ -3,19 +3,23 @@
 import signal
 import subprocess
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 pytest.importorskip("rospy")
 
+import rosgraph
+import rospy
+from geometry_msgs.msg import Twist
 from lone_base import LoneBase
 from waiting import PATIENCE_S
 
 from vsx_ros.config import Config
-from vsx_ros.ros import live_run, topics
+from vsx_ros.ros import calls, live_run, topics
 
 pytestmark = pytest.mark.ros
 
@@ -59,6 +63,58 @@ def test_a_launcher_that_hangs_is_left_behind_and_its_nodes_ended(
         run._end()
         hangs.set()
         assert node.wait(PATIENCE_S) == -signal.SIGKILL
+
+
+MASTER_TAKES_S = 8.0
+
+
+@pytest.fixture
+def ending(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A run at its end, with a master that needs long for everything; it keeps ``params``."""
+    monkeypatch.setenv("ROS_LOG_DIR", "")  # as it was, afterwards
+    run: Any = live_run.LiveRun([], Config(), (), tmp_path, view=False, replayed=True)
+    run.params = {"/use_sim_time": True, "/mobile_base/estopped": True}
+
+    def within(seconds: float, ask: Callable[[], object], whom: str) -> None:
+        if seconds < MASTER_TAKES_S:
+            raise calls.NoAnswer(whom)
+        ask()
+
+    monkeypatch.setattr(calls, "within", within)
+    monkeypatch.setattr(rospy, "logwarn", lambda *_: None)
+    monkeypatch.setattr(rospy, "delete_param", run.params.pop)
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+    monkeypatch.setattr(rosgraph, "Master", lambda _: SimpleNamespace(deleteParam=run.params.pop))
+    return run
+
+
+def test_a_slow_master_forgets_what_would_stop_the_next_run(ending: Any) -> None:
+    ending._to_release = "/mobile_base/estopped"
+    ending.__exit__()
+    assert ending.params == {}
+
+
+def test_the_wheels_are_held_until_a_slow_master_has_said_whose_stop_it_is(
+    ending: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More zeros than are sent anyway pass before it answers."""
+    zeros, held, did = [0], threading.Event(), list[str]()
+
+    def publish(_: Twist) -> None:
+        zeros[0] += 1
+        if zeros[0] == 40:
+            held.set()
+
+    def answer(_name: str, _default: bool) -> bool:
+        did.append("answered" if held.wait(PATIENCE_S) else "not held")
+        return False
+
+    monkeypatch.setattr(rospy, "get_param", answer)
+    monkeypatch.setattr(calls, "service", lambda *_, **__: did.append("stopped"))
+    ending._zero_pub = SimpleNamespace(publish=publish)
+    ending.stop_robot()
+    assert did == ["answered", "stopped"]
+    assert ending._to_release == "/mobile_base/estopped"
 
 
 @pytest.fixture

@@ -6,8 +6,10 @@ import contextlib
 import os
 import signal
 import socket
+import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -33,7 +35,7 @@ from vsx_ros.runs.process import SignalFlag
 READY_WAIT_S = 180.0  # for the nodes: they may have to compile kernels
 _STOP_S = 0.6  # zero commands are sent for this long
 _ESTOP_WAIT_S = 2.0  # for the base's answer
-_ANSWER_S = 1.0  # for a master that may be gone
+_LEAVE_S = 1.0  # to unregister from a master that may be gone
 _END_S = launch.SIGINT_TIMEOUT_S + launch.SIGTERM_TIMEOUT_S + 1.0
 """Nodes first, then the master. By then roslaunch has killed them, unless it hangs itself."""
 _ESTOPPED = "mobile_base/estopped"
@@ -109,7 +111,7 @@ class LiveRun:
         """Stop the robot, then the processes."""
         try:
             if self._replayed:
-                _tried(_ANSWER_S, lambda: rospy.delete_param("/use_sim_time"), "the ROS master")
+                _tried(calls.MASTER_S, lambda: rospy.delete_param("/use_sim_time"), "the ROS master")
             else:
                 self.stop_robot()
         finally:
@@ -140,7 +142,7 @@ class LiveRun:
         self._dead.append(process_name.rsplit("-", 1)[0])  # roslaunch adds a number to process names
 
     def _end(self) -> None:
-        _tried(_ANSWER_S, lambda: rospy.signal_shutdown("the run is over"), "the ROS master")
+        _tried(_LEAVE_S, lambda: rospy.signal_shutdown("the run is over"), "the ROS master")
         if self._parent is not None:
             started = list(self._parent.pm.procs) if self._parent.pm is not None else []
             _tried(_END_S, self._parent.shutdown, "roslaunch")
@@ -162,10 +164,12 @@ class LiveRun:
     def stop_robot(self) -> None:
         """Send zero at the highest priority, and the emergency stop; either one alone is enough."""
         deadline_s = time.monotonic() + _STOP_S
-        while time.monotonic() < deadline_s:
+        ask = partial(_tried, calls.MASTER_S, self._remember_who_stopped, "the ROS master")
+        asking = threading.Thread(target=ask, daemon=True)
+        asking.start()
+        while time.monotonic() < deadline_s or asking.is_alive():
             self._zero_pub.publish(Twist())
             time.sleep(0.05)
-        _tried(_ANSWER_S, self._remember_who_stopped, "the ROS master")
         try:
             calls.service(topics.ESTOP, SetBool, True, within_s=_ESTOP_WAIT_S)
         except (rospy.ROSException, rospy.ServiceException) as error:
@@ -179,7 +183,7 @@ class LiveRun:
         """Remove the emergency stop after all processes have ended. A master that keeps running must not stop the next
         run, unless the operator had pressed the stop."""
         if self._to_release:
-            _tried(_ANSWER_S, lambda: rosgraph.Master("/vsx").deleteParam(self._to_release), "the ROS master")
+            _tried(calls.MASTER_S, lambda: rosgraph.Master("/vsx").deleteParam(self._to_release), "the ROS master")
 
 
 def _tried(seconds: float, last: Callable[[], object], whom: str) -> None:
