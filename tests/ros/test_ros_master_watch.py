@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from socketserver import ThreadingMixIn
+from types import SimpleNamespace
 from typing import Any
 from xmlrpc.server import SimpleXMLRPCServer
 
@@ -204,6 +205,66 @@ def test_what_is_stated_while_no_master_answers_is_written_to_the_next(graph: li
     graph[0] = Graph(graph[0]._port)
     wait_for(lambda: not watch.trouble)
     assert graph[0].asked.getParam("/base/estopped") is True
+
+
+def test_a_slow_new_master_is_not_asked_again_before_it_has_answered(
+    graph: list[Graph], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It takes longer for a question than a healthy one may."""
+    watch = MasterWatch()
+    wait_for(lambda: not watch.trouble)
+    graph[0].end()
+    wait_for(lambda: not watch.answers)
+    graph[0] = Graph(graph[0]._port)
+    answer, counts, registered = graph[0].server._marshaled_dispatch, threading.Lock(), threading.Event()
+    waiting, most = [0], [0]
+
+    def slowly(data: bytes, *more: Any, **options: Any) -> Any:
+        with counts:
+            waiting[0] += 1
+            most[0] = max(most[0], waiting[0])
+        registered.wait(1.0)
+        with counts:
+            waiting[0] -= 1
+        if b"getSystemState" in data:
+            registered.set()
+        return answer(data, *more, **options)
+
+    monkeypatch.setattr(graph[0].server, "_marshaled_dispatch", slowly)
+    wait_for(lambda: not watch.trouble, "all to be registered")
+    assert most == [1]
+
+
+def test_nodes_that_a_slow_master_does_not_answer_ask_again_at_times_of_their_own(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And in the same times in every run."""
+
+    def pauses(name: str) -> list[float]:
+        found, clock = list[float](), [0.0]
+
+        def sleep(seconds: float) -> None:
+            found.append(seconds)
+            clock[0] += seconds
+
+        def ask(_: object, patience_s: float) -> None:
+            clock[0] += patience_s
+            raise TimeoutError
+
+        with monkeypatch.context() as patch:
+            patch.setattr("rospy.get_name", lambda: name)
+            patch.setattr("rospy.core.is_shutdown_requested", lambda: len(found) == 4)
+            patch.setattr(master_watch, "ask_master", ask)
+            patch.setattr(master_watch, "time", SimpleNamespace(monotonic=lambda: clock[0], sleep=sleep))
+            patch.setattr(master_watch.threading, "Thread", lambda target, **_: SimpleNamespace(start=target))
+            MasterWatch()
+        return found
+
+    base, vslam = pauses("/mobile_base"), pauses("/vslam")
+    assert base == pauses("/mobile_base")
+    assert base[0] == vslam[0] == master_watch.PERIOD_S, "the first late answer may be a hiccup"
+    assert base[-1] != vslam[-1]
+    assert all(master_watch.PERIOD_S < pause[-1] < 1.0 + master_watch.REGISTER_S for pause in (base, vslam))
 
 
 @pytest.mark.parametrize("what", ["node", "service"])

@@ -10,6 +10,7 @@ import contextlib
 import math
 import threading
 import time
+import zlib
 from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, NamedTuple
@@ -19,7 +20,7 @@ import rospy
 import rospy.core
 from rospy.impl import registration
 
-from vsx_ros.ros.calls import answers_at, ask_master
+from vsx_ros.ros.calls import ANSWER_S, answers_at, ask_master
 
 REGISTER_S = 5.0  # All nodes register at a new master at the same time
 PERIOD_S = 0.5  # between questions to the master
@@ -81,15 +82,21 @@ class MasterWatch:
         self._found.update(values)
 
     def _ask(self) -> None:
+        """A slow master also serves questions that nobody waits for any more. So when it is late, and nothing moves,
+        each node waits for the answer, and then for a time of its own: else their questions would keep it slow."""
+        own_s = REGISTER_S * zlib.crc32(rospy.get_name().encode()) / 2**32
         while not rospy.core.is_shutdown_requested():
+            is_late, pause_s = not self.answers, self.period_s
             try:
-                self._tell(self._look())
+                self._tell(self._look(REGISTER_S if is_late else ANSWER_S))
                 self._answered_s = time.monotonic()
             except ConnectionRefusedError:
                 self._answered_s = -math.inf  # a slow master would not refuse the connection
-            except Exception:  # no answer, or an invalid one
+            except TimeoutError:
+                pause_s += own_s if is_late else 0.0
+            except Exception:  # an invalid answer
                 pass
-            time.sleep(self.period_s)
+            time.sleep(pause_s)
 
     def _tell(self, trouble: str) -> None:
         if trouble != self._trouble:
@@ -97,19 +104,19 @@ class MasterWatch:
             if trouble and not rospy.core.is_shutdown_requested():
                 rospy.logwarn("%s", trouble)
 
-    def _look(self) -> str:
+    def _look(self, patience_s: float) -> str:
         """Ask, register what is missing, and return why nothing may move."""
         offered = offers()
         questions = [("lookupNode", rospy.get_name()), *(("lookupService", name) for name in offered.services)]
-        answers = ask_master(questions)
+        answers = ask_master(questions, patience_s)
         mine = [rospy.core.get_node_uri(), *offered.services.values()]
         found = [address if code == 1 else "" for code, _, address in answers]
         if found == mine and not self._owing:
             if time.monotonic() - self._told_all_s < self.topics_every * self.period_s:
                 self._write()
                 return ""
-            if not missing(offered):
-                self._settle()
+            if not missing(offered, patience_s):
+                self._settle(patience_s)
                 return ""
         for (_, what), address, own in zip(questions, found, mine):
             if address not in ("", own) and answers_at(address):
@@ -122,18 +129,18 @@ class MasterWatch:
         self._restore()
         register(offered)
         self._owing = False
-        if lacking := missing(offered):
+        if lacking := missing(offered, REGISTER_S):
             return f"the ROS master has not taken {lacking[0]}"
-        self._settle()
+        self._settle(REGISTER_S)
         rospy.loginfo("registered again with the ROS master at %s", rosgraph.get_master_uri())
         return ""
 
-    def _settle(self) -> None:
+    def _settle(self, patience_s: float) -> None:
         """Everything is registered. Read the node's current parameters, the configuration and /use_sim_time."""
         self._told_all_s = time.monotonic()
         self._write()
         names = (rospy.get_name(), rospy.resolve_name("config"), "/use_sim_time")
-        for name, (code, _, value) in zip(names, ask_master([("getParam", name) for name in names])):
+        for name, (code, _, value) in zip(names, ask_master([("getParam", name) for name in names], patience_s)):
             self._found[name] = value if code == 1 else {}
 
     def _restore(self) -> None:
@@ -169,9 +176,9 @@ def offers() -> Offers:
     return Offers(*map(dict, (topics.get_publications(), topics.get_subscriptions(), services.get_services())))
 
 
-def missing(offered: Offers) -> list[str]:
+def missing(offered: Offers, patience_s: float) -> list[str]:
     """Offers of this node that the master lacks, except those withdrawn since."""
-    ((_, _, state),) = ask_master([("getSystemState",)])
+    ((_, _, state),) = ask_master([("getSystemState",)], patience_s)
     name, now = rospy.get_name(), offers()
     return [
         what
