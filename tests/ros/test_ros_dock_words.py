@@ -1,22 +1,27 @@
 """What the node dock takes and tells, without a master."""
 
+import json
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rospy")
 
-from std_msgs.msg import MultiArrayDimension, MultiArrayLayout, UInt8MultiArray
+import rospy
+from std_msgs.msg import MultiArrayDimension, MultiArrayLayout, String, UInt8MultiArray
 
 from vsx_hw.readings import DockBeam, DockSignals
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.dock_light import DockSight
-from vsx_ros.ros import energy_messages
+from vsx_ros.navigation.docking_state import DockingState
+from vsx_ros.ros import dock_command, energy_messages
 from vsx_ros.ros.docking import heard_sight, wanted_dock
 from vsx_ros.ros.emulated_base import before_dock, dock_pose
 from vsx_ros.ros.status import StatusBoard, screen
+from vsx_ros.runs.process import DONE
 
 UNKNOWN = dict.fromkeys(
     ("state", "reason", "slam_state", "slam_reason", "tracked_ratio", "camera_hz", "driver", "base_reason", "estop",
@@ -88,3 +93,20 @@ def test_the_wall_at_a_dock_does_not_shade_it_and_the_others_may_reflect() -> No
     assert np.allclose(at.walls, [(0.04, -3.0, 2.02, -3.0)])
     assert (at.x_m, at.y_m) == pytest.approx((1.02, -0.1))
     assert at.heading_rad == pytest.approx(-math.pi)
+
+
+def test_a_docking_that_ended_before_the_command_looked_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    tell: list[Callable[[String], None]] = []
+
+    def ask() -> str:
+        for state in ("idle", "creeping", "docked"):
+            tell[0](String(json.dumps({"state": state, "reason": ""})))
+        return "driving to the dock"
+
+    def waits_for_ever(_: float) -> None:
+        pytest.fail("it waits for a docking that is over")
+
+    monkeypatch.setattr(dock_command, "subscribe", lambda _topic, _kind, callback, **_: tell.append(callback))
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: False)
+    monkeypatch.setattr(dock_command.time, "sleep", waits_for_ever)
+    assert dock_command._pursued(ask, DockingState.DOCKED) == DONE

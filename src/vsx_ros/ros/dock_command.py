@@ -21,19 +21,18 @@ _TICK_S = 0.1  # so that Ctrl-C takes effect at once
 
 
 class _Heard:
-    """The newest dock/status."""
+    """status: the newest dock/status. begun, ended: what happened since; also when this thread is late and several come
+    at once."""
 
     def __init__(self) -> None:
         self.status: dict[str, Any] = {}
-        subscribe(topics.DOCK_STATUS, String, self._on_status, queue_size=5)
+        self.begun = self.ended = False
+        subscribe(topics.DOCK_STATUS, String, self._on_status, queue_size=20)
 
     def _on_status(self, msg: String) -> None:
         self.status = json_object(msg, "state", "reason")
-
-    @property
-    def rests(self) -> bool:
-        """Whether the docking has ended."""
-        return DockingState(self.status["state"]).rests if self.status else False
+        rests = DockingState(self.status["state"]).rests
+        self.begun, self.ended = self.begun or not rests, self.begun and rests
 
 
 @operator_command.command
@@ -61,11 +60,9 @@ def _pursued(ask: Callable[[], str], wanted: DockingState) -> int:
     """Show what happens until it rests; Ctrl-C cancels it."""
     heard, progress = _Heard(), Progress(sys.stderr)
     progress.say(ask())
-    begun = False
     try:
-        while not rospy.is_shutdown() and not (begun and heard.rests):
-            begun = begun or bool(heard.status) and not heard.rests
-            if progress.is_due and begun:
+        while not rospy.is_shutdown() and not heard.ended:
+            if progress.is_due and heard.begun:
                 progress.show(f"{heard.status['state']}: {heard.status['reason']}")
             time.sleep(_TICK_S)
     except KeyboardInterrupt:
