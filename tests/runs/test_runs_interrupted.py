@@ -10,6 +10,7 @@ from msgspec import structs
 from vsx_ros.cli.main import execute
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
+from vsx_ros.evaluation.summary import Summary
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -99,6 +100,17 @@ def test_a_run_has_ended_when_its_summary_knows_all_frames(killed: RunFolder, fr
     was full. None: of another kind of run."""
     killed.write_summary({"frames": frames, "stop_reason": "it is done"})
     assert report_data(killed).summary["stop_reason"] == ("it is done" if ended else REASON)
+
+
+def test_results_of_vslam_alone_are_not_the_end_of_a_run(killed: RunFolder) -> None:
+    """Whoever completes them was killed meanwhile: the journals know more."""
+    hazard = RunEvent(5 * SECOND, "safety", "hazard", "bumper")
+    Journal(killed.witness, [hazard, ClockLine(stamp_ns=0, elapsed_s=33.0, plans=2, collisions=0)])
+    killed.write_summary(Summary(frames=20, frames_tracked=20).as_dict())
+    killed.write_events([])
+    data = report_data(killed)
+    assert (data.summary["stop_reason"], data.summary["duration_s"]) == (REASON, 33.0)
+    assert len(data.events) == 3
 
 
 def test_a_run_that_had_hardly_begun_has_a_page(tmp_path: Path) -> None:

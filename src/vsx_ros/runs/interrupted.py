@@ -30,14 +30,16 @@ class KnownRun(NamedTuple):
 
 
 def unfinished(folder: RunFolder, config: Config, facts: dict[str, Any]) -> KnownRun | None:
-    """What the journals know; None if the folder has a summary of all their frames. Raises InputError for damage."""
+    """What the journals know; None if the folder has a summary of all their frames, and of how the run ended: the node
+    vslam alone does not know that. Raises InputError for damage."""
     if (folder.path / "summary.json").exists():
         try:
             seen = read_journal(folder.journal)
         except InputError:
             return None  # the results need no journal
-        told = checked_summary(folder.read_summary(), str(folder.path)).get("frames")
-        if told is None or counts_all(told, seen):
+        told = checked_summary(folder.read_summary(), str(folder.path))
+        ended = told.get("stop_reason") is not None or not seen
+        if ended and (told.get("frames") is None or counts_all(told["frames"], seen)):
             return None
     lines = [*read_journal(folder.journal), *read_journal(folder.witness)]
     with explained(InputError, f"the journals in {folder.journal.parent} contradict themselves", "run again", DAMAGE):
