@@ -45,7 +45,7 @@ class Explorer:
         self.node._charges = self.node._battery_empty = False
         self.node._requests = MissionRequests(self.mission, self._cancel)
         self.node._lease = SimpleNamespace(promise=lambda seconds: None)
-        self.node._slam = SimpleNamespace(is_known=lambda name: self.ready)
+        self.node._slam = SimpleNamespace(is_known=lambda name: self.ready, age_s=lambda name: 0.0)
         self.node._diagnostics = SimpleNamespace(set=lambda *_: None)
         self.node._goals = SimpleNamespace(
             is_served=True, state=lambda: (self.navigation, ""), give_up=lambda identity: None, act=self._act

@@ -54,7 +54,7 @@ def exploring(heard: Any, mission: Any, state: Any, acts: list[Any]) -> Any:
     node: Any = ExploreNode.__new__(ExploreNode)
     node._heard, node._lock = heard, nullcontext()
     node._lease = SimpleNamespace(promise=lambda seconds: None)
-    node._slam = SimpleNamespace(is_known=lambda name: True)
+    node._slam = SimpleNamespace(is_known=lambda name: True, age_s=lambda name: 0.0)
     node._goals = SimpleNamespace(
         is_served=True, state=state, give_up=lambda identity: None, act=lambda now_ns, decision: acts.append(decision)
     )

@@ -34,7 +34,8 @@ class Situation(NamedTuple):
     T_map_base is None while no map exists. hazard names a pressed bumper or the like. landmarks_world: (M, 3).
     odom_epoch: that of T_odom_base; poses of different epochs cannot be compared.
     lifted: whether the robot is held in the air. held: the operator holds the wheels. user_goal: move_base pursues a
-    goal of somebody else, in place of ours; user_goal_end: how the last such goal has ended."""
+    goal of somebody else, in place of ours; user_goal_end: how the last such goal has ended. blind_s: time since vslam
+    has used an image [s]."""
 
     slam_state: TrackingState
     slam_reason: str
@@ -50,6 +51,7 @@ class Situation(NamedTuple):
     held: OperatorHold | None = None
     user_goal: UserGoal | None = None
     user_goal_end: str = ""
+    blind_s: float = 0.0
 
 
 class Action(Enum):
@@ -70,6 +72,7 @@ class MissionState(Enum):
     PAUSED = "paused"
     HELD = "held"
     USER_GOAL = "user goal"
+    BLIND = "no images"
     DONE = "done"
 
 
@@ -84,6 +87,7 @@ class Outcome(Enum):
     LOST = "tracking lost for good"
     STRANDED = "home could not be reached"
     BLOCKED = "stopped by a hazard that stays"
+    BLIND = "no images come"
 
 
 class Decision(NamedTuple):

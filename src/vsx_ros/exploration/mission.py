@@ -9,10 +9,11 @@
             +--- MAPPING: home, out of reach, a hazard that stays; any state: stop --> DONE
 
 From any state operator or dock may pause it (PAUSED), the operator hold the wheels (HELD: emergency stop, teleop) or
-send the robot elsewhere (USER GOAL); it then resumes in the earlier state, and nothing is blamed. ``decide`` is called
-a few times per second and returns one action. Every change of state and every choice is an event with its reason."""
+send the robot elsewhere (USER GOAL), or images be missing (BLIND; for long: DONE); it then resumes in the earlier
+state, and nothing is blamed. ``decide`` returns one action. Every change of state and every choice is an event."""
 
 from vsx_ros.config import Config
+from vsx_ros.exploration.claims import Claim, Claims, why_over
 from vsx_ros.exploration.decision import (
     DOCK,
     OPERATOR,
@@ -28,7 +29,6 @@ from vsx_ros.exploration.decision import (
     Situation,
 )
 from vsx_ros.exploration.home import Home
-from vsx_ros.exploration.operator_claim import OperatorClaim
 from vsx_ros.exploration.recovery import Recovery, Trail
 from vsx_ros.exploration.start_drives import StartDrives
 from vsx_ros.exploration.utility import TravelCostsFrom
@@ -38,7 +38,8 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.slam.state import TrackingState
 
 _RELOCALISE_WAIT_NS = SECOND_NS  # for the camera to be relocalised after each drive
-_YIELDING = MissionState.HELD, MissionState.USER_GOAL
+_YIELDING = MissionState.HELD, MissionState.USER_GOAL, MissionState.BLIND
+_IMAGES_WAIT_S = 60.0  # for images to come again; then a device has failed
 _RACE_NS = SECOND_NS  # a drive may be told as failed before it is told that the operator has ended it
 _RECOGNISE_WAIT_NS = 5 * SECOND_NS  # for the camera to be recognised before the robot moves
 
@@ -55,7 +56,7 @@ class Mission:
         self._recovery = Recovery(exploration, config.robot.radius_m, planner.phi_rad_m)
         self._after_pause, self.paused_by = MissionState.STARTING, set[str]()  # and who has not yet resumed it
         self._stay_at_user_goal = exploration.stay_at_user_goal
-        self.claim = OperatorClaim(self._log)
+        self.claim = Claims(self._log)
 
     @property
     def state(self) -> MissionState:
@@ -142,7 +143,7 @@ class Mission:
             self._start_drives.interrupt(situation.navigation)
             claim = self.claim.of(now_ns, situation)
             told = "paused" if OPERATOR in self.paused_by else f"paused by {DOCK}"
-            reason = told if claim is None else f"{told}; {claim[1]}"
+            reason = told if claim is None else f"{told}; {claim.reason}"
             if claim is not None and self._log.reason != reason:
                 self._log.note(now_ns, reason)
             return self._log.answer(Action.CANCEL if active else Action.WAIT, reason)
@@ -152,7 +153,7 @@ class Mission:
             self._start_drives.interrupt(situation.navigation)
             return self._tour.rest(now_ns, active, "odometry restarted: coming to rest")
         if (claim := self.claim.of(now_ns, situation)) is not None:
-            return self._yield(now_ns, situation, *claim)
+            return self._yield(now_ns, situation, claim)
         if self.state in _YIELDING:
             return self._take_over(now_ns, situation)
         if self.state is MissionState.STARTING:
@@ -163,26 +164,27 @@ class Mission:
             return self._lose(now_ns, situation)
         return self._tour.decide(now_ns, situation)
 
-    # The operator's doings ------------------------------------------------------------------------------------
+    # What comes before it ------------------------------------------------------------------------------------
 
-    def _yield(self, now_ns: int, situation: Situation, state: MissionState, reason: str) -> Decision:
-        """Leave the robot to the operator. What failed since, or just before it was told, was nobody's fault."""
+    def _yield(self, now_ns: int, situation: Situation, claim: Claim) -> Decision:
+        """Leave the robot to a claim. What failed since, or just before it was told, was nobody's fault."""
         if self.state not in _YIELDING:
             self._start_drives.interrupt(situation.navigation)
             self._after_pause = self.state
-            since_ns = min(fact.since_ns for fact in (situation.held, situation.user_goal) if fact is not None)
-            self._tour.withdraw(min(since_ns, now_ns) - _RACE_NS)
+            self._tour.withdraw(min(claim.since_ns, now_ns) - _RACE_NS)
             self._tour.forget_drive()
-        if self.state is not state:
-            self._log.enter(now_ns, state, reason)
-        stop = state is MissionState.HELD and situation.navigation is NavigationState.ACTIVE
-        return self._log.answer(Action.CANCEL if stop else Action.WAIT, reason)
+        if self.state is not claim.state:
+            self._log.enter(now_ns, claim.state, claim.reason)
+        if claim.state is MissionState.BLIND and situation.blind_s > _IMAGES_WAIT_S:
+            return self._log.finish(
+                now_ns, Outcome.BLIND, f"no images for {_IMAGES_WAIT_S:g} s: check camera and vslam"
+            )
+        stop = claim.state is not MissionState.USER_GOAL and situation.navigation is NavigationState.ACTIVE
+        return self._log.answer(Action.CANCEL if stop else Action.WAIT, claim.reason)
 
     def _take_over(self, now_ns: int, situation: Situation) -> Decision:
-        """Go on after the operator, at rest."""
-        of_user = self.state is MissionState.USER_GOAL
-        ended = situation.user_goal_end if situation.user_goal is None else "the goal is given up"
-        reason = ended if of_user else "the operator has let go of the wheels"
+        """Go on after a claim, at rest."""
+        of_user, reason = self.state is MissionState.USER_GOAL, why_over(self.state, situation)
         self._log.wait_until_ns = now_ns + BRAKE_NS
         if of_user and self._stay_at_user_goal:
             self.paused_by.add(OPERATOR)

@@ -149,7 +149,7 @@ class Monitor:
 
     def _on_event(self, msg: String) -> None:
         event = json_object(msg, "stamp_ns", "state", "reason")
-        if self.is_ending and event["state"] == MissionState.HELD.value:
+        if self.is_ending and event["state"] in (MissionState.HELD.value, MissionState.BLIND.value):
             return  # the run itself stops the robot
         self.events.append(RunEvent(event["stamp_ns"], "mission", event["state"], event["reason"]))
 

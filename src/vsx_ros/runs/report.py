@@ -25,9 +25,11 @@ from vsx_ros.runs.interrupted import KnownRun, unfinished
 from vsx_ros.runs.journal import MapLine
 from vsx_ros.runs.moments import REMEDY, Moments
 from vsx_ros.runs.parameters import commented_yaml
-from vsx_ros.runs.process import DONE, FAILED, LOST, STOPPED
+from vsx_ros.runs.process import DONE, FAILED, HARDWARE, LOST, STOPPED
 
-_OTHERS = {Outcome.EXPLORED: DONE, Outcome.HOME: DONE, Outcome.STOPPED: STOPPED, Outcome.LOST: LOST}
+_OTHERS = {
+    Outcome.EXPLORED: DONE, Outcome.HOME: DONE, Outcome.STOPPED: STOPPED, Outcome.LOST: LOST, Outcome.BLIND: HARDWARE
+}  # fmt: skip
 EXIT_CODES = dict.fromkeys(Outcome, FAILED) | _OTHERS  # For each outcome of an exploration, live or in lock-step
 
 

@@ -77,7 +77,7 @@ class ExploreNode:
         if not ready and self._mission.outcome is None:
             self._diagnostics.set("mission", WARN, "waiting for vslam to see images and for move_base")
             return
-        situation = self._heard.at(now_ns, *navigation)
+        situation = self._heard.at(now_ns, *navigation)._replace(blind_s=self._slam.age_s("vslam"))
         with self._lock:
             self._writer.restore(now_ns, situation.T_odom_base)
             decision = self._mission.decide(now_ns, situation)

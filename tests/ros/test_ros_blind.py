@@ -1,0 +1,58 @@
+"""A camera that falls silent, seen by the node explore, without a master."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_ros_operator_claim import Exploring, exploring
+
+from vsx_ros.config import Config
+from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Situation
+from vsx_ros.exploration.mission import Mission
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from vsx_ros.ros import headers
+from vsx_ros.slam.state import TrackingState
+
+DECIDE_NS = 200_000_000
+
+
+def closed_room() -> OccupancyGrid:
+    """A room with one door, behind which the ground is unknown."""
+    cells = np.full((160, 240), UNKNOWN, np.int8)
+    cells[20:121, 20:141] = OCCUPIED
+    cells[21:120, 21:140] = FREE
+    cells[60:80, 140:150] = FREE
+    return OccupancyGrid(cells, 0.05, -2.0, -2.0)
+
+
+class InARoom(Exploring):
+    """A robot in that room, whose camera was good until it fell silent."""
+
+    def at(self, now_ns: int, navigation: NavigationState, navigation_reason: str) -> Situation:
+        here = SE2(1.0, 1.5, 0.0)
+        return Situation(
+            TrackingState.GOOD, "", here, here, closed_room(), navigation, navigation_reason, None,
+            np.random.default_rng(0).uniform([-1.0, -1.0, 0.0], [5.0, 4.0, 1.0], (400, 3)),
+        )  # fmt: skip
+
+
+def euclid(start: SE2, grid: OccupancyGrid) -> Any:
+    return lambda poses: np.hypot(poses[:, 0] - start.x, poses[:, 1] - start.y)
+
+
+def test_fifteen_minutes_of_a_silent_vslam_blacklist_and_end_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_ns, acts = [10**18], list[Any]()
+    monkeypatch.setattr(headers, "now_ns", lambda: now_ns[0])
+    mission = Mission(Config(), euclid)
+    node = exploring(InARoom(None), mission, lambda: (NavigationState.ABORTED, "vslam is silent"), acts)
+    node._decide()
+    assert acts.pop().action is Action.GO, "while there were images"
+    node._slam = SimpleNamespace(is_known=lambda name: True, age_s=lambda name: 5.0)
+    for _ in range(15 * 60 * 5):
+        now_ns[0] += DECIDE_NS
+        node._decide()
+    assert [decision for decision in acts if decision.action is Action.GO] == []
+    assert mission.view_selector.blacklist.left(now_ns[0]) == []
+    assert (mission.state, mission.outcome) == (MissionState.BLIND, None)
