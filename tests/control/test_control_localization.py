@@ -151,3 +151,32 @@ def test_old_and_broken_input():
         fuser.add_odometry(Odometry(200 * MS, SE2(1e300, 0.0, 0.0)))
     with pytest.raises(InputError, match="SLAM"):
         fuser.add_pose(200 * MS, SE2(0.0, math.inf, 0.0))
+
+
+def test_after_the_clock_was_set_back_readings_and_poses_count_from_then_on():
+    fuser, epochs = Localization(), OdometryEpochs()
+    at = 1_000_000 * MS
+
+    def drive(since_ns: int, begin_m: float) -> list[bool]:
+        readings = [Odometry(since_ns + k * 20 * MS, SE2(begin_m + 0.002 * k, 0.0, 0.0), 0.1) for k in range(50)]
+        return [fuser.add_odometry(epochs.enter(reading)) for reading in readings]
+
+    drive(at, 0.0)
+    fuser.add_pose(at + 980 * MS, SE2(5.098, 0.0, 0.0))
+    back = at - 3_600_000 * MS
+    assert all(drive(back, 0.1))
+    assert close(fuser.pose(), SE2(5.198, 0.0, 0.0), 1e-6, 1e-6), "odometry goes on: only the clock has changed"
+    assert math.isinf(fuser.slam_age_s(back + 1000 * MS)), "no image of the present time yet"
+    for k in range(40, 50):
+        fuser.add_pose(back + 20 * k * MS, SE2(7.0, 1.0, 0.5))
+    assert close(fuser.pose(), SE2(7.0, 1.0, 0.5), 0.01, 0.01)
+    assert fuser.slam_age_s(back + 1000 * MS) == pytest.approx(0.02)
+
+
+def test_a_reading_that_is_a_little_older_is_out_of_order_and_no_clock_set_back():
+    fuser = Localization()
+    fuser.add_odometry(Odometry(5000 * MS, SE2(1.0, 0.0, 0.0)))
+    fuser.add_pose(5000 * MS, SE2(1.0, 0.0, 0.0))
+    assert not fuser.add_odometry(Odometry(4900 * MS, SE2()))
+    fuser.add_pose(4900 * MS, SE2())
+    assert fuser.pose() == SE2(1.0, 0.0, 0.0)

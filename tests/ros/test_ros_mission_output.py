@@ -88,7 +88,7 @@ class Session:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
         self.now_s, self.told = 1000.0, list[Any]()
-        stamps = SimpleNamespace(now_ns=lambda: round(self.now_s * 1e9))
+        stamps = SimpleNamespace(now_ns=lambda: round(self.now_s * 1e9), timer_ns=lambda: round(self.now_s * 1e9))
         monkeypatch.setattr(mission_output.time, "monotonic", lambda: self.now_s)
         monkeypatch.setattr(mission_output, "headers", stamps)
         monkeypatch.setattr(

@@ -135,6 +135,7 @@ class ActionServer:
         self.ended: list[tuple[str, str]] = []
         self._goal: Any = None
         self._cancelled = False
+        self.action_server = SimpleNamespace(goal_callback=None, register_goal_callback=lambda _: None)
         self.current_goal = SimpleNamespace(get_goal_id=lambda: SimpleNamespace(id="test-1"))
 
     def made(self, name: str, kind: Any, execute: Callable[[Any], None], auto_start: bool) -> ActionServer:

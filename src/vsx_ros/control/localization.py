@@ -19,6 +19,7 @@ _JUMP_M, _JUMP_RAD = 0.3, 0.35  # more is a loop closure or a recognised place: 
 # Two successive SLAM poses farther off than this, in standard deviations and at least, that agree so well: the map has
 # moved, or the base was pushed.
 _BEYOND, _LEAST_M, _LEAST_RAD, _ALIKE_M, _ALIKE_RAD = 5.0, 0.04, 0.04, 0.03, 0.03
+_CLOCK_BACK_NS = 1_000_000_000  # stamps that are older by more: the clock was set back
 # Standard deviations: of a SLAM pose; of odometry per square root of a metre; of the bend at first and its drift.
 _SLAM_M, _SLAM_RAD = 0.01, 0.008
 _DRIFT_M, _DRIFT_RAD, _STANDING_VARIANCE = 0.02, 0.03, 1e-8  # m, rad per sqrt(m); of a base that stands
@@ -85,14 +86,17 @@ class Localization:
         self._ahead = self._stuck = ""
 
     def add_odometry(self, odometry: Odometry) -> bool:
-        """Take a reading. Returns False and ignores it when it is not newer than the last. Raises InputError for an
-        impossible one."""
+        """Take a reading. Returns False and ignores it when it is not newer than the last; one that is much older was
+        made after the clock was set back. Raises InputError for an impossible one."""
         if odometry.impossible:
             raise InputError(f"at {odometry.stamp_ns} ns {odometry.impossible}; check the base driver")
-        if self._odometry and odometry.stamp_ns <= self._odometry[-1].stamp_ns:
+        if self._odometry and not _follows(odometry.stamp_ns, self._odometry[-1].stamp_ns):
             return False
         if self._odometry and odometry.odom_epoch != self._odometry[-1].odom_epoch:
             self._enter_epoch(odometry.T_odom_base)
+        if self._odometry and odometry.stamp_ns < self._odometry[-1].stamp_ns:
+            self._odometry.clear()
+            self._slam_stamp_ns = None
         self._odometry.append(odometry)
         return True
 
@@ -100,7 +104,7 @@ class Localization:
         """Take the SLAM pose of the image at stamp_ns, even if it is late. Raises InputError for NaN."""
         if not T_world_base.is_finite():
             raise InputError(f"the SLAM pose at {stamp_ns} ns is not finite: {T_world_base}; it must be dropped")
-        if self._slam_stamp_ns is not None and stamp_ns <= self._slam_stamp_ns:
+        if self._slam_stamp_ns is not None and not _follows(stamp_ns, self._slam_stamp_ns):
             return
         self._slam_stamp_ns, self._slam_pose = stamp_ns, T_world_base
         odometry = odometry_at(self._odometry, stamp_ns)
@@ -184,6 +188,10 @@ class Localization:
         self._covariance = P - gain @ P[:3, :]
         self._bend_rad_m += float(change[3])
         return SE2(believed.x + float(change[0]), believed.y + float(change[1]), believed.theta + float(change[2]))
+
+
+def _follows(stamp_ns: int, last_ns: int) -> bool:
+    return stamp_ns > last_ns or stamp_ns < last_ns - _CLOCK_BACK_NS
 
 
 def _is_no_noise(residual: FloatArray, covariance: FloatArray) -> bool:

@@ -92,7 +92,7 @@ class HeardDock:
     def _on_battery(self, msg: BatteryState) -> None:
         self._charging = msg.power_supply_status in _CHARGES
         full = msg.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_FULL  # by the charger; voltages differ
-        self._keeper.add(headers.now_ns(), 1.0 if full else msg.percentage, self._charging)
+        self._keeper.add(headers.timer_ns(), 1.0 if full else msg.percentage, self._charging)
 
     def _on_pose(self, msg: PoseStamped) -> None:
         self.seat = convert.se2(msg.pose)

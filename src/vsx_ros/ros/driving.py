@@ -10,12 +10,14 @@ Separate from ``convert``: the base's process uses no trajectories and need not 
 
 import math
 import time
+from collections.abc import Callable
 
+import actionlib
 import numpy as np
 import rospy
 from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import PoseStamped, Transform, Vector3
-from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseGoal
+from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseGoal
 from nav_msgs.msg import Path as PathMsg
 from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
@@ -124,6 +126,22 @@ def relay_simple_goals() -> None:
         goals_pub.publish(MoveBaseActionGoal(goal_id=identity, goal=MoveBaseGoal(msg)))
 
     subscribe(topics.SIMPLE_GOAL, PoseStamped, relay, queue_size=1)
+
+
+def goal_server(execute: Callable[[MoveBaseGoal], None]) -> actionlib.SimpleActionServer:
+    """The server of move_base, to be started. It pursues the goal that comes last; by itself it would go by the goals'
+    stamps, and end new ones when the clock was set back, and those of a machine whose clock is behind."""
+    server = actionlib.SimpleActionServer(topics.MOVE_BASE_ACTION, MoveBaseAction, execute, False)
+    take = server.action_server.goal_callback
+
+    def take_newest(goal: actionlib.ServerGoalHandle) -> None:
+        for other in (server.current_goal, server.next_goal):
+            if other.get_goal() is not None:
+                other.get_goal_id().stamp = min(other.get_goal_id().stamp, goal.get_goal_id().stamp)
+        take(goal)
+
+    server.action_server.register_goal_callback(take_newest)
+    return server
 
 
 def path_msg(plan: Plan, frame: str) -> PathMsg:

@@ -4,6 +4,8 @@ All robots of a master share one tf tree, so a robot in a namespace uses a prefi
 of topics.py. In messages they have the prefix: the parameter ``tf_prefix`` of this or a higher namespace, else the
 namespace itself."""
 
+import threading
+
 import rospy
 from std_msgs.msg import Header
 
@@ -12,11 +14,22 @@ from vsx_ros.errors import InputError
 _AHEAD_S = 1.0  # the clocks of two machines with NTP differ by less
 
 _prefix = ""
+_timing = threading.Lock()
+_timer_ns = _timed_ns = 0
 
 
 def now_ns() -> int:
     """ROS time, the clock of all stamps [ns]."""
     return int(rospy.Time.now().to_nsec())
+
+
+def timer_ns() -> int:
+    """ROS time to wait by in this process [ns]: it goes on where the clock is set back, unlike stamps."""
+    global _timer_ns, _timed_ns
+    with _timing:
+        now = now_ns()
+        _timer_ns, _timed_ns = _timer_ns + max(0, now - _timed_ns), now
+        return _timer_ns
 
 
 def refuse_future(stamp_ns: int) -> None:

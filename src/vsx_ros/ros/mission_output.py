@@ -113,7 +113,7 @@ class MissionTopics:
         return json.dumps(status)
 
     def _left_s(self, decision: Decision) -> int | None:
-        left_s = self._mission.view_selector.time_left.at(headers.now_ns())
+        left_s = self._mission.view_selector.time_left.at(headers.timer_ns())
         return round(left_s) if left_s is not None and decision.state == MissionState.MAPPING.value else None
 
 
@@ -170,8 +170,8 @@ class MissionWriter:
 
     def write(self) -> None:
         """Write everything now; this may wait for the disk."""
-        now_ns = headers.now_ns()
-        odometry = self._where.at(now_ns).odometry
+        now_ns = headers.timer_ns()
+        odometry = self._where.at(headers.now_ns()).odometry
         if self._checkpoint is None or self._saved is not None or odometry is None:
             return
         with self._lock:
@@ -179,7 +179,7 @@ class MissionWriter:
         elapsed_s, driven_m = self._told.so_far
         saved = saved._replace(elapsed_s=elapsed_s, driven_m=driven_m)
         with logs.log_errors(), self._writing:
-            self._checkpoint.write_mission(saved.tree(), now_ns)
+            self._checkpoint.write_mission(saved.tree(), headers.now_ns())
 
 
 def is_served(client: actionlib.ActionClient) -> bool:

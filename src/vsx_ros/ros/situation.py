@@ -100,7 +100,7 @@ class HeardSituation:
     def _on_goal(self, msg: MoveBaseActionGoal) -> None:
         with self._lock:
             frame = headers.bare(msg.goal.target_pose.header.frame_id)
-            self._user_goals.sent(headers.now_ns(), msg.goal_id.id, frame)
+            self._user_goals.sent(headers.timer_ns(), msg.goal_id.id, frame)
 
     def _on_goals(self, msg: GoalStatusArray) -> None:
         states = {
@@ -110,7 +110,7 @@ class HeardSituation:
             for status in msg.status_list
         }
         with self._lock:
-            self._user_goals.told(headers.now_ns(), states)
+            self._user_goals.told(headers.timer_ns(), states)
 
     def is_claimed_since(self, situation: Situation) -> bool:
         """Whether the operator holds the wheels, or sent a goal, that this situation does not know."""
@@ -119,7 +119,7 @@ class HeardSituation:
 
     def at(self, now_ns: int, navigation: NavigationState, navigation_reason: str) -> Situation:
         """The situation, with the goal's state."""
-        where = self.where.at(now_ns)
+        where = self.where.at(headers.now_ns())
         return Situation(
             slam_state=where.slam_state, slam_reason=where.slam_reason, T_map_base=where.T_map_base,
             T_odom_base=where.T_odom_base, grid=self.grid, navigation=navigation, navigation_reason=navigation_reason,

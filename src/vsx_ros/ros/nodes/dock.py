@@ -58,7 +58,7 @@ class DockNode:
         light = dock_light(kind)
         self._errands.pause.begin()
         with self._lock:
-            self._docking.dock(headers.now_ns(), kind, light.dock_at(seat))
+            self._docking.dock(headers.timer_ns(), kind, light.dock_at(seat))
             if text is not None:  # a base that a user docks stays there
                 self._keeper.sent = False
         return "driving to the dock"
@@ -67,16 +67,16 @@ class DockNode:
         if not self._heard.docked:
             raise InputError("the base is not on its dock")
         with self._lock:  # a new exploration drives ahead
-            self._docking.undock(headers.now_ns(), math.pi if self._errands.pause.began_here else 0.0)
+            self._docking.undock(headers.timer_ns(), math.pi if self._errands.pause.began_here else 0.0)
         return "leaving the dock backwards"
 
     def _cancel(self, reason: str) -> str:
         with self._lock:
-            self._docking.cancel(headers.now_ns(), reason)
+            self._docking.cancel(headers.timer_ns(), reason)
         return reason
 
     def _control(self) -> None:
-        now_ns = headers.now_ns()
+        now_ns = headers.timer_ns()
         if self._heard.hold is not None:
             self._cancel(self._heard.hold.words())
         with self._lock:
@@ -104,7 +104,7 @@ class DockNode:
 
     def _watch(self) -> None:
         try:
-            if (errand := self._errands.due(headers.now_ns(), self._docking.state)) is not None:
+            if (errand := self._errands.due(headers.timer_ns(), self._docking.state)) is not None:
                 (self._start if errand is Errand.DOCK else self._leave)()
         except VsxError as error:
             rospy.logwarn("%s", error)

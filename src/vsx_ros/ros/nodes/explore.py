@@ -70,7 +70,7 @@ class ExploreNode:
 
     def _decide(self) -> None:
         self._lease.promise(_DECIDE_WITHIN_S)
-        now_ns, navigation = headers.now_ns(), self._goals.state()  # first: a pause that comes now ends the goal
+        now_ns, navigation = headers.timer_ns(), self._goals.state()  # first: a pause that comes now ends the goal
         with self._lock:
             self._requests.tell_next(now_ns)
         ready = self._slam.is_known("vslam") and self._goals.is_served

@@ -55,7 +55,7 @@ class FollowerNode:
         threads.every(_PERIOD_S, "control", self._control)
 
     def _on_trajectory(self, msg: MultiDOFJointTrajectory) -> None:
-        wanted, now_ns = driving.wanted(msg), headers.now_ns()
+        wanted, now_ns = driving.wanted(msg), headers.timer_ns()
         with self._lock:
             if isinstance(wanted, float):
                 self._tell(self._follower.brake(now_ns, wanted))
@@ -66,22 +66,22 @@ class FollowerNode:
     def _on_hazards(self, msg: UInt8) -> None:
         words = convert.hazard_words(msg.data)
         with self._lock:
-            self._tell(self._follower.take_hazards(headers.now_ns(), frozenset(words.split(", ") if words else [])))
+            self._tell(self._follower.take_hazards(headers.timer_ns(), frozenset(words.split(", ") if words else [])))
 
     def _on_hold(self, hold: OperatorHold | None) -> None:
         with self._lock:
-            self._tell(self._follower.hold(headers.now_ns(), hold.words() if hold is not None else ""))
+            self._tell(self._follower.hold(headers.timer_ns(), hold.words() if hold is not None else ""))
 
     def _cancel(self) -> str:
         with self._lock:
-            self._tell(self._follower.end(headers.now_ns(), "cancelled by service"))
+            self._tell(self._follower.end(headers.timer_ns(), "cancelled by service"))
         return "stopped"
 
     def _control(self) -> None:
         with self._lock:
-            now_ns, age_s = headers.now_ns(), self._leases.age_s
+            now_ns, age_s = headers.timer_ns(), self._leases.age_s
             ages = MessageAges(age_s("vslam"), self._where.odometry_age_s, age_s("move_base"))
-            self._tell(self._follower.step(now_ns, self._where.at(now_ns), ages))
+            self._tell(self._follower.step(now_ns, self._where.at(headers.now_ns()), ages))
 
     def _tell(self, command: VelocityCommand | None) -> None:
         """Publish the command and the status for move_base: on change, and repeatedly while following."""

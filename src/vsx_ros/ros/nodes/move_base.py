@@ -19,17 +19,16 @@ import math
 import threading
 import time
 
-import actionlib
 import rospy
 from geometry_msgs.msg import PoseStamped
-from move_base_msgs.msg import MoveBaseAction, MoveBaseFeedback, MoveBaseGoal
+from move_base_msgs.msg import MoveBaseFeedback, MoveBaseGoal
 
 from vsx_ros.config import Config
 from vsx_ros.errors import VsxError
 from vsx_ros.navigation.follower import LEASE_S
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.ros import convert, headers, node, threads, topics
-from vsx_ros.ros.driving import PERIOD_S, FollowerLink, Lease, LeaseWatch, relay_simple_goals
+from vsx_ros.ros.driving import PERIOD_S, FollowerLink, Lease, LeaseWatch, goal_server, relay_simple_goals
 from vsx_ros.ros.goal_preview import GoalPreview
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.planning_thread import PlanningThread
@@ -52,7 +51,7 @@ class MoveBaseNode:
         self._lease = Lease(topics.FOLLOWER_LEASE, "move_base")
         relay_simple_goals()
         threads.every(PERIOD_S, "lease", self._lease.keep)
-        self._server = actionlib.SimpleActionServer(topics.MOVE_BASE_ACTION, MoveBaseAction, self._execute, False)
+        self._server = goal_server(self._execute)
         self._server.start()
 
     def _execute(self, goal: MoveBaseGoal) -> None:
@@ -72,19 +71,19 @@ class MoveBaseNode:
         client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
         self._clients.heard(client)  # its first renewal may come after its goal
         try:
-            self._execution.begin(headers.now_ns(), convert.se2(target.pose), frame)
+            self._execution.begin(headers.timer_ns(), convert.se2(target.pose), frame)
         except VsxError as error:
             return Done(False, str(error))
         while not threads.is_ending():
             self._lease.promise(_LOOK_WITHIN_S)
-            now_ns = headers.now_ns()
+            now_ns = headers.timer_ns()
             if self._server.is_preempt_requested():
                 self._execution.cancel(now_ns, _CANCELLED)
                 if self._server.is_new_goal_available():
                     return Done(False, _REPLACED)
             for number, answer in self._planner.answers():
                 self._execution.planned(now_ns, number, answer)
-            for act in self._execution.step(now_ns, self._seen(now_ns, frame, client)):
+            for act in self._execution.step(now_ns, self._seen(frame, client)):
                 if isinstance(act, Done):
                     self._follower.brake(now_ns, math.inf)
                     return act
@@ -92,8 +91,9 @@ class MoveBaseNode:
             time.sleep(PERIOD_S)
         return Done(False, "shutting down")
 
-    def _seen(self, now_ns: int, frame: str, client: str) -> ExecutionInput:
-        where, told = self._where.at(now_ns), self._follower
+    def _seen(self, frame: str, client: str) -> ExecutionInput:
+        now_ns, told = headers.now_ns(), self._follower
+        where = self._where.at(now_ns)
         if (pose := where.pose(frame)) is not None:
             self._server.publish_feedback(MoveBaseFeedback(convert.pose_stamped(frame, now_ns, pose)))
         silent = client if LEASE_S < self._clients.age_s(client) < math.inf else ""
@@ -110,7 +110,7 @@ class MoveBaseNode:
 
     def close(self) -> None:
         """Stop the follower (or its successor), and let the goal's result be published while topics are still open."""
-        self._follower.brake(headers.now_ns(), math.inf)
+        self._follower.brake(headers.timer_ns(), math.inf)
         self._pursuing.acquire(timeout=0.5)
         self._server.action_server.status_timer.shutdown()
 
