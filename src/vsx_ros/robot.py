@@ -65,12 +65,11 @@ class OperatorHold(NamedTuple):
 
 
 class UserGoal(NamedTuple):
-    """A goal that somebody else than the exploration has sent to move_base. client: its node. frame: map or odom."""
+    """A goal that somebody else than the exploration has sent to move_base. client: its node."""
 
     identity: str
     client: str
     since_ns: int
-    frame: str
 
     def words(self) -> str:
         """The fact, for people."""

@@ -62,7 +62,7 @@ def test_a_start_drive_without_images_is_no_attempt():
         assert mission.state is MissionState.STARTING
 
 
-@pytest.mark.parametrize("claim", [{"held": OperatorHold("teleop", 2)}, {"user_goal": UserGoal("a-1", "a", 2, "odom")}])
+@pytest.mark.parametrize("claim", [{"held": OperatorHold("teleop", 2)}, {"user_goal": UserGoal("a-1", "a", 2)}])
 def test_the_operator_comes_before_the_images(claim):
     mission = mapping_mission()
     mission.decide(2 * SECOND, situation(blind_s=100.0, **claim))

@@ -15,7 +15,7 @@ from vsx_ros.slam.state import TrackingState
 FAILED = NavigationState.ABORTED
 STOPPED = OperatorHold(EMERGENCY_STOP, 2 * SECOND)
 TELEOP = OperatorHold("teleop", 2 * SECOND)
-GOAL = UserGoal("/rviz-1", "/rviz", 2 * SECOND, "map")
+GOAL = UserGoal("/rviz-1", "/rviz", 2 * SECOND)
 
 
 def blamed(mission: Mission, now_ns: int) -> int:
@@ -116,7 +116,7 @@ def test_a_goal_of_the_user_before_the_first_drive_has_begun_is_no_attempt():
     mission, drive_m = Mission(Config(), euclid), Config().exploration.init_drive_m
     begin = situation(slam_state=TrackingState.NOT_INITIALISED, T_map_base=None, grid=None)
     mission.decide(0, begin)
-    assert mission.decide(0, begin._replace(user_goal=UserGoal("a-1", "a", 0, "odom"))).action is Action.WAIT
+    assert mission.decide(0, begin._replace(user_goal=UserGoal("a-1", "a", 0))).action is Action.WAIT
     for k in range(1, 9):
         decision = mission.decide(k * SECOND, begin)
     assert decision.goal is None or decision.goal.x == pytest.approx(drive_m)
@@ -215,25 +215,12 @@ def test_held_wheels_come_before_a_goal_of_the_user():
     assert mission.state is MissionState.MAPPING
 
 
-def test_a_goal_in_the_map_is_given_up_when_the_camera_stays_lost():
-    mission = mapping_mission()
-    lost = situation(slam_state=TrackingState.LOST, slam_reason="dark", user_goal=GOAL)
-    states = []
-    for k in range(20):
-        mission.decide((2 + k) * SECOND, lost)
-        states.append(mission.state)
-    assert states[4] is MissionState.USER_GOAL
-    assert states[-1] is MissionState.RECOVERING
-    assert any("given up: dark" in event.reason for event in mission.drain_events())
-    assert mission.claim.given_up == GOAL.identity, "whoever drives there must end it"
-
-
 def test_goals_of_others_are_told_from_ours():
     goals = UserGoals("/explore-")
-    goals.sent(0, "/explore-1-2.5", "map")
+    goals.sent(0, "/explore-1-2.5")
     assert goals.current is None
-    goals.sent(1, "/rviz_7-1-2.5", "odom")
-    assert goals.current == UserGoal("/rviz_7-1-2.5", "/rviz_7", 1, "odom")
+    goals.sent(1, "/rviz_7-1-2.5")
+    assert goals.current == UserGoal("/rviz_7-1-2.5", "/rviz_7", 1)
     ours = {"/explore-1-2.5": GoalState(live=False, reached=False, reason="replaced")}
     goals.told(2, ours)
     assert goals.current is not None, "move_base has not listed it yet"
@@ -261,7 +248,7 @@ def test_how_a_goal_of_the_user_ends(states, end):
 
 def test_a_goal_that_was_lost_on_its_way_does_not_hold_the_mission():
     goals = UserGoals("/explore-")
-    goals.sent(0, "/me-1", "map")
+    goals.sent(0, "/me-1")
     goals.told(2 * SECOND, {})
     assert goals.current is not None
     goals.told(2 * SECOND + 1, {})
@@ -270,25 +257,9 @@ def test_a_goal_that_was_lost_on_its_way_does_not_hold_the_mission():
 
 def test_the_newer_of_two_goals_counts():
     goals = UserGoals("/explore-")
-    goals.sent(0, "/me-1", "map")
-    goals.sent(1, "/you-1", "map")
+    goals.sent(0, "/me-1")
+    goals.sent(1, "/you-1")
     live, over = GoalState(live=True, reached=False, reason=""), GoalState(live=False, reached=False, reason="replaced")
     goals.told(2, {"/me-1": over, "/you-1": live})
     assert goals.current is not None
     assert goals.current.client == "/you"
-
-
-def test_each_goal_and_each_hold_gives_a_lost_camera_its_time():
-    """What an earlier goal, or the wheels held meanwhile, took of it does not count."""
-    mission, wait_ns = mapping_mission(), 5 * SECOND
-    lost, other = situation(slam_state=TrackingState.LOST), UserGoal("/rviz-2", "/rviz", 60 * SECOND, "map")
-
-    def states(begin_ns, **claim):
-        steps = range(0, wait_ns, SECOND)
-        return {mission.decide(begin_ns + k, lost._replace(**claim)).state for k in steps}
-
-    assert states(10 * SECOND, user_goal=GOAL) == {"user goal"}
-    states(20 * SECOND)
-    assert states(60 * SECOND, user_goal=other) == {"user goal"}
-    assert states(66 * SECOND, user_goal=other, held=TELEOP) == {"held"}
-    assert states(72 * SECOND, user_goal=other) == {"user goal"}

@@ -112,6 +112,38 @@ def test_it_waits_for_what_hides_the_map_on_each_drive_anew(drive: Drive) -> Non
     assert drive.told[-1] == 0.0
 
 
+def test_a_camera_that_is_found_soon_lets_the_drive_go_on(drive: Drive) -> None:
+    drive.state = TrackingState.LOST
+    drive.go_on(4.9)
+    assert (drive.told[-1], drive.status) == (0.0, FollowStatus.STALE)
+    drive.state = TrackingState.GOOD
+    drive.go_on(2.0)
+    assert drive.told[-1] == pytest.approx(LIMITS.v_m_s, abs=0.02)
+
+
+@pytest.mark.parametrize("state", [TrackingState.LOST, TrackingState.NOT_INITIALISED])
+def test_a_camera_that_stays_lost_ends_the_drive_for_good(drive: Drive, state: TrackingState) -> None:
+    drive.state = state
+    drive.go_on(5.2)
+    assert drive.status is FollowStatus.STOPPED
+    assert "tracking stays lost" in drive.follower.report.reason
+    drive.state, begin = TrackingState.GOOD, len(drive.told)
+    drive.go_on(10.0)
+    assert not any(drive.told[begin:]), "nobody expects the base to drive on"
+
+
+def test_each_drive_gives_a_lost_camera_its_time_and_one_by_odometry_needs_none(drive: Drive) -> None:
+    drive.state = TrackingState.LOST
+    for _ in range(3):
+        drive.go_on(4.0)
+        drive.follower.follow(drive.base.now_ns, ahead(drive.base.pose), "map", 2)
+    drive.go_on(4.0)
+    assert drive.status is FollowStatus.STALE
+    drive.follower.follow(drive.base.now_ns, ahead(drive.base.pose), "odom", 3)
+    drive.go_on(6.0)
+    assert drive.status is FollowStatus.FOLLOWING
+
+
 @pytest.mark.parametrize(
     ("ages", "reason"),
     [(MessageAges(vslam_s=0.31), "no word from vslam"), (MessageAges(odometry_s=0.51), "no odometry")],

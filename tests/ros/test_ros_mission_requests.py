@@ -47,9 +47,7 @@ class Explorer:
         self.node._lease = SimpleNamespace(promise=lambda seconds: None)
         self.node._slam = SimpleNamespace(is_known=lambda name: self.ready, age_s=lambda name: 0.0)
         self.node._diagnostics = SimpleNamespace(set=lambda *_: None)
-        self.node._goals = SimpleNamespace(
-            is_served=True, state=lambda: (self.navigation, ""), give_up=lambda identity: None, act=self._act
-        )
+        self.node._goals = SimpleNamespace(is_served=True, state=lambda: (self.navigation, ""), act=self._act)
         self.node._heard = SimpleNamespace(at=self._situation, is_claimed_since=lambda situation: False, grid=None)
         self.node._writer = SimpleNamespace(restore=lambda *_: None)
         self.node._topics = SimpleNamespace(events=lambda events: None, report=lambda *_: False)

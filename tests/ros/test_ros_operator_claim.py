@@ -9,8 +9,6 @@ import pytest
 
 pytest.importorskip("rospy")
 
-import actionlib
-
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, NavigationState, Situation
 from vsx_ros.exploration.mission import Mission
@@ -18,12 +16,11 @@ from vsx_ros.exploration.user_goals import UserGoals
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import headers
-from vsx_ros.ros.mission_output import GoalSender
 from vsx_ros.ros.nodes.explore import ExploreNode
 from vsx_ros.ros.situation import HeardSituation
 from vsx_ros.slam.state import TrackingState
 
-CLAIMS = [lambda heard: heard._user_goals.sent(2, "/rviz-1", "map"), lambda heard: heard._on_hold(OperatorHold("a", 2))]
+CLAIMS = [lambda heard: heard._user_goals.sent(2, "/rviz-1"), lambda heard: heard._on_hold(OperatorHold("a", 2))]
 
 
 class Exploring(HeardSituation):
@@ -55,9 +52,7 @@ def exploring(heard: Any, mission: Any, state: Any, acts: list[Any]) -> Any:
     node._heard, node._lock = heard, nullcontext()
     node._lease = SimpleNamespace(promise=lambda seconds: None)
     node._slam = SimpleNamespace(is_known=lambda name: True, age_s=lambda name: 0.0)
-    node._goals = SimpleNamespace(
-        is_served=True, state=state, give_up=lambda identity: None, act=lambda now_ns, decision: acts.append(decision)
-    )
+    node._goals = SimpleNamespace(is_served=True, state=state, act=lambda now_ns, decision: acts.append(decision))
     node._mission = mission
     node._requests = SimpleNamespace(tell_next=lambda now_ns: None, unless_to_stand=lambda act: act())
     node._writer = SimpleNamespace(restore=lambda *_: None)
@@ -67,8 +62,8 @@ def exploring(heard: Any, mission: Any, state: Any, acts: list[Any]) -> Any:
 
 def sent(heard: Exploring) -> list[Action]:
     """The actions that the node carries out."""
-    claim, acts = SimpleNamespace(given_up=""), list[Any]()
-    mission = SimpleNamespace(decide=heard.decide, drain_events=list, outcome=None, claim=claim)
+    acts = list[Any]()
+    mission = SimpleNamespace(decide=heard.decide, drain_events=list, outcome=None)
     exploring(heard, mission, lambda: (NavigationState.IDLE, ""), acts)._decide()
     return [decision.action for decision in acts]
 
@@ -117,13 +112,3 @@ def test_a_start_drive_that_was_not_sent_is_driven_afterwards(claim: Any, monkey
     back = next(goal for goal in later if goal is not None)
     assert waits is None
     assert (back.x, back.theta) == (-ahead.x, 0.0), "back, and not yet the quarter turn"
-
-
-def test_a_goal_that_is_given_up_ends_for_move_base_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    cancelled: list[str] = []
-    client = SimpleNamespace(pub_cancel=SimpleNamespace(publish=lambda goal: cancelled.append(goal.id)))
-    monkeypatch.setattr(actionlib, "ActionClient", lambda *_: client)
-    goals = GoalSender()
-    for identity in ("", "/rviz-1", "/rviz-1", "/rviz-2"):
-        goals.give_up(identity)
-    assert cancelled == ["/rviz-1", "/rviz-2"]

@@ -13,7 +13,7 @@ send the robot elsewhere (USER GOAL), or images be missing (BLIND; for long: DON
 state, and nothing is blamed. ``decide`` returns one action. Every change of state and every choice is an event."""
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.claims import Claim, Claims, why_over
+from vsx_ros.exploration.claims import Claim, claim_of, why_over
 from vsx_ros.exploration.decision import (
     DOCK,
     OPERATOR,
@@ -56,7 +56,6 @@ class Mission:
         self._recovery = Recovery(exploration, config.robot.radius_m, planner.phi_rad_m)
         self._after_pause, self.paused_by = MissionState.STARTING, set[str]()  # and who has not yet resumed it
         self._stay_at_user_goal = exploration.stay_at_user_goal
-        self.claim = Claims(self._log)
 
     @property
     def state(self) -> MissionState:
@@ -138,10 +137,9 @@ class Mission:
             self.view_selector.look_from(situation.T_map_base)
         if self.state is MissionState.DONE:
             return self._log.answer(Action.FINISH, self._log.reason)
-        active = situation.navigation is NavigationState.ACTIVE
+        active, claim = situation.navigation is NavigationState.ACTIVE, claim_of(now_ns, situation)
         if self.state is MissionState.PAUSED:
             self._start_drives.interrupt(situation.navigation)
-            claim = self.claim.of(now_ns, situation)
             told = "paused" if OPERATOR in self.paused_by else f"paused by {DOCK}"
             reason = told if claim is None else f"{told}; {claim.reason}"
             if claim is not None and self._log.reason != reason:
@@ -152,7 +150,7 @@ class Mission:
         if restarted:
             self._start_drives.interrupt(situation.navigation)
             return self._tour.rest(now_ns, active, "odometry restarted: coming to rest")
-        if (claim := self.claim.of(now_ns, situation)) is not None:
+        if claim is not None:
             return self._yield(now_ns, situation, claim)
         if self.state in _YIELDING:
             return self._take_over(now_ns, situation)
@@ -184,9 +182,9 @@ class Mission:
 
     def _take_over(self, now_ns: int, situation: Situation) -> Decision:
         """Go on after a claim, at rest."""
-        of_user, reason = self.state is MissionState.USER_GOAL, why_over(self.state, situation)
+        reason = why_over(self.state, situation)
         self._log.wait_until_ns = now_ns + BRAKE_NS
-        if of_user and self._stay_at_user_goal:
+        if self.state is MissionState.USER_GOAL and self._stay_at_user_goal:
             self.paused_by.add(OPERATOR)
             self._log.enter(now_ns, MissionState.PAUSED, f"{reason}; staying here until resumed")
             return self._log.answer(Action.WAIT, self._log.reason)

@@ -28,10 +28,10 @@ class UserGoals:
         self.last_end = ""
         """How the last one has ended, for people."""
 
-    def sent(self, now_ns: int, identity: str, frame: str) -> None:
+    def sent(self, now_ns: int, identity: str) -> None:
         """A goal was sent to move_base; it begins with the name of its client."""
         if identity and not identity.startswith(self._own):
-            self.current, self._listed = UserGoal(identity, identity.split("-")[0], now_ns, frame), False
+            self.current, self._listed = UserGoal(identity, identity.split("-")[0], now_ns), False
 
     def told(self, now_ns: int, states: Mapping[str, GoalState]) -> None:
         """move_base's list of goals, by identity."""
@@ -44,7 +44,7 @@ class UserGoals:
         if now is not None and now.identity not in live and (self._listed or late):
             self._end(now, theirs.get(now.identity))
         if self.current is None and live:
-            self.sent(now_ns, live[-1], "map")
+            self.sent(now_ns, live[-1])
 
     def _end(self, goal: UserGoal, state: GoalState | None) -> None:
         self.current = None

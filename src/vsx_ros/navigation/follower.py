@@ -19,6 +19,7 @@ from vsx_ros.slam.state import TrackingState
 
 LEASE_S = 0.3  # A client must renew its wish for motion again and again; after this silence it counts as gone
 _VSLAM_GONE_S = 2.0  # The base waits for a silent vslam, but not longer
+_LOST_S = 5.0  # The standing camera may be found again; later nobody expects the base to drive on
 _ODOMETRY_S = 0.5  # On a busy machine an odometry reading may be late
 _LATE_S = 0.16  # of way past a stop at the speed before it: a dead time of 0.2 s, of which the tracker corrects some
 _ZERO_FOR_S = 0.3  # stops are repeated for so long, as one may be lost
@@ -38,9 +39,10 @@ ALL_FRESH = MessageAges()
 class Follower:
     """Follows one trajectory at a time. Call ``step`` at 10 Hz or more; live 30 Hz, in lock-step once per frame.
 
-    A trajectory in the frame map needs a tracked camera; one in odom needs only odometry. Silence of vslam or odometry
-    stops the base at once; it waits for them, for vslam not long. A new hazard, a stuck base, or silence of the
-    trajectory's sender ends the drive at once. Everything else slows the base on the path."""
+    A trajectory in the frame map needs a tracked camera, for which it does not wait long; one in odom needs only
+    odometry. Silence of vslam or odometry stops the base at once; it waits for them, for vslam not long. A new hazard,
+    a stuck base, or silence of the trajectory's sender ends the drive at once. Everything else slows the base on the
+    path."""
 
     def __init__(self, config: Config) -> None:
         self._tracker = TrajectoryTracker(config.follower, config.limits)
@@ -50,6 +52,7 @@ class Follower:
         self._held = ""
         self._id, self._frame = 0, MAP_FRAME
         self._begun_ns, self._rested_ns, self._hidden_since_ns = 0, -1, -1
+        self._tracked_ns = 0
         self._following = False
         self._stop: SE2 | None = None
         self.result = FollowResult(STOP, FollowStatus.IDLE, "nothing to follow")
@@ -69,7 +72,7 @@ class Follower:
     def follow(self, now_ns: int, trajectory: Trajectory, frame: str, identity: int) -> None:
         """Drive along the trajectory, from rest; it replaces any other."""
         self._id, self._frame, self._following, self._stop = identity, frame, not self._held, None
-        self._begun_ns = now_ns
+        self._begun_ns = self._tracked_ns = now_ns
         if self._following:
             self._tracker.start(trajectory, now_ns)
             self.result = FollowResult(STOP, FollowStatus.FOLLOWING, "about to drive")
@@ -121,6 +124,10 @@ class Follower:
             return self.end(now_ns, "move_base is silent")
         if ages.vslam_s > _VSLAM_GONE_S and not 0 <= now_ns - self._begun_ns <= _VSLAM_GONE_S * 1e9:
             return self.end(now_ns, "vslam is silent")
+        if self._frame == ODOM_FRAME or where.slam_state.tracked:
+            self._tracked_ns = now_ns
+        elif now_ns - self._tracked_ns > _LOST_S * 1e9:
+            return self.end(now_ns, f"tracking stays lost: {where.slam_reason}")
         if where.stuck and not was_stuck:
             return self.end(now_ns, where.stuck)
         self.result = result = self._followed(now_ns, where, _why_stale(ages), is_hidden)

@@ -9,7 +9,7 @@ from pathlib import Path
 import actionlib
 import rospy
 from actionlib import CommState
-from actionlib_msgs.msg import GoalID, GoalStatus
+from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import Point, Vector3
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from std_msgs.msg import ColorRGBA, Float32, String
@@ -196,7 +196,6 @@ class GoalSender:
         self._goal: actionlib.ClientGoalHandle | None = None
         self._sent_s = 0.0
         self._untaken = False
-        self._given_up = ""
 
     @property
     def is_served(self) -> bool:
@@ -236,13 +235,6 @@ class GoalSender:
             return NavigationState.ACTIVE, reason
         arrived = self._goal.get_terminal_state() == GoalStatus.SUCCEEDED
         return NavigationState.SUCCEEDED if arrived else NavigationState.ABORTED, reason
-
-    def give_up(self, identity: str) -> None:
-        """Cancel a goal of somebody else, once; empty: none. Else the robot would drive on to it when the camera is
-        found again, though it was told to stay."""
-        if identity and identity != self._given_up:
-            self._given_up = identity
-            self._client.pub_cancel.publish(GoalID(id=identity))
 
     def cancel_all(self) -> None:
         """Cancel all goals, also those of other clients: nothing may drive."""

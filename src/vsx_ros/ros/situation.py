@@ -99,8 +99,7 @@ class HeardSituation:
 
     def _on_goal(self, msg: MoveBaseActionGoal) -> None:
         with self._lock:
-            frame = headers.bare(msg.goal.target_pose.header.frame_id)
-            self._user_goals.sent(headers.timer_ns(), msg.goal_id.id, frame)
+            self._user_goals.sent(headers.timer_ns(), msg.goal_id.id)
 
     def _on_goals(self, msg: GoalStatusArray) -> None:
         states = {
