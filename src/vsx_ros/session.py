@@ -24,7 +24,6 @@ from vsx_ros.slam.state import TrackingResult
 from vsx_ros.slam.tracking_record import TrackingRecord
 
 SlamT = TypeVar("SlamT", bound=TrackerAndMapper)
-_NO_SCALE = "the map began before the odometry and has no scale; start again when odometry arrives"
 _BLIND_M = 1.0  # from the last place that the camera knew: farther away, dead reckoning is no place in the map
 
 
@@ -81,14 +80,11 @@ class SlamSession:
 
     def track(self, frame: Frame, odometry: Odometry | None) -> TrackingResult:
         """The pose of one frame by SLAM, with odometry corrected by the calibration found while driving. The frame
-        ``odom`` remains that of the uncorrected odometry. A map that began before the odometry has no scale: its poses
-        are no places, and the camera counts as lost. Raises as ``SequentialSlam.track`` does."""
+        ``odom`` remains that of the uncorrected odometry. Raises as ``SequentialSlam.track`` does."""
         calibration, given = self.calibration, odometry
         if calibration is not None and odometry is not None:
             self._corrected = given = calibration.corrected(odometry)
         result = self._slam.track(frame, given)
-        if result.state.tracked and self._slam.lacks_scale:
-            result = result.apart(_NO_SCALE)
         if calibration is not None and odometry is not None:
             calibration.learn(self._slam, result, odometry)
         return result

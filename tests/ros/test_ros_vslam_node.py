@@ -23,6 +23,7 @@ from vsx_ros.ros import slam_run, threads
 from vsx_ros.ros.nodes.vslam import VslamNode
 from vsx_ros.ros.slam_input import SlamInput
 from vsx_ros.ros.slam_run import SlamRun
+from vsx_ros.slam.state import TrackingResult, TrackingState
 
 
 class Notes:
@@ -51,17 +52,17 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
         if frame.image.shape != (480, 640):
             raise InputError("image of 320x240 does not fit")
         tracked.append(frame.stamp_ns)
-        return SimpleNamespace(stamp_ns=frame.stamp_ns)
+        return TrackingResult(frame.stamp_ns, TrackingState.GOOD)
 
     monkeypatch.setattr(rospy, "get_param", lambda _, usual: usual)
     monkeypatch.setattr(threads, "is_ending", lambda: not waiting)
     status, lease = Notes(), Notes()
     slam = SimpleNamespace(track=track, tracked_features=None)
     sync = SimpleNamespace(take=lambda timeout_s: waiting.pop(0), dropped=0)
-    heard = bare(SlamInput, _sync=sync, _status=status, _used_s=1e12, camera=lambda: None)
+    heard = bare(SlamInput, _sync=sync, _status=status, _used_s=1e12, _metric=True, camera=lambda: None)
     node = bare(
         VslamNode, _metric=True, _input=heard, _maps=Notes(), _status=status, _lease=lease, _poses=Notes(),
-        _session=SimpleNamespace(begin=lambda *_, **__: slam, track=track, locate=lambda *_: None),
+        _session=SimpleNamespace(begin=lambda *_, **__: slam, track=track, locate=lambda *_: SimpleNamespace(stuck="")),
         _run=Notes(), _preview=Notes(), _pictures=SimpleNamespace(is_new=lambda *_: True),
     )  # fmt: skip
     node._track()
@@ -69,6 +70,23 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
     assert len(lease.said) == 3, "nobody drives by an image that could not be used"
     assert [name for name, _ in status.said] == ["frame", "frame", "refused", "frame"]
     assert "320x240" in status.said[2][1]
+
+
+@pytest.mark.parametrize("metric", [False, True])
+def test_odometry_that_is_missing_before_the_map_is_named_while_it_is(metric: bool) -> None:
+    """Not for a single image: readings may come late. A map without scale needs none."""
+    status, second_ns = Notes(), 10**9
+    heard = bare(SlamInput, _sync=SimpleNamespace(dropped=0), _status=status, _used_s=0.0, _metric=metric)
+    heard._odometry = None
+    for state, stamp_s, heard_s in (
+        (TrackingState.NOT_INITIALISED, 1.0, None), (TrackingState.NOT_INITIALISED, 2.0, 1.9),
+        (TrackingState.NOT_INITIALISED, 2.5, 1.9), (TrackingState.NOT_INITIALISED, 5.0, 1.9),
+        (TrackingState.NOT_INITIALISED, 6.0, 6.0), (TrackingState.GOOD, 9.0, 6.0),
+    ):  # fmt: skip
+        heard._odometry = None if heard_s is None else Odometry(round(heard_s * second_ns), SE2())
+        heard.used(TrackingResult(round(stamp_s * second_ns), state), "")
+    missing = "waiting_for" if metric else "frame"
+    assert [name for name, _ in status.said] == [missing, "frame", "frame", missing, "frame", "frame"]
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 from spoilt_drives import FIRST, LAST, TRACKED, between, run
 
@@ -143,27 +142,13 @@ def test_a_heading_of_the_wheels_that_the_image_contradicts_is_never_tracked(arc
     assert done.worst_m < 0.04
 
 
-def test_wheels_heard_again_do_not_measure_a_map_begun_without_them(arc_drive):
-    def change(k, frame, odometry):
-        image = np.zeros_like(frame.image) if FIRST <= k < LAST else frame.image
-        return frame._replace(image=image), odometry if k < 2 or k >= FIRST - 3 else None
-
-    done = run(arc_drive, change)
-    assert len(done.reasons("initialised")) == 1
-    assert set(done.states(40, FIRST)) <= set(TRACKED)
-    lost = [result for result in done.results[FIRST:LAST] if result.state is TrackingState.LOST]
-    assert len(lost) > 10
-    assert all(result.T_world_cam is None for result in lost), "the step of the wheels is in metres, the map is not"
-    assert not done.reasons("bridged")
-    assert set(done.states(-10)) <= set(TRACKED)
-
-
-def _heard_late(drive, first):
-    """A session whose odometry begins at a frame, its SLAM, and each frame's result and place."""
+def _heard_late(drive, first, before=0):
+    """A session that hears odometry in the first ``before`` frames and from frame ``first`` on, its SLAM, and each
+    frame's result and place."""
     session = SlamSession(drive.T_base_cam, overridden(Config(), {"self_calibration.enabled": True}))
     slam, known = session.begin(SequentialSlam, drive.camera, 1), []
     for k, (frame, odometry, _) in enumerate(drive.frames):
-        heard = odometry if k >= first else None
+        heard = odometry if k < before or k >= first else None
         result = session.track(frame, heard)
         known.append((result, session.locate(result, heard)))
     return session, slam, known
@@ -171,21 +156,20 @@ def _heard_late(drive, first):
 
 def test_a_map_waits_for_wheels_that_begin_soon_after_the_camera(arc_drive):
     session, slam, known = _heard_late(arc_drive, 8)
-    assert not slam.lacks_scale
     assert slam.slam_map().T_base_cam is session.T_base_cam
     assert known[-1][0].state is TrackingState.GOOD
     there, (_, wheels, _) = known[-1][1].T_map_base, arc_drive.frames[-1]
     assert there.distance_to(wheels.T_odom_base) < 0.05
 
 
-def test_a_map_without_scale_says_no_place_on_the_floor(arc_drive):
-    session, slam, known = _heard_late(arc_drive, FIRST)
-    assert slam.lacks_scale
-    assert slam.slam_map().T_base_cam is None
-    for result, where in known[FIRST:]:
-        assert result.state is TrackingState.LOST
-        assert result.T_world_cam is None
-        assert "no scale" in result.reason
-        assert not where.slam_state.tracked
-        assert where.T_map_base is None
-    assert session.calibration.found.linear is None
+@pytest.mark.parametrize("before", [0, 5])
+def test_a_map_waits_for_wheels_however_long_they_are_silent(arc_drive, before):
+    """A base that is switched off, and whose robot is carried, costs nothing but the time."""
+    _, slam, known = _heard_late(arc_drive, FIRST, before)
+    silent = [result for result, _ in known[before + 1 : FIRST]]
+    assert {result.state for result in silent} == {TrackingState.NOT_INITIALISED}
+    assert {result.reason for result in silent} == {"odometry is silent: waiting for it"}
+    assert known[-1][0].state is TrackingState.GOOD
+    there, (_, wheels, _) = known[-1][1].T_map_base, arc_drive.frames[-1]
+    assert there.distance_to(wheels.T_odom_base) < 0.05
+    assert slam.slam_map().T_base_cam is arc_drive.T_base_cam

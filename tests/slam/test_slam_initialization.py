@@ -122,12 +122,20 @@ def test_wheels_that_begin_after_the_camera_are_waited_for():
     assert driven == pytest.approx(ways[got.pair.second.stamp_ns] - ways[10], abs=1e-9)
 
 
-def test_wheels_that_fall_silent_for_good_are_done_without():
-    initializer = Initializer(MOUNT, CONFIG)
-    said = [
+def _silent_for_good(initializer):
+    return [
         initializer.add(frame(k * 300_000_000, picture(moved(x=0.05 * k), SCENE), SE2() if k == 0 else None))
         for k in range(11)
     ]
+
+
+def test_a_map_that_needs_scale_waits_for_wheels_that_fall_silent():
+    said = _silent_for_good(Initializer(MOUNT, CONFIG, needs_scale=True))
+    assert set(said[1:]) == {"odometry is silent: waiting for it"}
+
+
+def test_a_second_map_does_without_wheels_that_fall_silent_for_good():
+    said = _silent_for_good(Initializer(MOUNT, CONFIG))
     assert ["waiting for it" in str(word) for word in said[1:4]] == [True] * 3
     assert "starting again without it" in said[4]
     assert isinstance(said[-1], InitialPair)

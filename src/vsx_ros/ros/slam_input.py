@@ -14,13 +14,13 @@ from vsx_hw.readings import Hazard
 from vsx_ros.arrays import GrayImage
 from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.navigation.follower import LEASE_S
-from vsx_ros.robot import Frame, Odometry, odometry_at
+from vsx_ros.robot import SILENCE_NS, Frame, Odometry, odometry_at
 from vsx_ros.ros import headers, images, topics
 from vsx_ros.ros.callbacks import hear_odometry, image_subscriber, subscribe
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.slam.preprocessing import STILL_M, STILL_RAD
-from vsx_ros.slam.state import TrackingResult
+from vsx_ros.slam.state import TrackingResult, TrackingState
 
 _SILENCE_S = 3.0  # without images: reported
 _SHUTTER_WAIT_S = 1.0  # cameras with other drivers do not publish it
@@ -34,8 +34,9 @@ class SlamInput:
     """The tracking thread calls ``next``. Missing inputs are reported to ``status``. Subscribers: camera/rgb/image_raw,
     camera/rgb/camera_info, camera/rgb/shutter, odom, mobile_base/hazards."""
 
-    def __init__(self, run: SlamRun, status: SlamStatus) -> None:
-        self._session = run.session
+    def __init__(self, run: SlamRun, status: SlamStatus, *, metric: bool) -> None:
+        """metric: whether a new map waits for odometry."""
+        self._session, self._metric = run.session, metric
         self._sync, self._frames = SensorSync(), images.Frames()
         self._odometry: Odometry | None = None
         self._status = status
@@ -100,7 +101,16 @@ class SlamInput:
     def used(self, result: TrackingResult, stuck: str) -> None:
         """Report that the last frame was tracked, and, in words, that the base is stuck."""
         before_s, self._used_s = self._used_s, time.monotonic()
-        self._status.frame(result, self._used_s - before_s, self._sync.dropped, stuck)
+        if self.waits_for_odometry(result):
+            self._status.waiting_for(topics.ODOM)
+        else:
+            self._status.frame(result, self._used_s - before_s, self._sync.dropped, stuck)
+
+    def waits_for_odometry(self, result: TrackingResult) -> bool:
+        """Whether there is no map at this frame because odometry is silent."""
+        if not self._metric or result.state is not TrackingState.NOT_INITIALISED:
+            return False
+        return self._odometry is None or result.stamp_ns - self._odometry.stamp_ns > SILENCE_NS
 
     def refused(self, reason: str) -> None:
         """Report that the last frame was unusable; it counts as missing."""

@@ -33,10 +33,12 @@ class _Turn(NamedTuple):
 
 
 class Initializer:
-    """``add`` takes frames and returns a pair that may make a map, or the reason why there is none yet."""
+    """``add`` takes frames and returns a pair that may make a map, or the reason why there is none yet.
 
-    def __init__(self, T_base_cam: SE3 | None, config: InitializationConfig) -> None:
-        self._T_base_cam, self._config = T_base_cam, config
+    needs_scale: with T_base_cam, wait for odometry however long it is silent; else begin without it after a second."""
+
+    def __init__(self, T_base_cam: SE3 | None, config: InitializationConfig, *, needs_scale: bool = False) -> None:
+        self._T_base_cam, self._config, self._needs_scale = T_base_cam, config, needs_scale
         self._trails: Trails | None = None
         self._heard_ns: int | None = None  # stamp of the newest frame with odometry; of the first frame before that
         self._tried = -1  # stamp of the reference that was proposed last
@@ -67,7 +69,7 @@ class Initializer:
 
     def _silence(self, reference: FrameData, data: FrameData) -> str:
         """Why to wait or restart while one of two frames or both have no odometry (no scale); empty when both have it,
-        or when it has been silent for so long that the map begins without it."""
+        or when it has been silent for so long that a map may begin without it."""
         had, has = reference.T_odom_base is not None, data.T_odom_base is not None
         heard_ns = reference.stamp_ns if self._heard_ns is None else self._heard_ns
         self._heard_ns = data.stamp_ns if has else heard_ns
@@ -75,11 +77,13 @@ class Initializer:
             return ""
         if has:
             return self._restart(data, "odometry is heard: starting again from here")
+        waits = "odometry is silent: waiting for it"
         if data.stamp_ns - heard_ns <= SILENCE_NS:
-            return "odometry is silent: waiting for it"
+            return waits
         if had:
-            return self._restart(data, "odometry is silent: starting again without it, and without scale")
-        return ""
+            without = "odometry is silent: starting again without it, and without scale"
+            return self._restart(data, waits if self._needs_scale else without)
+        return waits if self._needs_scale else ""
 
     def _restart(self, data: FrameData, reason: str) -> str:
         self._trails = Trails(data)
@@ -167,7 +171,7 @@ class Bootstrap:
     def __init__(
         self, T_base_cam: SE3 | None, config: InitializationConfig, refuse: Callable[[int, str], None]
     ) -> None:
-        self._new_initializer = partial(Initializer, T_base_cam, config)
+        self._new_initializer = partial(Initializer, T_base_cam, config, needs_scale=True)
         self._refuse = refuse
         self._tried: InitialPair | None = None
         self.begin_again()

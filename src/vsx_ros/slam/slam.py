@@ -14,7 +14,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.frontend import FrontEnd
-from vsx_ros.slam.keyframe import MapView, is_metric
+from vsx_ros.slam.keyframe import MapView
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest, Mapper
 from vsx_ros.slam.recount import Recount
@@ -31,8 +31,9 @@ MAX_WAITING = 3  # keyframes queued for the mapper; more would be out of date at
 class TrackerAndMapper(ABC):
     """Base class; subclasses decide when tracker and mapper run.
 
-    World: with odometry and T_base_cam the odometry frame (z up, metres); without, the first keyframe's camera frame at
-    the configured unit baseline. A loaded map keeps its world; the camera is lost until it is recognised in it."""
+    World: with T_base_cam the odometry frame (z up, metres), and the map begins when odometry is heard; without, the
+    first keyframe's camera frame at the configured unit baseline. A loaded map keeps its world; the camera is lost
+    until it is recognised in it."""
 
     def __init__(
         self,
@@ -84,15 +85,10 @@ class TrackerAndMapper(ABC):
         copied = array_bytes((view.points, view.alive, view.source, view.templates.of_point))
         return view.nbytes + copied + self._snapshot.nbytes + self._front.record.nbytes
 
-    @property
-    def lacks_scale(self) -> bool:
-        """Whether the map began before the odometry that there should be: it is neither metric nor level."""
-        return self._mount is not None and not is_metric(self._view.keyframes, 0)
-
     def slam_map(self) -> SlamMap | None:
         """The map to save and continue, None while there is none. A map without scale has no mount."""
-        view, mount = self._view, None if self.lacks_scale else self._mount
-        return SlamMap(self._camera, mount, view) if view.keyframes else None
+        view = self._view
+        return SlamMap(self._camera, self._mount, view) if view.keyframes else None
 
     def drain_events(self) -> list[SlamEvent]:
         """All events since the last call, oldest first."""

@@ -58,11 +58,10 @@ class TrackingResult(NamedTuple):
     def placed(self, T_map_cam: SE3) -> TrackingResult:
         """The same result with a pose in its map; outside the first map it has no pose in the world."""
         result = self._replace(T_world_cam=T_map_cam, T_map_cam=T_map_cam)
-        return result if self.map_id == 0 else result.apart(f"in map {self.map_id}, not yet joined with the first one")
-
-    def apart(self, reason: str) -> TrackingResult:
-        """The same result in a map whose place in the world is unknown."""
-        return self._replace(state=TrackingState.LOST, T_world_cam=None, reason=reason)
+        if self.map_id == 0:
+            return result
+        reason = f"in map {self.map_id}, not yet joined with the first one"
+        return result._replace(state=TrackingState.LOST, T_world_cam=None, reason=reason)
 
     def seen_from(self, T_cam_there: SE3) -> TrackingResult:
         """The same result with poses of another moment; T_cam_there: the camera then, seen from the camera now."""

@@ -51,7 +51,7 @@ class VslamNode:
         self._maps = SlamMaps(config, self._session, self._status, self._run.continued, self._run.map_file)
         self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
         self._poses = PosePublisher(self._session, config.robot.mount)
-        self._input = SlamInput(self._run, self._status)
+        self._input = SlamInput(self._run, self._status, metric=self._metric)
         threads.every(_WRITE_PERIOD_S, "checkpoint", lambda: self._run.write(self._maps.driven))
         offer_trigger(topics.SAVE_MAP, lambda: self._run.save_map(self._slam, self._maps.write_beside))
         self._tracking = threads.worker("tracking", self._track)
@@ -60,23 +60,19 @@ class VslamNode:
         camera, seed = self._input.camera(), int(rospy.get_param("~seed", 0))
         self._slam = slam = self._session.begin(ThreadedSlam, camera, seed, metric=self._metric)
         self._maps.begin(slam, camera, seed, metric=self._metric)
-        waits_for_odometry = self._metric
         while not threads.is_ending():
-            taken = self._input.next()
-            if taken is not None and waits_for_odometry and taken[1] is None:
-                self._status.waiting_for(topics.ODOM)  # a map started without odometry would never get a scale
-            elif taken is not None:
-                waits_for_odometry &= not self._track_frame(slam, *taken)
+            if (taken := self._input.next()) is not None:
+                self._track_frame(slam, *taken)
 
-    def _track_frame(self, slam: ThreadedSlam, frame: Frame, odometry: Odometry | None) -> bool:
-        """Whether the frame could be used."""
+    def _track_frame(self, slam: ThreadedSlam, frame: Frame, odometry: Odometry | None) -> None:
         began_s = time.monotonic()
         try:
             result = self._session.track(frame, odometry)
         except InputError as error:
             self._input.refused(str(error))
-            return False
-        if self._pictures.is_new(frame.image, odometry):  # driving on a repeated picture would be driving blind
+            return
+        is_new = self._pictures.is_new(frame.image, odometry)  # driving on a repeated picture would be driving blind
+        if is_new and not self._input.waits_for_odometry(result):
             self._lease.renew()
         self._poses.publish(result, odometry)
         where = self._session.locate(result, odometry)
@@ -84,7 +80,6 @@ class VslamNode:
         self._run.frame(slam, result, odometry, time.monotonic() - began_s)
         self._run.see(frame, self._maps.grid)
         self._preview.show(frame, slam.tracked_features)
-        return True
 
     def close(self) -> None:
         """Let nothing drive by this camera any more; after the last frame, write the run's results."""
