@@ -19,9 +19,10 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.atomic import write_bytes
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.ros import slam_run, threads
+from vsx_ros.ros import logs, slam_run, threads, topics
 from vsx_ros.ros.nodes.vslam import VslamNode
 from vsx_ros.ros.slam_input import SlamInput
+from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
@@ -87,6 +88,22 @@ def test_odometry_that_is_missing_before_the_map_is_named_while_it_is(metric: bo
         heard.used(TrackingResult(round(stamp_s * second_ns), state), "")
     missing = "waiting_for" if metric else "frame"
     assert [name for name, _ in status.said] == [missing, "frame", "frame", missing, "frame", "frame"]
+
+
+def test_a_missing_message_is_the_reason_why_there_is_no_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+    monkeypatch.setattr(logs, "due", lambda *_: False)
+    told, words = Notes(), []
+    status = bare(
+        SlamStatus, _diagnostics=Notes(), _state_pub=told, _state=TrackingState.NOT_INITIALISED,
+        _reason="waiting for the first image", _ahead="", _stuck="",
+    )  # fmt: skip
+    for state in (TrackingState.NOT_INITIALISED, TrackingState.GOOD):
+        status._state = state
+        status.waiting_for(topics.ODOM)
+        words.append([message.message for _, message in told.said])
+    assert words[0] == ["no message on /odom; 'rostopic info /odom' shows who publishes it"]
+    assert words[1] == words[0], "a map that there is does not need it"
 
 
 @pytest.mark.parametrize(

@@ -50,10 +50,12 @@ class SlamStatus:
         self.announce()
 
     def waiting_for(self, topic: str) -> None:
-        """Report a missing message on a required topic."""
+        """Report a missing message on a required topic; before the map it is why there is none."""
         name = rospy.resolve_name(topic)
         reason = f"no message on {name}; 'rostopic info {name}' shows who publishes it"
         self._diagnostics.set("input", ERROR, reason)
+        if self._state is TrackingState.NOT_INITIALISED:
+            self._change(self._state, reason)
         if logs.due("waiting", _AGAIN_S):
             rospy.logwarn("%s", reason)
 
