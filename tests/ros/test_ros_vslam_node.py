@@ -18,7 +18,7 @@ from vsx_hw.readings import Hazard
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.atomic import write_bytes
-from vsx_ros.robot import Frame, Odometry
+from vsx_ros.robot import Frame, Odometry, OdometryEpochs
 from vsx_ros.ros import logs, slam_run, threads, topics
 from vsx_ros.ros.nodes.vslam import VslamNode
 from vsx_ros.ros.slam_input import SlamInput
@@ -71,6 +71,22 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
     assert len(lease.said) == 3, "nobody drives by an image that could not be used"
     assert [name for name, _ in status.said] == ["frame", "frame", "refused", "frame"]
     assert "320x240" in status.said[2][1]
+
+
+@pytest.mark.parametrize(("resumed", "placed"), [(False, None), (False, SE2()), (True, None)])
+def test_the_ground_that_is_free_at_the_start_follows_the_odometry_until_the_map(
+    resumed: bool, placed: SE2 | None
+) -> None:
+    """A base that restarts its counting before the map begins it elsewhere."""
+    ground, epochs, starts = SimpleNamespace(start="of the map"), OdometryEpochs(), list[Any]()
+    session = SimpleNamespace(ground=ground, resumed=resumed, where=SimpleNamespace(T_map_base=None))
+    heard = bare(SlamInput, _session=session, _odometry=None, _sync=Notes())
+    for stamp_s, at in ((1, SE2(3.0, 1.0)), (2, SE2(3.1, 1.0)), (5, SE2()), (6, SE2(0.1, 0.0))):
+        heard._on_odometry(epochs.enter(Odometry(stamp_s * 10**9, at)))
+        starts.append(ground.start)
+        session.where.T_map_base = placed
+    assert starts[0] == ("of the map" if resumed else SE2(3.0, 1.0))
+    assert starts[1:] == [starts[0], *[SE2() if placed is None and not resumed else starts[0]] * 2]
 
 
 @pytest.mark.parametrize("metric", [False, True])

@@ -162,6 +162,20 @@ def test_a_map_waits_for_wheels_that_begin_soon_after_the_camera(arc_drive):
     assert there.distance_to(wheels.T_odom_base) < 0.05
 
 
+@pytest.mark.parametrize("stood", [SE2(3.0, 1.0, 0.0), SE2(0.3, 0.0, 0.0)])
+def test_a_map_begins_where_odometry_counts_when_it_begins(arc_drive, stood):
+    """A base that restarts before the map takes the place of the map with it."""
+    session, epochs = SlamSession(arc_drive.T_base_cam, Config()), OdometryEpochs()
+    session.begin(SequentialSlam, arc_drive.camera, 1)
+    for k, (frame, odometry, _) in enumerate(arc_drive.frames[:FIRST]):
+        moved = stood @ odometry.T_odom_base if k < 3 else odometry.T_odom_base
+        heard = epochs.enter(odometry._replace(T_odom_base=moved))
+        where = session.locate(session.track(frame, heard), heard)
+        assert session.T_map_odom.distance_to(SE2()) < 0.05
+    assert heard.odom_epoch == 1
+    assert where.T_map_base.distance_to(heard.T_odom_base) < 0.05
+
+
 @pytest.mark.parametrize("before", [0, 5])
 def test_a_map_waits_for_wheels_however_long_they_are_silent(arc_drive, before):
     """A base that is switched off, and whose robot is carried, costs nothing but the time."""

@@ -54,9 +54,10 @@ class SlamInput:
         self._sync.add_frame(frame)
 
     def _on_odometry(self, odometry: Odometry) -> None:
-        if self._odometry is None and not self._session.resumed:
-            self._session.ground.start = odometry.T_odom_base  # the map frame starts equal to the odometry frame
-        self._odometry = odometry
+        before, self._odometry = self._odometry, odometry
+        session, begins = self._session, before is None or before.odom_epoch != odometry.odom_epoch
+        if begins and not session.resumed and session.where.T_map_base is None:
+            session.ground.start = odometry.T_odom_base  # the map frame starts equal to the odometry frame
         self._sync.add_odometry(odometry)
 
     def _on_hazards(self, msg: UInt8) -> None:

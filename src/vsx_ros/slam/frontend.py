@@ -41,8 +41,7 @@ class FrontEnd:
         self._tracker = Tracker(config.tracker, np.random.default_rng(seed))
         self._motion = MotionModel(T_base_cam, camera.focal_px)
         self._new_recovery = partial(Recovery, camera, T_base_cam, config, self._tracker, self._motion)
-        self._recovery = self._new_recovery()
-        self._consistency = OdometryConsistency(T_base_cam)
+        self._recovery, self._consistency = self._new_recovery(), OdometryConsistency(T_base_cam)
         self.tracking = FrameTracker(config, self._tracker, self._motion)
         self._view = self._here = Map().view()
         self._reference = self._map_id = self._segment = self._since_keyframe = self._keyframe_ns = 0
@@ -58,6 +57,8 @@ class FrontEnd:
         Internal poses refer to the image's middle row, results to its stamp (start of the first row). Raises InputError
         for an image of the wrong size or type and for a stamp that does not advance; such a frame changes nothing."""
         metric = is_metric(self._view.keyframes, self._map_id)  # else metres mean nothing
+        if not (self._view.keyframes or self._bootstrap.is_trying) and self._preprocessor.begins_again(odometry):
+            self._bootstrap.begin_again()
         data = self._preprocessor.take(frame, odometry if metric else None)
         result, work = self._process(self._consistency.admit(data))
         return self._told(result), work
@@ -194,8 +195,7 @@ class FrontEnd:
         recovery = self._recovery
         if recovery.is_lost:
             self._consistency.interrupt()
-        found = recovery.search(data, self._view, by_odometry, self._map_id)
-        if found is not None:
+        if (found := recovery.search(data, self._view, by_odometry, self._map_id)) is not None:
             return self._found_again(data, found, by_odometry)
         was_lost = recovery.is_lost
         if recovery.missed(data):

@@ -181,6 +181,11 @@ class Bootstrap:
         self._initializer = self._new_initializer()
         self._refusal, self._verdict = "", TRIED
 
+    @property
+    def is_trying(self) -> bool:
+        """Whether a pair is being tried."""
+        return self._tried is not None
+
     def next_pair(self, data: FrameData) -> tuple[str, InitialPair | None]:
         """(why there is no map yet, the pair to make one from or None)."""
         outcome = BLURRED if data.blurred else self._initializer.add(data)

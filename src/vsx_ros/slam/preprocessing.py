@@ -126,6 +126,10 @@ class Preprocessor:
             frozen=frozen,
         )
 
+    def begins_again(self, odometry: Odometry | None) -> bool:
+        """See ``ContinuousOdometry``; for frames before the map."""
+        return self._odometry is not None and odometry is not None and self._odometry.begins_again(odometry)
+
     def _is_frozen(self, pyramid: Pyramid, T_odom_base: SE2 | None) -> bool:
         """Whether the image equals the last one exactly though the base has moved. Noise makes live images differ; only
         where there is no light, nothing may be seen twice."""
@@ -149,6 +153,14 @@ class ContinuousOdometry:
         self._gap = gap
         self._last: tuple[int, SE2, int] | None = None
         self._T_continuous_odom = SE2()
+
+    def begins_again(self, odometry: Odometry) -> bool:
+        """Whether a new epoch begins with this reading. If so, forget the one before: its poses are counted on only
+        from a map."""
+        if self._last is None or self._last[2] == odometry.odom_epoch:
+            return False
+        self._last, self._T_continuous_odom = None, SE2()
+        return True
 
     def at(self, stamp_ns: int, odometry: Odometry | None) -> SE2 | None:
         """The pose of the base by odometry at the time of the image, None when unknown.
