@@ -21,7 +21,7 @@ from vsx_hw.readings import BaseReading
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import images, topic_drivers
+from vsx_ros.ros import base_drivers, images, topic_drivers
 from vsx_ros.ros.topic_drivers import image_of, info_topic, topic_names
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -178,6 +178,19 @@ def test_one_repeated_reading_does_not_stop_a_base_on_topics(monkeypatch: pytest
     rig.tell(50, 100, 150)
     assert set(rig.tell(150, 200, 250, 250, 300)) == {0.2}
     assert rig.readings == [stamp_ms * 1_000_000 for stamp_ms in (50, 100, 150, 200, 250, 300)]
+
+
+@pytest.mark.parametrize("factors", [(1.03, 1.0), (1.0, 0.98)])
+def test_factors_that_nobody_would_apply_are_refused(
+    factors: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All nodes hear the odometry of the base's own driver."""
+    monkeypatch.setattr(rospy, "Publisher", lambda *_, **__: None)
+    hears = base_drivers.Listeners(lambda _: None, lambda *_: None, lambda _: None)
+    settings = base_drivers.BaseSettings("ros:/robot/odom,/robot/cmd_vel", "")
+    assert isinstance(base_drivers.base_driver(settings, hears), topic_drivers.TopicBase)
+    with pytest.raises(ConfigError, match="give them to that driver"):
+        base_drivers.base_driver(settings._replace(linear_scale=factors[0], angular_scale=factors[1]), hears)
 
 
 def test_topics_of_a_base_are_two_or_the_usual_ones() -> None:

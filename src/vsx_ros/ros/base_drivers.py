@@ -70,6 +70,12 @@ def _at_port(settings: BaseSettings, hears: Listeners) -> Base:
 
 
 def _over_topics(settings: BaseSettings, hears: Listeners) -> Base:
+    """Raises ConfigError for factors other than 1: all nodes hear the odometry from the base's own driver."""
+    if (settings.linear_scale, settings.angular_scale) != (1.0, 1.0):
+        raise ConfigError(
+            f"robot.odometry has the factors {settings.linear_scale:g} and {settings.angular_scale:g}, but a base with "
+            "a ROS driver of its own (base ros) is calibrated there: give them to that driver, and set both to 1 here"
+        )
     names = topic_names(settings.robot_type) or TopicNames()
     return TopicBase(names, hears.on_reading, hears.on_link, settings.command_timeout_s)
 
