@@ -1,7 +1,9 @@
 """What the node vslam hears and does beside its SLAM: images that do not fit, touches, and what it leaves behind."""
 
+import copy
 import errno
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +14,7 @@ import pytest
 pytest.importorskip("rospy")
 
 import rospy
+from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import UInt8
 
 from vsx_hw.readings import Hazard
@@ -19,7 +22,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.atomic import write_bytes
 from vsx_ros.robot import Frame, Odometry, OdometryEpochs
-from vsx_ros.ros import logs, slam_run, threads, topics
+from vsx_ros.ros import logs, slam_input, slam_run, threads, topics
 from vsx_ros.ros.nodes.vslam import VslamNode
 from vsx_ros.ros.slam_input import SlamInput
 from vsx_ros.ros.slam_messages import SlamStatus
@@ -87,6 +90,31 @@ def test_the_ground_that_is_free_at_the_start_follows_the_odometry_until_the_map
         session.where.T_map_base = placed
     assert starts[0] == ("of the map" if resumed else SE2(3.0, 1.0))
     assert starts[1:] == [starts[0], *[SE2() if placed is None and not resumed else starts[0]] * 2]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [({}, False), ({"P": [1.0] * 12}, False), ({"K": [501.0] * 9}, True), ({"D": [0.1]}, True), ({"width": 320}, True)],
+)
+def test_another_calibration_than_the_one_in_use_is_told(
+    change: dict[str, Any], told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may come late from a slow driver, or from a calibration while vslam runs."""
+    info = CameraInfo(width=640, height=480, distortion_model="plumb_bob", D=[0.0] * 5)
+    info.K = [500.0, 0.0, 320.0, 0.0, 500.0, 240.0, 0.0, 0.0, 1.0]
+    hears: list[Callable[[CameraInfo], None]] = []
+    monkeypatch.setattr(rospy, "wait_for_message", lambda *_, **__: info)
+    monkeypatch.setattr(slam_input, "subscribe", lambda _, __, callback, **___: hears.append(callback))
+    status, heard = Notes(), threading.Event()
+    heard.set()
+    made = bare(SlamInput, _status=status, _shutter=None, _shutter_heard=heard)
+    made._session = SimpleNamespace(knows_readout=True)
+    assert made.camera().width == 640
+    later = copy.deepcopy(info)
+    for name, value in change.items():
+        setattr(later, name, value)
+    hears[0](later)
+    assert [name for name, _ in status.said] == ["camera_changed"] * told
 
 
 @pytest.mark.parametrize("metric", [False, True])

@@ -95,5 +95,5 @@ def calibrate(board: Board, model: str) -> int:
         raise InputError(f"{service} does not store it ({error}); record a bag and calibrate from that") from error
     if not answer.success:
         raise InputError(f"{service} does not store it: {answer.status_message}")
-    sys.stdout.write(f"  the camera node has {answer.status_message} and uses it now\n")
+    sys.stdout.write(f"  the camera node has {answer.status_message} and uses it now; start vslam anew if it runs\n")
     return DONE

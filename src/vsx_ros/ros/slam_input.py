@@ -70,11 +70,17 @@ class SlamInput:
         self._shutter = images.shutter(msg)
         self._shutter_heard.set()
 
+    def _on_info(self, msg: CameraInfo) -> None:
+        if _lens(msg) != self._lens:
+            self._status.camera_changed()
+
     def camera(self) -> PinholeCamera:
         """Wait for the calibration, which comes with the images; meanwhile report what is missing."""
         while True:
             try:
-                camera = images.camera(rospy.wait_for_message(topics.CAMERA_INFO, CameraInfo, timeout=_SILENCE_S))
+                info = rospy.wait_for_message(topics.CAMERA_INFO, CameraInfo, timeout=_SILENCE_S)
+                camera, self._lens = images.camera(info), _lens(info)
+                subscribe(topics.CAMERA_INFO, CameraInfo, self._on_info, queue_size=1)
                 self._used_s = time.monotonic()
                 self._shutter_heard.wait(_SHUTTER_WAIT_S)
                 if self._shutter is None and not self._session.knows_readout:
@@ -118,6 +124,11 @@ class SlamInput:
         self._status.refused(reason)
         if time.monotonic() - self._used_s > LEASE_S:
             self._status.without_images("no image comes that fits")
+
+
+def _lens(msg: CameraInfo) -> tuple[object, ...]:
+    """What a map depends on."""
+    return msg.width, msg.height, msg.distortion_model, tuple(msg.K), tuple(msg.D)
 
 
 class SensorSync:

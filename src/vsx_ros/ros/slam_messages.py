@@ -70,6 +70,13 @@ class SlamStatus:
             f"images are stamped {seconds:.1f} s before those seen already: the clock was set back; start vslam anew"
         )
 
+    def camera_changed(self) -> None:
+        """Report another calibration than the one in use."""
+        reason = "the camera's calibration has changed, but vslam uses the one before; start vslam anew, in a new map"
+        self._diagnostics.set("calibration", ERROR, reason)
+        if logs.due("calibration", _AGAIN_S):
+            rospy.logerr("%s", reason)
+
     def refused(self, reason: str) -> None:
         """Report an unusable image."""
         self._diagnostics.set("input", ERROR, reason)
