@@ -9,13 +9,17 @@ import pytest
 
 pytest.importorskip("rospy")
 
+from sensor_msgs.msg import LaserScan
+
 from vsx_ros.config import Config
+from vsx_ros.control.localization import LocalizationState
 from vsx_ros.dense.densify import UPDATE_EVERY_S
 from vsx_ros.dense.planes import Plane, PlaneKind
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.dense.plane_fits import in_plane_axes
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
-from vsx_ros.ros import slam_maps, topics
+from vsx_ros.robot import Odometry
+from vsx_ros.ros import headers, slam_maps, topics
 from vsx_ros.ros.slam_maps import DenseMapping, plane_markers, scan_msg
 
 NORMAL = np.array([-1.0, 0.0, 0.0])
@@ -44,6 +48,23 @@ def test_the_scan_has_a_beam_for_each_bearing_from_the_base() -> None:
     assert beams == len(scan.ranges) == 720
     assert scan.ranges[540] == pytest.approx(1.025, abs=0.01)
     assert math.isinf(scan.ranges[180])
+
+
+@pytest.mark.parametrize("T_map_base", [None, SE2(1.0, 0.5, 0.2)])
+def test_the_scan_has_the_stamp_of_the_place_that_it_is_made_at(
+    T_map_base: SE2 | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Making the maps takes long, and the base drives on meanwhile."""
+    scans: list[LaserScan] = []
+    listened = SimpleNamespace(get_num_connections=lambda: 1, publish=scans.append)
+    silent = SimpleNamespace(get_num_connections=lambda: 0)
+    monkeypatch.setattr(slam_maps.rospy, "Publisher", lambda name, *_, **__: listened if name == "scan" else silent)
+    monkeypatch.setattr(headers, "now_ns", lambda: 9_000_000_000)
+    grid = OccupancyGrid(np.zeros((80, 80), np.int8), 0.05, -2.0, -2.0)
+    where = LocalizationState(T_map_base, odometry=Odometry(7_600_000_000, SE2()))
+    session = SimpleNamespace(where=where, ground=SimpleNamespace(start=SE2()))
+    DenseMapping(Config()).publish(SimpleNamespace(), grid, session)  # type: ignore[arg-type]  # only these are asked
+    assert [scan.header.stamp.to_nsec() for scan in scans] == [7_600_000_000]
 
 
 @pytest.mark.parametrize(("keyframes", "calls_each"), [(10, 1), (800, 1), (1600, 2), (4000, 5)])

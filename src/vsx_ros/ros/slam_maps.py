@@ -100,11 +100,10 @@ class SlamMaps:
     def _map(self) -> None:
         session, snapshot = self._session, self._snapshot()
         grid = self._ground(snapshot)
-        where = session.where.T_map_base
         self._zones.publish(snapshot)
         self._dock.publish(snapshot)
-        self._rooms.update(grid, where)
-        self._dense.publish(snapshot, grid, where or session.ground.start)
+        self._rooms.update(grid, session.where.T_map_base)
+        self._dense.publish(snapshot, grid, session)  # reads the place only now: all this may take a second
         self._status.announce()
         if self._slam is not None:
             self._status.map(snapshot, self._slam.nbytes + self._dense.received_bytes, self._dense.nbytes)
@@ -200,11 +199,14 @@ class DenseMapping:
         self._due_s = time.monotonic() + update_every_s(len(snapshot.keyframe_ids)) - 0.5 * UPDATE_EVERY_S
         return True
 
-    def publish(self, snapshot: MapSnapshot, grid: OccupancyGrid, T_map_base: SE2) -> None:
-        """Publish the maps that have subscribers."""
+    def publish(self, snapshot: MapSnapshot, grid: OccupancyGrid, session: SlamSession) -> None:
+        """Publish the maps that have subscribers; the scan from the base's place, with that place's stamp."""
         stamp_ns = headers.now_ns()
         if self._scan_pub.get_num_connections():
-            self._scan_pub.publish(scan_msg(grid, T_map_base, self._config.ground_map.max_range_m, stamp_ns))
+            where = session.where
+            T_map_base, seen = where.T_map_base or session.ground.start, where.odometry
+            seen_ns = stamp_ns if seen is None else seen.stamp_ns
+            self._scan_pub.publish(scan_msg(grid, T_map_base, self._config.ground_map.max_range_m, seen_ns))
         if self._map is not None and self._planes_pub.get_num_connections():
             self._planes_pub.publish(plane_markers(self._map.planes, topics.MAP_FRAME, stamp_ns))
         if self._points_pub.get_num_connections():
