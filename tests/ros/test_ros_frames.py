@@ -1,4 +1,4 @@
-"""Frame names with and without a namespace."""
+"""Frame names with and without a namespace, and the clock of stamps."""
 
 import pytest
 
@@ -6,6 +6,7 @@ pytest.importorskip("rospy")
 
 from geometry_msgs.msg import PoseStamped
 
+from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.ros import convert, headers
 
@@ -50,3 +51,9 @@ def test_the_parameter_goes_before_the_namespace(
     monkeypatch.setattr("rospy.get_param", lambda _: parameter)
     headers.adopt_prefix()
     assert headers.own("map") == (f"{expected}/map" if expected else "map")
+
+
+def test_a_clock_that_stands_is_named_instead_of_the_future(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(headers, "now_ns", lambda: 0)
+    with pytest.raises(InputError, match="rosparam delete /use_sim_time"):
+        headers.refuse_future(1_700_000_000_000_000_000)

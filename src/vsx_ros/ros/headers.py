@@ -33,8 +33,14 @@ def timer_ns() -> int:
 
 
 def refuse_future(stamp_ns: int) -> None:
-    """Raises InputError for a stamp over 1 s in the future: until then, all other readings would look out of date."""
-    ahead_s = (stamp_ns - now_ns()) * 1e-9
+    """Raises InputError for a stamp over 1 s in the future: until then, all other readings would look out of date. Also
+    while ROS time has not begun."""
+    if (clock_ns := now_ns()) == 0:
+        raise InputError(
+            "ROS time stands: /use_sim_time is set and nobody publishes /clock; 'rosparam delete /use_sim_time' and "
+            "start the nodes anew, or play the bag with --clock"
+        )
+    ahead_s = (stamp_ns - clock_ns) * 1e-9
     if ahead_s > _AHEAD_S:
         raise InputError(
             f"a stamp {ahead_s:.1f} s ahead of this machine's clock is not believed; 'vsx doctor' compares the clocks"
