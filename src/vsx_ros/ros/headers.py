@@ -47,12 +47,14 @@ def refuse_future(stamp_ns: int) -> None:
         )
 
 
-def adopt_prefix() -> None:
-    """Read the prefix from the parameters or the namespace; called once, after the node has joined the master."""
+def adopt_prefix() -> dict[str, object]:
+    """Read the prefix from the parameters or the namespace; called once, after the node has joined the master. Returns
+    the parameter, if there is one, by its full name."""
     global _prefix  # one per process, like rospy's node
     key = rospy.search_param("tf_prefix")
     said = rospy.get_param(key) if key else rospy.get_namespace()
     _prefix = str(said).strip("/")
+    return {key: said} if key else {}
 
 
 def own(name: str) -> str:

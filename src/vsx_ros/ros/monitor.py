@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from genpy.message import get_message_class
@@ -123,8 +124,8 @@ class Monitor:
         return self._last_words.get(rospy.resolve_name(node), "")
 
     def _on_log(self, msg: Log) -> None:
-        if msg.file in _TRANSPORT_FILES or not msg.name.startswith(rospy.get_namespace()):
-            return
+        if msg.file in _TRANSPORT_FILES or rosgraph.names.namespace(msg.name) != rospy.get_namespace():
+            return  # names below ours may be those of another robot
         line = f"{msg.name.lstrip('/')}: {msg.msg.splitlines()[0] if msg.msg else ''}"
         if msg.level >= Log.FATAL:
             self._last_words[msg.name] = line.partition(": ")[2]

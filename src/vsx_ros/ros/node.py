@@ -88,7 +88,7 @@ def _start(name: str, build: Callable[[Config], Node]) -> Node:
     rospy.init_node(name, disable_signals=True)
     master_watch()
     _await_parameters()
-    headers.adopt_prefix()
+    master_watch().remember(headers.adopt_prefix())
     logs.bridge_logging()
     logs.log_without_master()
     load_plugins()
