@@ -21,7 +21,7 @@ from vsx_hw.readings import BaseReading
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import base_drivers, images, topic_drivers
+from vsx_ros.ros import base_drivers, images, logs, topic_drivers
 from vsx_ros.ros.topic_drivers import image_of, info_topic, topic_names
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -167,7 +167,7 @@ def test_stamps_that_stand_are_a_silence_after_which_a_row_begins_anew(monkeypat
     assert rig.tell(*[200] * 9)[-1] == 0.0, "the command ran out: no reading renewed it"
     rig.tell(*[200] * 3)
     assert "no odometry with a newer stamp on /odom for 0.5 s" in rig.base.status().message
-    assert rig.base.status().counters == {"readings": 4, "repeated": 12}
+    assert rig.base.status().counters == {"readings": 4, "repeated": 12, "late": 0}
     assert not any(rig.tell(250, 300))
     assert rig.tell(350)[-1] == 0.2
     assert rig.links == [True, False, True]
@@ -178,6 +178,20 @@ def test_one_repeated_reading_does_not_stop_a_base_on_topics(monkeypatch: pytest
     rig.tell(50, 100, 150)
     assert set(rig.tell(150, 200, 250, 250, 300)) == {0.2}
     assert rig.readings == [stamp_ms * 1_000_000 for stamp_ms in (50, 100, 150, 200, 250, 300)]
+
+
+@pytest.mark.parametrize(("gap_s", "late"), [(0.2, 0), (0.3, 4)])
+def test_odometry_too_rare_for_steady_wheels_is_told(gap_s: float, late: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig, told = TopicRig(monkeypatch), list[tuple[object, ...]]()
+    monkeypatch.setattr(logs, "due", lambda *_: not told)
+    monkeypatch.setattr(rospy, "logwarn", lambda *words: told.append(words[1:]))
+    rig.tell(50, 100, 150)
+    assert rig.base.status().counters["late"] == 0, "the first ones are no row yet"
+    for k in range(4):
+        rig.now_s += gap_s - 0.05
+        rig.tell(1000 * (k + 1))
+    assert rig.base.status().counters["late"] == late
+    assert told == [("/odom", pytest.approx(gap_s))] * bool(late)
 
 
 @pytest.mark.parametrize("factors", [(1.03, 1.0), (1.0, 0.98)])

@@ -27,7 +27,7 @@ from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.io.image_encoding import decoded
 from vsx_ros.robot import STOP, Odometry, VelocityCommand
-from vsx_ros.ros import convert, headers, images, threads, topics
+from vsx_ros.ros import convert, headers, images, logs, threads, topics
 from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, hear_odometry, subscribe
 
 _PERIOD_S = 0.05  # commands are repeated: a base stops without new ones
@@ -35,11 +35,9 @@ _ZERO_FOR_S = 0.5  # after that, other nodes may use the topic
 _ODOMETRY_WITHIN_S = 0.5  # Slow drivers publish odometry ten times a second
 _IMAGE_WITHIN_S = 1.0  # longer gaps are reported
 _INFO_WITHIN_S = 1.0  # so long the first images wait for their calibration, which drivers send after them
+_TELL_AGAIN_S = 30.0
 _UNKNOWN_BATTERY = BatteryReading(float("nan"), float("nan"), False, "unknown")
-_TYPES: dict[str, type[Image] | type[CompressedImage]] = {
-    "sensor_msgs/Image": Image,
-    "sensor_msgs/CompressedImage": CompressedImage,
-}
+_TYPES: dict[str, Any] = {kind._type: kind for kind in (Image, CompressedImage)}
 
 
 class TopicNames(NamedTuple):
@@ -78,7 +76,7 @@ class TopicBase:
         self._zero_until_s = self._heard_s = 0.0
         self._stamp_ns, self._row = 0, 0  # of the latest reading; readings in a row whose stamps rise, at most ROW
         self._connected = self._closed = False
-        self._readings = self._repeated = 0
+        self._readings = self._repeated = self._late = 0
         self._command_pub = rospy.Publisher(names.command, Twist, queue_size=1, tcp_nodelay=True)
 
     def start(self) -> None:
@@ -104,12 +102,8 @@ class TopicBase:
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
         silence = self._silence()
-        return LinkStatus(
-            not silence,
-            silence or "connected",
-            self._names.odometry,
-            {"readings": self._readings, "repeated": self._repeated},
-        )
+        counters = {"readings": self._readings, "repeated": self._repeated, "late": self._late}
+        return LinkStatus(not silence, silence or "connected", self._names.odometry, counters)
 
     def close(self) -> bool:
         """Send zero; returns True, although nothing confirms that the wheels stand."""
@@ -139,7 +133,12 @@ class TopicBase:
         if not rises:
             self._repeated += 1
             return False
-        self._heard_s = time.monotonic()
+        gap_s, self._heard_s = time.monotonic() - self._heard_s, time.monotonic()
+        if self._row == ROW and gap_s > 1e-9 * self._timeout_ns:  # the command, which readings renew, had run out
+            self._late += 1
+            if logs.due("late odometry", _TELL_AGAIN_S):
+                told = "no odometry came on %s for %.2f s, so the wheels stood; it must come at least 5 times a second"
+                rospy.logwarn(told, rospy.resolve_name(self._names.odometry), gap_s)
         self._row = min(self._row + 1, ROW)
         return True
 
