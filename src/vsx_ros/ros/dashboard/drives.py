@@ -85,7 +85,7 @@ class Drives:
         ours = [status.goal_id for status in told.status_list if status.status in LIVE_GOAL]
         ours = [goal for goal in ours if not goal.id.startswith(explorer)]
         for goal in ours:
-            self._cancel_pub.publish(goal)
+            self._cancel_pub.publish(GoalID(id=goal.id))  # with its stamp it would end all older ones, also later
         return Answer(bool(ours), "the drive is ended" if ours else "the robot drives to no goal of an operator")
 
     def drive(self, text: str) -> Answer:
