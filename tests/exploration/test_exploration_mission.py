@@ -98,6 +98,37 @@ def test_a_failed_goal_is_not_chosen_again_at_once():
     assert any("goal blocked" in event.reason for event in mission.drain_events())
 
 
+LOST_GOAL = {"navigation": NavigationState.LOST, "navigation_reason": "move_base has lost the goal"}
+
+
+def test_a_goal_that_move_base_has_lost_is_sent_again_and_counts_as_nothing():
+    mission = mapping_mission()
+    first = mission.view_selector.ranking.views[0].pose
+    seen_from = list(mission.view_selector.looked_from)
+    assert mission.decide(2 * SECOND, situation(**LOST_GOAL)).reason == "move_base has lost the goal"
+    again = mission.decide(3 * SECOND, situation(**LOST_GOAL))
+    assert (again.action, again.goal) == (Action.GO, first)
+    assert mission.view_selector.blacklist.left(3 * SECOND) == []
+    assert mission.view_selector.looked_from == seen_from
+
+
+def test_a_lost_goal_of_the_way_home_is_not_home():
+    mission = mapping_mission()
+    mission.home(2 * SECOND)
+    for k in range(3, 30, 2):
+        assert mission.decide(k * SECOND, situation()).reason == "driving home"
+        mission.decide((k + 1) * SECOND, situation(**LOST_GOAL))
+        assert mission.outcome is None
+
+
+def test_a_lost_start_drive_is_no_attempt():
+    mission = Mission(Config(), euclid)
+    start = situation(slam_state=TrackingState.NOT_INITIALISED, grid=None)
+    ahead = mission.decide(0, start)
+    for k in range(1, 30):
+        assert mission.decide(2 * k * SECOND, start._replace(**LOST_GOAL)).goal == ahead.goal, k
+
+
 def test_it_ends_explored_when_nothing_is_left_and_counts_the_reasons():
     known = OccupancyGrid(np.full((80, 80), FREE, np.int8), 0.05, -2.0, -2.0)
     mission = mapping_mission()

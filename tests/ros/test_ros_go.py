@@ -1,5 +1,6 @@
 """``vsx go``, without a master: what it asks of the robot, in which order, and how it ends."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -7,23 +8,22 @@ import pytest
 pytest.importorskip("rospy")
 
 import rospy
-from actionlib import CommState
-from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from move_base_msgs.msg import MoveBaseGoal
 
 from vsx_ros.cli import main
+from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.ros import convert, go, operator_command, topics
 from vsx_ros.runs.process import DONE, FAILED
 
 
 class Robot:
-    """Stands for the running robot. asked: service calls and goals, oldest first. ends: status of every goal."""
+    """Stands for the running robot. asked: service calls and goals, oldest first. end: what becomes of every goal."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.asked: list[Any] = []
-        self.ends, self.explores = GoalStatus.SUCCEEDED, True
+        self.end, self.explores, self.now_s = (NavigationState.SUCCEEDED, ""), True, 0.0
+        self.is_served, self.at_goal = True, (lambda: None)
         for module, name in (
             (operator_command, "join"), (operator_command.logs, "quiet_failures"), (go.headers, "adopt_prefix"),
             (go, "hear_operator_hold"), (rospy, "signal_shutdown"),
@@ -32,9 +32,9 @@ class Robot:
         monkeypatch.setattr(rospy, "is_shutdown", lambda: False)
         monkeypatch.setattr(go.headers, "now_ns", lambda: 10**9)
         monkeypatch.setattr(go, "subscribe", self._subscribe)
-        monkeypatch.setattr(go, "is_served", lambda _: True)
+        monkeypatch.setattr(go, "time", SimpleNamespace(monotonic=lambda: self.now_s, sleep=self._sleep))
         monkeypatch.setattr(go.calls, "service", self._service)
-        monkeypatch.setattr(go.actionlib, "ActionClient", lambda *_: self)
+        monkeypatch.setattr(go, "GoalSender", lambda: self)
 
     def _subscribe(self, _: str, __: type, take: Any, **___: Any) -> None:
         pose = PoseWithCovarianceStamped()
@@ -46,18 +46,16 @@ class Robot:
             raise rospy.ROSException("unavailable")
         self.asked.append(name)
 
-    def send_goal(self, goal: MoveBaseGoal) -> "Robot":
-        self.asked.append(convert.se2(goal.target_pose.pose))
-        return self
+    def _sleep(self, seconds: float) -> None:
+        self.now_s += seconds
 
-    def get_comm_state(self) -> int:
-        return int(CommState.DONE)
+    def send(self, _: int, frame: str, goal: SE2) -> None:
+        assert frame == topics.MAP_FRAME
+        self.asked.append(goal)
+        self.at_goal()
 
-    def get_terminal_state(self) -> int:
-        return int(self.ends)
-
-    def get_goal_status_text(self) -> str:
-        return "the way is blocked"
+    def state(self) -> tuple[NavigationState, str]:
+        return self.end
 
 
 @pytest.fixture
@@ -86,6 +84,21 @@ def test_stay_without_an_exploration_drives_nowhere_and_says_so(
 
 
 def test_a_goal_that_is_not_reached_says_why(robot: Robot, capsys: pytest.CaptureFixture[str]) -> None:
-    robot.ends = GoalStatus.ABORTED
+    robot.end = NavigationState.ABORTED, "the way is blocked"
     assert main.execute(["go", "-1,2"]) == FAILED
     assert "not reached: the way is blocked" in capsys.readouterr().err
+
+
+def test_a_goal_that_is_lost_on_its_way_ends_the_wait(robot: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+    robot.end = NavigationState.LOST, "move_base has not taken the goal within 2 s"
+    assert main.execute(["go", "1,2"]) == FAILED
+    assert "not reached: move_base has not taken the goal" in capsys.readouterr().err
+
+
+def test_a_move_base_that_ends_and_does_not_come_back_ends_the_wait(
+    robot: Robot, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot.end = NavigationState.ACTIVE, ""
+    robot.at_goal = lambda: setattr(robot, "is_served", False)
+    assert main.execute(["go", "1,2"]) == FAILED
+    assert "not reached: move_base has ended" in capsys.readouterr().err

@@ -20,6 +20,7 @@ from vsx_ros.exploration.decision import Action, Decision, NavigationState, Save
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import mission_output
+from vsx_ros.ros.driving import SHUTTING_DOWN
 from vsx_ros.ros.mission_output import TAKEN_WITHIN_S, GoalSender, MissionTopics, MissionWriter
 from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
@@ -60,7 +61,7 @@ def test_a_goal_that_nobody_takes_is_given_up_soon(sent: Sent) -> None:
     sent.now_s += 0.1
     for _ in range(2):
         state, reason = sent.goal.state()
-        assert state is NavigationState.ABORTED
+        assert state is NavigationState.LOST
         assert "move_base has not taken the goal" in reason
     assert [goal.id for goal in sent.cancelled] == ["one"], "one that arrives yet shall not be begun"
 
@@ -77,10 +78,18 @@ def test_a_goal_that_is_taken_lasts_until_it_has_ended(sent: Sent, status: int, 
     assert sent.goal.state() == (state, "why")
 
 
-def test_a_goal_that_a_new_move_base_does_not_know_has_ended(sent: Sent) -> None:
-    sent.tell(GoalStatus.ACTIVE)
+def test_a_goal_that_a_new_move_base_does_not_know_is_lost(sent: Sent) -> None:
+    sent.tell(GoalStatus.ACTIVE, "This goal has been accepted by the simple action server")
     sent._machine.update_status(GoalStatusArray())
-    assert sent.goal.state()[0] is NavigationState.ABORTED
+    assert sent.goal.state() == (NavigationState.LOST, "move_base has lost the goal")
+
+
+@pytest.mark.parametrize(
+    ("status", "reason"), [(GoalStatus.RECALLED, "another goal was received"), (GoalStatus.ABORTED, SHUTTING_DOWN)]
+)
+def test_a_goal_that_move_base_leaves_for_itself_has_not_failed(sent: Sent, status: int, reason: str) -> None:
+    sent.end(status, reason)
+    assert sent.goal.state() == (NavigationState.LOST, reason)
 
 
 class Session:

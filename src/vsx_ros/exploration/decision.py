@@ -20,12 +20,13 @@ SECOND_NS = 1_000_000_000
 
 
 class NavigationState(Enum):
-    """The state of the last goal."""
+    """The state of the last goal. LOST: it ended, or was never begun, through no fault of the goal."""
 
     IDLE = "idle"
     ACTIVE = "active"
     SUCCEEDED = "succeeded"
     ABORTED = "aborted"
+    LOST = "lost"
 
 
 class Situation(NamedTuple):

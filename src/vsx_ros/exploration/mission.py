@@ -51,11 +51,10 @@ class Mission:
         exploration, planner = config.exploration, config.planner
         self._log, self._home, self._trail = MissionLog(), Home(), Trail(spacing_m=0.05)
         self.view_selector = ViewSelector(config, travel_costs)
-        self._start_drives = StartDrives(exploration)
+        self._start_drives, self._stay_at_user_goal = StartDrives(exploration), exploration.stay_at_user_goal
         self._tour = ViewTour(config, self._log, self._home, self._trail, self.view_selector)
         self._recovery = Recovery(exploration, config.robot.radius_m, planner.phi_rad_m)
         self._after_pause, self.paused_by = MissionState.STARTING, set[str]()  # and who has not yet resumed it
-        self._stay_at_user_goal = exploration.stay_at_user_goal
 
     @property
     def state(self) -> MissionState:
@@ -147,8 +146,9 @@ class Mission:
             return self._log.answer(Action.CANCEL if active else Action.WAIT, reason)
         if situation.T_odom_base is None:
             return self._log.answer(Action.WAIT, "waiting for odometry")
-        if restarted:
+        if restarted or situation.navigation is NavigationState.LOST:
             self._start_drives.interrupt(situation.navigation)
+        if restarted:
             return self._tour.rest(now_ns, active, "odometry restarted: coming to rest")
         if claim is not None:
             return self._yield(now_ns, situation, claim)

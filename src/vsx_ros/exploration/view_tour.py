@@ -42,6 +42,8 @@ class ViewTour:
         if situation.navigation is NavigationState.ACTIVE:
             return self._supervise(now_ns, situation)
         pursued = self._goal is not None or self.backing_off or bool(self._leaving)
+        if situation.navigation is NavigationState.LOST and pursued:
+            return self.rest(now_ns, False, situation.navigation_reason)
         if situation.navigation is NavigationState.ABORTED and pursued:
             self.goal_failed(now_ns, self._stopped_for or situation.navigation_reason)
             self._log.wait_until_ns = now_ns + (_HOME_AGAIN_NS if self._home.asked else _SETTLE_NS)

@@ -154,7 +154,7 @@ class Docking:
             self._reached = True
             self._prior = T_odom_dock, self._config.remembered_sigma_m, self._config.remembered_sigma_rad
             return self._enter(now_ns, DockingState.SEARCHING, "looking for the light of the dock")
-        if seen.navigation is NavigationState.ABORTED:
+        if seen.navigation in (NavigationState.ABORTED, NavigationState.LOST):
             return self._enter(now_ns, DockingState.APPROACHING, "no way there; trying another place before the dock")
         return DockingAct(None)
 

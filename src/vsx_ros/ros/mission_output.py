@@ -24,6 +24,7 @@ from vsx_ros.occupancy.unknown_ground import Frontier
 from vsx_ros.robot import DrivenDistance
 from vsx_ros.ros import convert, headers, logs, node, threads, topics
 from vsx_ros.ros.callbacks import hear_odometry
+from vsx_ros.ros.driving import SHUTTING_DOWN
 from vsx_ros.ros.situation import LocalizationSubscriber
 from vsx_ros.runs.folder import RunFolder
 
@@ -182,12 +183,6 @@ class MissionWriter:
             self._checkpoint.write_mission(saved.tree(), headers.now_ns())
 
 
-def is_served(client: actionlib.ActionClient) -> bool:
-    """Whether an action server is connected. The client's own wait uses ROS time, which may stand still."""
-    ends = client.pub_goal, client.pub_cancel, client.result_sub, client.feedback_sub
-    return all(end.get_num_connections() > 0 for end in ends)
-
-
 class GoalSender:
     """The client of move_base: one goal at a time."""
 
@@ -199,8 +194,10 @@ class GoalSender:
 
     @property
     def is_served(self) -> bool:
-        """Whether move_base is connected."""
-        return is_served(self._client)
+        """Whether move_base is connected. The client's own wait uses ROS time, which may stand still."""
+        client = self._client
+        ends = client.pub_goal, client.pub_cancel, client.result_sub, client.feedback_sub
+        return all(end.get_num_connections() > 0 for end in ends)
 
     def act(self, now_ns: int, decision: Decision) -> None:
         """Send the goal of a decision, or cancel our current goal. Other goals stay: during a pause another client may
@@ -230,11 +227,15 @@ class GoalSender:
             self._untaken = True
             self._goal.cancel()
         if self._untaken:
-            return NavigationState.ABORTED, f"move_base has not taken the goal within {TAKEN_WITHIN_S:g} s"
+            return NavigationState.LOST, f"move_base has not taken the goal within {TAKEN_WITHIN_S:g} s"
         if comm != CommState.DONE:
             return NavigationState.ACTIVE, reason
-        arrived = self._goal.get_terminal_state() == GoalStatus.SUCCEEDED
-        return NavigationState.SUCCEEDED if arrived else NavigationState.ABORTED, reason
+        end = self._goal.get_terminal_state()
+        if end == GoalStatus.LOST:  # by a move_base that was started anew; the text is an older one
+            return NavigationState.LOST, "move_base has lost the goal"
+        if end == GoalStatus.RECALLED or reason == SHUTTING_DOWN:
+            return NavigationState.LOST, reason
+        return NavigationState.SUCCEEDED if end == GoalStatus.SUCCEEDED else NavigationState.ABORTED, reason
 
     def cancel_all(self) -> None:
         """Cancel all goals, also those of other clients: nothing may drive."""

@@ -97,7 +97,7 @@ class DockNode:
         seen = self._heard.seen(now_ns, self._goals.state())
         act = self._docking.step(now_ns, seen) if seen is not None else None
         if act is not None and act.goal is not None:
-            self._goals.send(now_ns, topics.MAP_FRAME, act.goal)
+            self._goals.send(headers.now_ns(), topics.MAP_FRAME, act.goal)
         command = STOP if act is None or self._heard.odometry_is_old else act.command
         if command is not None and not threads.is_ending():
             self._command_pub.publish(convert.twist(command))

@@ -86,7 +86,7 @@ class ExploreNode:
                 # became of the goal before says nothing of it.
                 decision = self._mission.decide(now_ns, self._heard.at(now_ns, NavigationState.IDLE, ""))
             events = self._mission.drain_events()
-        self._requests.unless_to_stand(lambda: self._goals.act(now_ns, decision))
+        self._requests.unless_to_stand(lambda: self._goals.act(headers.now_ns(), decision))
         self._topics.events(events)
         if self._topics.report(decision, self._goals.state()[0], self._heard.grid):
             self._diagnostics.set("mission", OK, f"{decision.state}: {decision.reason}")

@@ -27,7 +27,7 @@ from vsx_ros.config import Config
 from vsx_ros.errors import VsxError
 from vsx_ros.navigation.follower import LEASE_S
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
-from vsx_ros.ros import convert, headers, node, threads, topics
+from vsx_ros.ros import convert, driving, headers, node, threads, topics
 from vsx_ros.ros.driving import PERIOD_S, FollowerLink, Lease, LeaseWatch, goal_server, relay_simple_goals
 from vsx_ros.ros.goal_preview import GoalPreview
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
@@ -89,7 +89,7 @@ class MoveBaseNode:
                     return act
                 self._do(now_ns, act)
             time.sleep(PERIOD_S)
-        return Done(False, "shutting down")
+        return Done(False, driving.SHUTTING_DOWN)
 
     def _seen(self, frame: str, client: str) -> ExecutionInput:
         now_ns, told = headers.now_ns(), self._follower
