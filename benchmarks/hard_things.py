@@ -18,7 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 from seeds import seed_range
-from tables import RESULTS, rooms_of
+from table_exploration import of_known
+from tables import RESULTS, newest, rooms_of
 
 from vsx_ros.config import Config
 from vsx_ros.evaluation.map_quality import TOLERANCE_M, metres_to, on_truth
@@ -89,21 +90,24 @@ def ghosts_m2(run: FastRun, seed: int) -> float | None:
     return round(len(ghosts) * truth.resolution**2, 3)
 
 
-def table(path: Path) -> str:
-    """Medians and worst values by thing, as Markdown."""
+def table(path: Path, limits: dict[str, float]) -> str:
+    """Medians and worst values by thing, as Markdown, of the runs with these limits and the last row's code."""
     columns = ("coverage_correct", "driven_m", "breaks", "times_lost", "ate_rmse_m", "ghosts_m2")
-    lines = ["| thing | labs | known and right | m driven | breaks | lost | ATE m | ghosts m2 | contacts: things, into "
-             "people, by people |", "|---|---|---|---|---|---|---|---|---|"]  # fmt: skip
-    rows = read_rows(path, tell)
-    for thing in dict.fromkeys(row.asked["thing"] for row in rows):
-        results = [row.result for row in rows if row.asked["thing"] == thing]
+    lines = ["| thing | also | labs | known and right | m driven | breaks | lost | ATE m | ghosts m2 | contacts: "
+             "things, into people, by people |", "|" + "---|" * 10]  # fmt: skip
+    rows = newest(read_rows(path, tell), limits)
+    for thing, also in dict.fromkeys((row.asked["thing"], row.asked["also"]) for row in rows):
+        results = [row.result for row in rows if (row.asked["thing"], row.asked["also"]) == (thing, also)]
+        done = [result for result in results if "failed" not in result]
         cells = []
         for name in columns:
-            values = [float(result[name]) for result in results if result[name] is not None]
+            values = [float(result[name]) for result in done if result[name] is not None]
             worst = min if name == "coverage_correct" else max
-            cells.append(f"{statistics.median(values):.2f} ({worst(values):.2f})" if values else "-")
-        contacts = ", ".join(str(sum(r[name] for r in results)) for name in ("things", "into_people", "by_people"))
-        lines.append(f"| {thing} | {len(results)} | {' | '.join(cells)} | {contacts} |")
+            spread = f"{statistics.median(values):.2f} ({worst(values):.2f})" if values else "-"
+            cells.append(f"{spread}{of_known(values, results)}")
+        contacts = ", ".join(str(sum(r[name] for r in done)) for name in ("things", "into_people", "by_people"))
+        cells.append(f"{contacts}{of_known(done, results)}")
+        lines.append(f"| {thing} | {also} | {len(results)} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
@@ -120,7 +124,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULTS / "hard_things.jsonl")
     args = parser.parse_args()
     if args.what == "table":
-        print(table(args.out))
+        print(table(args.out, {"until": args.until, "time_s": args.time, "way_m": args.way}))
         return
     tasks = [
         HardRun(thing, args.also, seed, args.until, args.time, args.way)

@@ -146,8 +146,8 @@ def told(places: list[Place], results: list[dict[str, Any]]) -> str:
     """A line for each light."""
     lines = [f"{'light':10}{'starts':>8}{'right':>7}{'wrong':>7}{'median s':>10}{'worst off':>11}"]
     for light in [*dict.fromkeys(place.light for place in places), "all"]:
-        mine = [row for place, row in zip(places, results) if light in (place.light, "all") and "failed" not in row]
-        there = [row for row in mine if row["found_s"] is not None]
+        mine = [row for place, row in zip(places, results) if light in (place.light, "all")]
+        there = [row for row in mine if row.get("found_s") is not None]
         right = [row for row in there if row["right"]]
         seconds = float(np.median([row["found_s"] for row in there])) if there else math.nan
         worst = 100.0 * max((row["off_m"] for row in right), default=math.nan)

@@ -10,6 +10,7 @@ from vsx_ros.experiments.rows import Row
 
 Runs = Sequence[Row]
 _UNTIL = "90"
+_Choice = Callable[[Sequence[float]], float]
 
 
 def runs(rows: Runs) -> list[str]:
@@ -77,31 +78,35 @@ def _reached(run: dict[str, Any]) -> dict[str, list[float]]:
 
 
 def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
-    """Name, median and worst, must, aim."""
+    """Name, median and worst, must, aim. What not all runs have left is told with the number of those that did."""
     done = [row.result for row in rows if "failed" not in row.result]
     ends = [reached[_UNTIL] for run in done if _UNTIL in (reached := _reached(run))]
 
+    def spread(values: Sequence[float], form: str, worst: _Choice = max) -> tuple[str, str]:
+        median, least_or_most = _worst(values, form, worst)
+        return median, least_or_most + of_known(values, rows)
+
     def of(key: str, scale: float, form: str) -> tuple[str, str]:
-        return _worst([abs(scale * run[key]) for run in done if run[key] is not None], form)
+        return spread([abs(scale * run[key]) for run in done if run[key] is not None], form)
 
-    def counted(key: str, happened: Callable[[Any], bool] = bool) -> tuple[str, str]:
-        known = [run for run in done if run["breaks"] is not None]  # the SLAM of the others left no results
-        of_known = "" if len(known) == len(done) else f" of {len(known)} known"
-        return "", f"{sum(happened(run[key]) for run in known)}{of_known}"
+    def counted(runs: Sequence[Any], key: str, happened: Callable[[Any], bool] = bool) -> tuple[str, str]:
+        return "", f"{sum(happened(run[key]) for run in runs)}{of_known(runs, rows)}"
 
+    with_slam = [run for run in done if run["breaks"] is not None]  # the SLAM of the others left no results
+    touching = [run for run in done if run["collisions"] is not None]
+    gaps_cm = [100 * run["min_clearance_m"] for run in done if run["min_clearance_m"] is not None]
     speeds = [way_m / seconds for way_m, seconds in ends]
-    least_m = min((run["min_clearance_m"] for run in done if run["min_clearance_m"] is not None), default=None)
     return [
         (f"reach {_UNTIL} %, known and right", (str(len(ends)), ""), f"{math.ceil(0.95 * len(rows))}", f"{len(rows)}"),
-        ("metres until then", _worst([way_m for way_m, _ in ends], ".0f"), "50 (72)", "42 (60)"),
-        ("minutes until then", _worst([seconds / 60 for _, seconds in ends], ".1f"), "4.7", "3"),
-        ("mean speed until then [m/s]", _worst(speeds, ".3f", min), "0.200", "0.250"),
+        ("metres until then", spread([way_m for way_m, _ in ends], ".0f"), "50 (72)", "42 (60)"),
+        ("minutes until then", spread([seconds / 60 for _, seconds in ends], ".1f"), "4.7", "3"),
+        ("mean speed until then [m/s]", spread(speeds, ".3f", min), "0.200", "0.250"),
         ("ATE without scale alignment [cm]", of("ate_rmse_m", 100, ".1f"), "10 (25)", "5 (12)"),
         ("scale error [%]", of("scale_error", 100, ".1f"), "2", "1"),
-        ("runs with unrecovered breaks", counted("breaks"), "0", "0"),
-        ("runs that began a second map", counted("slam", lambda events: "second map" in events), "", ""),
-        ("runs that touched something", ("", str(sum(bool(run["collisions"]) for run in done))), "0", "0"),
-        ("least distance to anything [cm]", ("", shown(_cm(least_m), ".0f")), "", "5"),
+        ("runs with unrecovered breaks", counted(with_slam, "breaks"), "0", "0"),
+        ("runs that began a second map", counted(with_slam, "slam", lambda events: "second map" in events), "", ""),
+        ("runs that touched something", counted(touching, "collisions"), "0", "0"),
+        ("least distance to anything [cm]", ("", spread(gaps_cm, ".0f", min)[1]), "", "5"),
     ]
 
 
@@ -124,23 +129,25 @@ def growth(rows: Runs) -> list[str]:
 
 def resumed(rows: Runs) -> list[str]:
     """Undisturbed runs compared with the same runs killed and resumed."""
-    alone, killed = ([row.result[which] for row in rows] for which in ("alone", "resumed"))
+    alone, killed = ([row.result[which] for row in rows if which in row.result] for which in ("alone", "resumed"))
     lines = header(("", "left alone", "killed and resumed", "must"))
 
-    def line(name: str, key: str, form: str, worst: Any, must: str = "") -> None:
+    def line(name: str, key: str, form: str, worst: _Choice, must: str = "") -> None:
         cells = []
         for which in (alone, killed):
-            known = np.array([100 * run[key] for run in which if run[key] is not None])
-            cells.append(f"{format(np.median(known), form)} ({format(worst(known), form)})" if len(known) else "-")
+            known = [100 * run[key] for run in which if run[key] is not None]
+            median, least_or_most = _worst(known, form, worst)
+            cells.append(f"{median} ({least_or_most}){of_known(known, rows)}")
         lines.append(f"| {name} | {' | '.join(cells)} | {must} |")
 
-    line(f"known and right at the end [%], median of {len(rows)} (least)", "coverage_correct", ".1f", np.min)
-    line("ATE [cm], median (worst)", "ate_rmse_m", ".1f", np.max)
-    breaks, contacts = (
-        [sum(run[key] for run in which) for which in (alone, killed)] for key in ("breaks", "collisions")
-    )
-    lines.append(f"| breaks, contacts | {breaks[0]}, {contacts[0]} | {breaks[1]}, {contacts[1]} | |")
-    good = sum(row.result["as_good"] for row in rows)
+    line(f"known and right at the end [%], median of {len(rows)} (least)", "coverage_correct", ".1f", min)
+    line("ATE [cm], median (worst)", "ate_rmse_m", ".1f", max)
+    counts = [
+        f"{sum(run['breaks'] for run in which)}, {sum(run['collisions'] for run in which)}{of_known(which, rows)}"
+        for which in (alone, killed)
+    ]
+    lines.append(f"| breaks, contacts | {counts[0]} | {counts[1]} | |")
+    good = sum(row.result.get("as_good", False) for row in rows)
     lines.append(f"| as good as left alone | | {good} of {len(rows)} | {len(rows)} of {len(rows)} |")
     return lines
 
@@ -150,9 +157,14 @@ def header(names: Sequence[str]) -> list[str]:
     return ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
 
 
-def _worst(values: Sequence[float], form: str, worst: Callable[[Sequence[float]], float] = max) -> tuple[str, str]:
+def _worst(values: Sequence[float], form: str, worst: _Choice = max) -> tuple[str, str]:
     """Median and worst."""
     return (format(np.median(values), form), format(worst(values), form)) if values else ("-", "-")
+
+
+def of_known(known: Sequence[Any], runs: Sequence[Any]) -> str:
+    """What follows a figure of some of the runs: of how many; empty for all of them."""
+    return "" if len(known) == len(runs) else f" of {len(known)} known"
 
 
 def _cm(metres: float | None) -> float | None:

@@ -14,10 +14,11 @@ def nodes(rows: Sequence[Row]) -> list[str]:
     """Nodes killed, hung or stopped; turned_s is -1 if the wheels did not stop."""
     lines = ["| node | what happened to it | wheels turned: median | most | repetitions |", "|---|---|---|---|---|"]
     for (node, how), results in _parts(rows, "node", "how"):
-        turned = [result["turned_s"] for result in results]
-        worst = "did not stop" if min(turned) < 0 else f"{max(turned):.3f} s"
+        turned, on = _stopped(results)
+        median, most = (f"{of(turned):.3f} s" if turned else "-" for of in (statistics.median, max))
+        worst = f"{on} did not stop" if on else most
         node = node.replace("guardian", "watchdog")  # the name in older rows
-        lines.append(f"| {node} | {how} | {statistics.median(turned):.3f} s | {worst} | {len(turned)} |")
+        lines.append(f"| {node} | {how} | {median}{f' of {len(turned)}' * bool(on)} | {worst} | {len(results)} |")
     return lines
 
 
@@ -59,9 +60,9 @@ def masters(rows: Sequence[Row]) -> list[str]:
     ]
     for (away_s,), results in sorted(_parts(rows, "away_s"), key=lambda part: float(part[0][0])):
         driving = [result["driving_s"] for result in results if result["driving_s"] is not None]
-        turned, n = [result["turned_s"] for result in results], len(results)
+        (turned, on), n = _stopped(results), len(results)
         lines.append(
-            f"| {float(away_s):g} s | {'did not stop' if min(turned) < 0 else _spread(turned)} "
+            f"| {float(away_s):g} s | {_spread(turned)}{f' of {len(turned)}; {on} did not stop' * bool(on)} "
             f"| {sum(result['moved_before'] for result in results)} of {n} "
             f"| {_spread([result['path_s'] for result in results])} "
             f"| {_spread(driving)} of {len(driving)} | {sum(result['stopped'] for result in results)} of {n} |"
@@ -207,9 +208,14 @@ def _spread(values: Sequence[float]) -> str:
     return f"{statistics.median(values):.2f} s, {max(values):.2f} s" if values else "-"
 
 
-def _turned(results: list[dict[str, Any]]) -> str:
+def _stopped(results: Sequence[dict[str, Any]]) -> tuple[list[float], int]:
+    """How long the wheels turned where they stopped, and how often they did not."""
     times = [result["turned_s"] for result in results if result["turned_s"] >= 0.0]
-    on = len(results) - len(times)
+    return times, len(results) - len(times)
+
+
+def _turned(results: list[dict[str, Any]]) -> str:
+    times, on = _stopped(results)
     turned = f"{statistics.median(times):.3f} s, {max(times):.3f} s of {len(times)}" if times else ""
     return (turned + (f" drives on ({on} of {len(results)})" if on else "")).strip()
 

@@ -16,7 +16,7 @@ _COLORS = {"without SLAM": "#2563a8", "with SLAM": "#c2571a"}
 
 
 def table(rows: Sequence[Row]) -> list[str]:
-    """What becomes of things at the robot's height, and one line per bin."""
+    """What becomes of things at the robot's height, the labs that failed, and one line per bin."""
     groups = _groups(rows)
     lines = ["Cells with something at 0.1 to 0.6 m:", ""]
     for name, of in groups.items():
@@ -24,6 +24,8 @@ def table(rows: Sequence[Row]) -> list[str]:
             counts = np.sum([row.result["things"][kind] for row in of], axis=0)
             free, occupied, unknown = (f"{100 * share:.0f} %" for share in counts / max(1, counts.sum()))
             lines.append(f"- {name}, {kind}: {free} free, {occupied} occupied, {unknown} unknown")
+    failed = sum("failed" in row.result for row in rows)
+    lines += [f"- {failed} of {len(rows)} labs failed and are left out"] if failed else []
     named = " | ".join(f"{name}: cells | told [%] | free [%]" for name in groups)
     lines += ["", f"| free cells told as | {named} |", "|" + "---|" * (1 + 3 * len(groups))]
     for k, (low, high) in enumerate(zip(EDGES, EDGES[1:])):

@@ -101,7 +101,9 @@ class Table(NamedTuple):
     of: dict[str, Any] = {}
 
 
-_LAB = {"world": "lab", "until": 0.9, "strategy": "views"}
+_LIMITS = {"until": 0.9, "time_s": 800.0, "way_m": 120.0}
+_LAB = {"world": "lab", "strategy": "views", **_LIMITS}
+_LIVE = {**_LAB, "way_m": None}
 
 TABLES: dict[str, Table] = {
     "nodes": Table("docs/reliability.md", "fault_nodes", table_faults.nodes),
@@ -115,22 +117,22 @@ TABLES: dict[str, Table] = {
     "sensors": Table("docs/reliability.md", "fault_sensors", table_faults.sensors),
     "files": Table("docs/reliability.md", "fuzz_files", table_faults.files),
     "soaks": Table("docs/reliability.md", "soak_stack", table_faults.soaks),
-    "alarms": Table("docs/reliability.md", "fault_alarms", table_faults.alarms),
+    "alarms": Table("docs/reliability.md", "fault_alarms", table_faults.alarms, {"minutes": 5.0}),
     "table 1": Table("docs/results.md", "drives", table_paper.table1),
     "U2": Table("docs/paper.md", "drives", table_paper.u2),
     "totals": Table("README.md", "exploration", table_exploration.brief, _LAB),
-    "live brief": Table("README.md", "exploration_live", table_exploration.brief, _LAB),
-    "strategies": Table("docs/results.md", "exploration_strategy", table_exploration.strategies),
+    "live brief": Table("README.md", "exploration_live", table_exploration.brief, _LIVE),
+    "strategies": Table("docs/results.md", "exploration_strategy", table_exploration.strategies, _LIMITS),
     "free cells": Table("docs/results.md", "free_cells", table_free_cells.table),
     "exploration": Table("docs/results.md", "exploration", table_exploration.runs, _LAB),
     "exploration totals": Table("docs/results.md", "exploration", table_exploration.totals, _LAB),
     "growth": Table("docs/results.md", "exploration", table_exploration.growth, _LAB),
-    "live": Table("docs/results.md", "exploration_live", table_exploration.runs, _LAB),
-    "live totals": Table("docs/results.md", "exploration_live", table_exploration.totals, _LAB),
+    "live": Table("docs/results.md", "exploration_live", table_exploration.runs, _LIVE),
+    "live totals": Table("docs/results.md", "exploration_live", table_exploration.totals, _LIVE),
     "docking": Table("docs/results.md", "docking", table_docking.docking),
     "charging": Table("docs/results.md", "charging", table_docking.charging),
-    "zones": Table("docs/results.md", "zones", table_zones.zones),
-    "resumed": Table("docs/results.md", "resume", table_exploration.resumed),
+    "zones": Table("docs/results.md", "zones", table_zones.zones, {"nearest_m": 0.15}),
+    "resumed": Table("docs/results.md", "resume", table_exploration.resumed, {"time_s": 1200.0, "kills": 2}),
 }
 
 

@@ -15,6 +15,7 @@ from vsx_ros.experiments.trackers import FULL, PAPER, U2_READINGS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
+import hard_things
 import tables
 
 CAPTION = re.compile(
@@ -31,7 +32,8 @@ def row(seed: int, code: str = "a", config: str = "c", commit: str = "0123456789
         "reached": {"50": [20.0, 90.0], "90": [60.0, 400.0]}, "decisions": [[3.0, 8, 50, 400]],
         "slam": {}, "stop_reason": "90 % is known",
     }  # fmt: skip
-    asked = {"world": "lab", "seed": seed, "noise": 0, "until": 0.9, "strategy": "views", **asked}
+    limits = {"until": 0.9, "time_s": 800.0, "way_m": 120.0}
+    asked = {"world": "lab", "seed": seed, "noise": 0, "strategy": "views", **limits, **asked}
     return Row(
         commit=commit, dirty=False, code=code, config=config, versions={}, machine={}, when="2026-11-23T07:00:00+00:00",
         asked=asked, result=result,
@@ -108,6 +110,83 @@ def test_what_a_run_did_not_leave_is_told_as_unknown() -> None:
     assert "| 0 |" in lines["runs that touched something"]
 
 
+def told(row: Row, **result: Any) -> Row:
+    """The row with another result."""
+    return msgspec.structs.replace(row, result=result)
+
+
+def test_a_figure_of_some_of_the_runs_says_of_how_many() -> None:
+    unknown = {"ate_rmse_m": None, "scale_error": None, "min_clearance_m": None}
+    never = told(row(3), **{**row(3).result, **unknown, "reached": {}, "stop_reason": "the map was never started"})
+    rows = [row(1), row(2), never, told(row(4), failed="its run ended with code 5: internal error")]
+    lines = {line.split("|")[1].strip(): line for line in tables.table_exploration.brief(rows)}
+    assert lines["reach 90 %, known and right"] == "| reach 90 %, known and right | 2 |  |"
+    assert lines["metres until then"] == "| metres until then | 60 | 60 of 2 known |"
+    assert lines["ATE without scale alignment [cm]"].endswith("| 1.0 | 1.0 of 2 known |")
+    assert lines["least distance to anything [cm]"].endswith("|  | 10 of 2 known |")
+    for name in ("runs with unrecovered breaks", "runs that began a second map", "runs that touched something"):
+        assert lines[name] == f"| {name} |  | 0 of 3 known |"
+    assert not [line for line in tables.table_exploration.brief(rows[:2]) if "known |" in line]
+
+
+def test_a_pair_of_runs_that_failed_is_missing_from_the_numbers_that_it_lacks() -> None:
+    ended = {"coverage_correct": 0.9, "ate_rmse_m": 0.01, "breaks": 0, "collisions": 0}
+    rows = [told(row(1), alone=ended, resumed={**ended, "ate_rmse_m": None}, as_good=False), told(row(2), failed="?")]
+    assert tables.table_exploration.resumed(rows)[2:] == [
+        "| known and right at the end [%], median of 2 (least) | 90.0 (90.0) of 1 known | 90.0 (90.0) of 1 known |  |",
+        "| ATE [cm], median (worst) | 1.0 (1.0) of 1 known | - (-) of 0 known |  |",
+        "| breaks, contacts | 0, 0 of 1 known | 0, 0 of 1 known | |",
+        "| as good as left alone | | 0 of 2 | 2 of 2 |",
+    ]
+
+
+@pytest.mark.parametrize("name", ["totals", "exploration", "strategies"])
+@pytest.mark.parametrize("limit", ["until", "time_s", "way_m"])
+def test_a_run_with_other_limits_does_not_join_the_table(name: str, limit: str) -> None:
+    rows = [row(100), row(101), row(100, **{limit: 0.6})]
+    assert tables.newest(rows, tables.TABLES[name].of) == rows[:2]
+
+
+def test_wheels_that_did_not_stop_are_counted_and_in_no_median() -> None:
+    def fault(*turned_s: float) -> list[Row]:
+        left = {"moved_before": False, "path_s": 0.1, "driving_s": 1.0, "stopped": True}
+        return [told(row(1, node="vslam", how="hung", away_s=1.0), turned_s=s, **left) for s in turned_s]
+
+    nodes, masters = tables.table_faults.nodes, tables.table_faults.masters
+    assert nodes(fault(-1.0, -1.0, 0.30, 0.31))[2] == "| vslam | hung | 0.305 s of 2 | 2 did not stop | 4 |"
+    assert nodes(fault(-1.0))[2] == "| vslam | hung | - of 0 | 1 did not stop | 1 |"
+    assert nodes(fault(0.30, 0.31))[2] == "| vslam | hung | 0.305 s | 0.310 s | 2 |"
+    assert masters(fault(-1.0, 0.3, 0.4))[2].startswith("| 1 s | 0.35 s, 0.40 s of 2; 1 did not stop | 0 of 3 |")
+    assert masters(fault(0.3, 0.4))[2].startswith("| 1 s | 0.35 s, 0.40 s | 0 of 2 |")
+
+
+def test_hard_things_are_told_by_what_else_was_there_and_of_one_code_and_limits(tmp_path: Path) -> None:
+    limits = {"until": 0.9, "time_s": 600.0, "way_m": 120.0}
+    numbers = dict.fromkeys((*hard_things.KEPT, "things", "into_people", "by_people", "ghosts_m2", "times_lost"), 0)
+
+    def hard(coverage: float, code: str = "new", seed: int = 20, **asked: Any) -> Row:
+        of = row(seed, code, **{"thing": "people", "also": "nothing", **limits, **asked})
+        return told(of, **{**numbers, "coverage_correct": coverage, "ate_rmse_m": 0.01})
+
+    rows = [hard(0.1, "old"), hard(0.2, time_s=60.0), hard(0.95), hard(0.3, also="robot-error")]
+    rows.append(told(hard(0.0, seed=21), failed="no world"))
+    (tmp_path / "hard.jsonl").write_bytes(b"".join(msgspec.json.encode(each) + b"\n" for each in rows))
+    lines = hard_things.table(tmp_path / "hard.jsonl", limits).splitlines()[2:]
+    assert [line.split(" | ")[:4] for line in lines] == [
+        ["| people", "nothing", "2", "0.95 (0.95) of 1 known"],
+        ["| people", "robot-error", "1", "0.30 (0.30)"],
+    ]
+    assert lines[0].endswith("| 0, 0, 0 of 1 known |")
+
+
+def test_labs_that_failed_are_told_beside_the_free_cells() -> None:
+    bins = [0] * (len(tables.table_free_cells.EDGES) - 1)
+    measured = {"things": {"thin": [1, 1, 0], "others": [0, 1, 1]}, "cells": bins, "told": bins, "wrong": bins}
+    good, bad = told(row(1, slam=False), **measured), told(row(2, slam=False), failed="no map")
+    assert "- 1 of 2 labs failed and are left out" in tables.table_free_cells.table([good, bad])
+    assert "failed" not in "".join(tables.table_free_cells.table([good]))
+
+
 def test_a_run_on_batteries_is_a_line_also_without_a_map() -> None:
     whole = {
         "minutes": 75.02, "driven_m": 640.4, "coverage": 0.912, "charges": 3, "failures": 1, "least_ratio": 0.231,
@@ -149,7 +228,8 @@ def test_rows_and_their_tables_go_together(tmp_path: Path, monkeypatch: pytest.M
 def test_tables_older_than_their_code_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "RESULTS", tmp_path)
     assert tables.stale("resumed") == "resumed (docs/results.md): no rows are kept"
-    Store(tmp_path / "resume.jsonl", rooms=tables.rooms_of("resume")).add({"seed": 1}, {})
+    asked = {"seed": 1, **tables.TABLES["resumed"].of}
+    Store(tmp_path / "resume.jsonl", rooms=tables.rooms_of("resume")).add(asked, {})
     assert tables.stale("resumed") == ""
     line = json.loads((tmp_path / "resume.jsonl").read_text())
     (tmp_path / "resume.jsonl").write_text(json.dumps({**line, "code": "another"}) + "\n")
