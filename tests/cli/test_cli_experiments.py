@@ -3,6 +3,7 @@
 import json
 import math
 import signal
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,11 +16,13 @@ from vsx_ros.experiments import exploration, table1
 from vsx_ros.experiments.drive import ARMS, DriveTask, _drive, limits_of, plan_of, question
 from vsx_ros.experiments.exploration import ExplorationTask, figure7
 from vsx_ros.experiments.path_figures import deviation, figure2, figure6
-from vsx_ros.experiments.trackers import FULL, PAPER, U2_READINGS, _u2_readings
+from vsx_ros.experiments.trackers import FULL, PAPER, U2_READINGS, Tracked, _u2_readings
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind
 from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.runs.lockstep import FastRun
 from vsx_ros.runs.world import open_world
+from vsx_ros.slam.state import TrackingResult, TrackingState
 
 CONSTRAINED, FAST, SLOW, LITERAL = ARMS
 
@@ -80,6 +83,49 @@ def test_u2_by_each_reading_of_its_sentence():
     }  # fmt: skip
     nothing = {"found": np.zeros(0), "searched": np.zeros(0)}
     assert _u2_readings(nothing, nothing, nothing) == dict.fromkeys(U2_READINGS)
+
+
+class Told:
+    """A SLAM that returns the given states, with poses on a straight line."""
+
+    def __init__(self, states: list[TrackingState]) -> None:
+        self._states, self._seen = states, 0
+
+    def track(self, k: int, odometry: None) -> TrackingResult:
+        self._seen, state = k + 1, self._states[k]
+        return TrackingResult(k, state, straight(k).T if state.tracked else None, searched=10, found=8)
+
+    def record(self) -> dict:
+        return {"found": np.array([self._seen]), "searched": np.array([self._seen])}
+
+    def statistics(self) -> SimpleNamespace:
+        return SimpleNamespace(initialized_at_s=None, u2_seconds=None)
+
+
+def straight(k: int) -> StampedPose:
+    return StampedPose(k, SE3(np.eye(3), np.array([0.01 * k, 0.0, 0.0])))
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "held", "losses", "broken"),
+    [
+        (TrackingState.NOT_INITIALISED, TrackingState.NOT_INITIALISED, 0.0, 1, True),
+        (TrackingState.NOT_INITIALISED, TrackingState.GOOD, 0.0, 1, False),
+        (TrackingState.GOOD, TrackingState.NOT_INITIALISED, 0.5, 1, True),
+        (TrackingState.GOOD, TrackingState.LOST, 0.5, 1, True),
+        (TrackingState.GOOD, TrackingState.GOOD, 1.0, 0, False),
+    ],
+)
+def test_what_has_no_map_holds_nothing(first, last, held, losses, broken):
+    """The drive begins after ten frames, and half of its forty have the second state."""
+    states = [TrackingState.NOT_INITIALISED] * 10 + [first] * 20 + [last] * 20
+    tracker = Tracked(FULL, Told(states), metric=True)
+    for k in range(50):
+        tracker.begin() if k == 10 else None
+        tracker.track(k, None)
+    judged = tracker.judged([straight(k) for k in range(50)], [straight(k).T for k in range(50)])
+    assert (judged["held_share"], judged["losses"], judged["broken"]) == (held, losses, broken)
+    assert judged["u2_until_loss"] == 10 + (1 + 40 * held if held < 1.0 else 40)
 
 
 def test_a_planner_without_a_path_is_told_and_does_not_drive(monkeypatch):

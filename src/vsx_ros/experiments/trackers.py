@@ -30,6 +30,7 @@ U2_READINGS = {
 Record = Mapping[str, NDArray[Any]]
 WRONG_M = 0.15  # above this RMS error of a drive of a few metres, tracking counts as broken
 _ENOUGH_POSES = 10  # to align an estimate with the truth
+_WITHOUT = (TrackingState.LOST, TrackingState.NOT_INITIALISED)  # no pose, or no map: not started, or given up
 
 # PTAM's rule: at least 20 frames of 30 Hz apart, at a distance in proportion to the depth, never for a turn alone.
 _PAPER = {
@@ -58,18 +59,18 @@ class Tracked:
         """Track one frame, the same for all trackers."""
         result = self._slam.track(frame, odometry if self._metric else None)
         self._results.append(result)
-        if result.state is TrackingState.LOST and self._at_loss is None:
+        if result.state in _WITHOUT and self._at_loss is None:
             self._at_loss = self._slam.record()
 
     def judged(self, truth: list[StampedPose], odometry: list[SE3]) -> dict[str, Any]:
         """U1, U2, losses, breaks and errors of the drive. u1: found / searched points, 0 for a lost frame. broken: lost
         at the end, or an error of more than 15 cm rms, or (if metric) a jump against odometry. held_share: share of the
-        drive until the first loss."""
+        drive until the first loss. A map that is not started, or given up, is a loss, too."""
         drive = list(zip(self._results, truth, odometry, strict=True))[self._begun :]
         results = [result for result, _, _ in drive]
         tracked = [result.state.tracked and result.T_world_cam is not None for result in results]
         ratios = [r.found / r.searched if ok and r.searched else 0.0 for r, ok in zip(results, tracked, strict=True)]
-        lost = [result.state is TrackingState.LOST for result in results]
+        lost = [result.state in _WITHOUT for result in results]
         first_lost = lost.index(True) if any(lost) else len(results)
         known = _tracked_pairs((r, t) for r, t, _ in drive)
         kind: AlignmentKind = "yaw" if self._metric else "sim3"
