@@ -219,8 +219,11 @@ def test_a_map_without_odometry_says_in_what_unit_it_is(drive, tmp_path, capsys)
     shutil.copytree(drive, tmp_path / "pictures")
     (tmp_path / "pictures/odometry.txt").unlink()
     assert execute(["replay", str(tmp_path / "pictures"), "--map", "--out", str(tmp_path / "run")]) == 0
-    assert "made without odometry, lengths are in the map's own unit" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "made without odometry, lengths are in the map's own unit" in said
+    assert "jumps unknown: no odometry" in said
     folder = RunFolder.open(tmp_path / "run")
+    assert folder.read_summary()["breaks"] is None
     assert folder.read_summary()["map_note"].startswith("made without odometry")
     planes = json.loads((folder.path / "planes.json").read_text())
     assert planes["unit"] == "map"

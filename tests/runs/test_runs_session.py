@@ -9,19 +9,20 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, Journal
+from vsx_ros.runs.report import one_line_facts
 from vsx_ros.runs.session import results_of_slam
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 MOUNT = SE3.identity()
 
 
-def frame(k: int, state: TrackingState) -> FrameLine:
+def frame(k: int, state: TrackingState, *, odometry: bool = True) -> FrameLine:
     at = SE2(0.1 * k, 0.0, 0.0)
     pose = SE3.from_se2(at) if state.tracked else None
     result = TrackingResult(
         stamp_ns=k * 10**8, state=state, T_world_cam=pose, searched=100, found=90, keyframe_added=False, reason=""
     )
-    return FrameLine.of(result, Odometry(k * 10**8, at), 5.0, None)
+    return FrameLine.of(result, Odometry(k * 10**8, at) if odometry else None, 5.0, None)
 
 
 def test_without_a_summary_the_journal_tells_what_it_knows(tmp_path: Path) -> None:
@@ -33,6 +34,20 @@ def test_without_a_summary_the_journal_tells_what_it_knows(tmp_path: Path) -> No
     assert summary.breaks == 1, "lost for good"
     assert "before it had written its results" in said
     assert [pose.stamp_ns for pose in folder.read_poses("trajectory")] == [10**8, 2 * 10**8]
+
+
+@pytest.mark.parametrize(("end", "breaks"), [(TrackingState.GOOD, None), (TrackingState.LOST, 1)])
+def test_without_odometry_jumps_are_unknown_and_a_loss_for_good_is_not(
+    tmp_path: Path, end: TrackingState, breaks: int | None
+) -> None:
+    folder = RunFolder(tmp_path)
+    states = [TrackingState.GOOD] * 5 + [end]
+    Journal(folder.journal).add(*(frame(k, state, odometry=False) for k, state in enumerate(states)))
+    summary, _ = results_of_slam(folder, MOUNT)
+    assert summary.breaks == breaks
+    told = one_line_facts({**summary.as_dict(), "u1": 0.9})
+    counted = "jumps unknown: no odometry" if breaks is None else "1 breaks"
+    assert f"found 90 % of the points searched, {counted}" in told
 
 
 @pytest.mark.parametrize("content", [b"", b"{\n", b"\0" * 100 + b"\n"])

@@ -19,7 +19,8 @@ LIVE = "live poses (trajectory.txt)"
 
 
 class Summary(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """SI units; None (null in the file) if unknown. ate_of: the trajectory of ate_rmse_m, ate_rmse_sim3_m, scale_error
+    """SI units; None (null in the file) if unknown. breaks: jumps against odometry, hence unknown without it, and 1
+    more if the tracking is lost for good. ate_of: the trajectory of ate_rmse_m, ate_rmse_sim3_m, scale_error
     and path_length_m; the ate_final ones are of trajectory_final.txt, the same frames by the finished map.
     path_length_m: of the estimated trajectory. driven_m: of the true one. min_clearance_m: the emulated hull's least
     distance to any obstacle. collisions: by its own motion, some with people it could see; touched_by_people: who

@@ -67,6 +67,10 @@ class RunRecord:
             self._judged = len(known), continuity(results, cameras, epochs)
         return self._judged[1]
 
+    def _breaks(self) -> int | None:
+        """None if no jump can be seen, for want of odometry, and the tracking is not lost for good."""
+        return len(self._continuity().breaks) or (None if self.odom_epoch < 0 else 0)
+
     def estimate(self) -> list[StampedPose]:
         """T_world_cam of every tracked frame; if the map was started again, only of frames since then."""
         results = self._results()
@@ -86,9 +90,9 @@ class RunRecord:
 
     def summary(self, statistics: SlamStatistics) -> Summary:
         """The numbers that need no ground truth."""
-        breaks, jumps = map(len, self._continuity())
+        jumps = len(self._continuity().odometry_jumps)
         track_ms = [frame.track_ms for frame, _ in self._known()]
-        return tracking_summary(statistics, track_ms).with_values(breaks=breaks, odometry_jumps=jumps)
+        return tracking_summary(statistics, track_ms).with_values(breaks=self._breaks(), odometry_jumps=jumps)
 
     def counted(self) -> Summary:
         """The numbers that the frames alone give, without the SLAM."""
@@ -96,9 +100,7 @@ class RunRecord:
             return Summary()
         states = [result.state for result in self._results()]
         tracked, lost = sum(state.tracked for state in states), states.count(TrackingState.LOST)
-        return Summary(
-            frames=len(states), frames_tracked=tracked, frames_lost=lost, breaks=len(self._continuity().breaks)
-        )
+        return Summary(frames=len(states), frames_tracked=tracked, frames_lost=lost, breaks=self._breaks())
 
     def told(self) -> list[RunEvent]:
         """All events, and those that only the whole run shows."""

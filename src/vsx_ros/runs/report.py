@@ -127,7 +127,8 @@ def one_line_facts(summary: Mapping[str, Any]) -> list[str]:
         since = f", map {begun} after {summary['initialized_at_s']:.1f} s" if known("initialized_at_s") else ""
         lines.append(f"tracked {summary['frames_tracked']} of {summary['frames']} frames{since}")
     if known("u1"):
-        lines.append(f"found {100 * summary['u1']:.0f} % of the points searched, {summary.get('breaks')} breaks")
+        breaks = f"{summary['breaks']} breaks" if known("breaks") else "jumps unknown: no odometry"
+        lines.append(f"found {100 * summary['u1']:.0f} % of the points searched, {breaks}")
     if summary.get("odometry_jumps"):
         lines.append(f"odometry jumped {summary['odometry_jumps']} times, see events.jsonl")
     if known("keyframes", "map_points") and summary["keyframes"]:
