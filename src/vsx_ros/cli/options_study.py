@@ -42,8 +42,9 @@ def evaluate(parser: argparse.ArgumentParser) -> None:
     add("--estimate", type=Path, metavar="F", help="estimated trajectory")
     add("--truth", type=Path, metavar="F", help="true trajectory (default: the run's groundtruth.txt)")
     add(
-        "--align", choices=("se3", "sim3", "yaw"), default="se3",
-        help="what the alignment may change: rotation and position (default), also size, or heading and position",
+        "--align", choices=("se3", "sim3", "yaw"),
+        help="what the alignment may change: rotation and position (default of files), also size (of a run without "
+        "odometry), or heading and position (of other runs)",
     )  # fmt: skip
     add("--max-gap", type=positive, default=0.02, metavar="S", help="largest gap between stamps (0.02)")
     add("--json", action="store_true", help="print JSON")

@@ -14,7 +14,7 @@ from vsx_ros.cli.replay import finished_map
 from vsx_ros.errors import ConfigError, InputError, explained
 from vsx_ros.evaluation.comparison import compare
 from vsx_ros.evaluation.summary import LIVE, checked_summary
-from vsx_ros.evaluation.trajectory import associate, trajectory_error
+from vsx_ros.evaluation.trajectory import AlignmentKind, associate, trajectory_error
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.atomic import write_text
 from vsx_ros.io.map_export import write_colmap, write_planes, write_ply
@@ -22,6 +22,7 @@ from vsx_ros.io.map_file import save_map
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory, write_trajectory
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.interrupted import unfinished
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.report import report_data, write_report
 from vsx_ros.runs.saved_map import copy_places, save_map_of
@@ -41,7 +42,11 @@ def evaluate(args: argparse.Namespace) -> int:
         raise ConfigError("give either a run folder or --estimate FILE with --truth FILE")
     if args.estimate is not None and args.truth is None:
         raise ConfigError("--estimate needs --truth FILE to compare with")
-    numbers = _of_run(args) if args.run_folder else _of_files(args, args.estimate, args.truth)
+    if args.run_folder:
+        numbers = _of_run(args)
+    else:
+        poses = read_trajectory(args.estimate), read_trajectory(args.truth)
+        numbers = _error(args, *poses, args.align or "se3")
     if args.json:
         print(json.dumps(numbers, indent=1))
     else:
@@ -52,23 +57,35 @@ def evaluate(args: argparse.Namespace) -> int:
 
 
 def _of_run(args: argparse.Namespace) -> dict[str, Any]:
+    """As in its summary; of a run without end what its journals know, and a warning. Without odometry a map has no
+    scale."""
     folder = RunFolder.open(args.run_folder)
-    summary = checked_summary(folder.read_summary(), str(folder.path))
-    truth = args.truth or folder.path / "groundtruth.txt"
-    if not truth.exists() and args.truth is None:
-        numbers: dict[str, Any] = {}
-    elif not folder.read_poses("trajectory"):
-        raise InputError(f"run {folder.path} holds no trajectory: {summary.get('stop_reason')}")
+    run, final = unfinished(folder), list[StampedPose]()
+    if run is not None:
+        summary, estimate, truth, has_odometry = run.summary, run.estimate, run.truth, run.has_odometry
+        print(f"vsx: {summary['stop_reason']}", file=sys.stderr)
     else:
-        numbers = {"ate_of": LIVE, **_of_files(args, folder.path / "trajectory.txt", truth)}
-        if (final := folder.path / "trajectory_final.txt").exists():
-            numbers["ate_final_rmse_m"] = _of_files(args, final, truth)["ate_rmse_m"]
+        summary = checked_summary(folder.read_summary(), str(folder.path))
+        estimate, final = folder.read_trajectories()
+        truth, has_odometry = folder.read_poses("groundtruth"), bool(folder.read_poses("odometry"))
+    truth = read_trajectory(args.truth) if args.truth is not None else truth
+    numbers: dict[str, Any] = {}
+    if truth and not estimate:
+        raise InputError(f"run {folder.path} holds no trajectory: {summary.get('stop_reason')}")
+    if truth:
+        kind: AlignmentKind = args.align or ("yaw" if has_odometry else "sim3")
+        numbers = {"ate_of": LIVE, "aligned_by": kind, **_error(args, estimate, truth, kind)}
+        if not has_odometry:
+            numbers |= {"scale": None, "scale_error": None}
+        if final:
+            numbers["ate_final_rmse_m"] = _error(args, final, truth, kind)["ate_rmse_m"]
     return {**numbers, **{key: summary.get(key) for key in _FROM_SUMMARY}}
 
 
-def _of_files(args: argparse.Namespace, estimate: Path, truth: Path) -> dict[str, Any]:
-    pairs = associate(read_trajectory(estimate), read_trajectory(truth), round(args.max_gap * 1e9))
-    return trajectory_error(pairs, args.align)._asdict()
+def _error(
+    args: argparse.Namespace, estimate: list[StampedPose], truth: list[StampedPose], kind: AlignmentKind
+) -> dict[str, Any]:
+    return trajectory_error(associate(estimate, truth, round(args.max_gap * 1e9)), kind)._asdict()
 
 
 def report(args: argparse.Namespace) -> int:

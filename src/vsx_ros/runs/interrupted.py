@@ -29,9 +29,9 @@ class KnownRun(NamedTuple):
     has_odometry: bool
 
 
-def unfinished(folder: RunFolder, config: Config, facts: dict[str, Any]) -> KnownRun | None:
+def unfinished(folder: RunFolder) -> KnownRun | None:
     """What the journals know; None if the folder has a summary of all their frames, and of how the run ended: the node
-    vslam alone does not know that. Raises InputError for damage."""
+    vslam alone does not know that. Raises InputError for damage, also of config.yaml if it is needed, or ConfigError."""
     if (folder.path / "summary.json").exists():
         try:
             seen = read_journal(folder.journal)
@@ -41,7 +41,7 @@ def unfinished(folder: RunFolder, config: Config, facts: dict[str, Any]) -> Know
         ended = told.get("stop_reason") is not None or not seen
         if ended and (told.get("frames") is None or counts_all(told["frames"], seen)):
             return None
-    lines = [*read_journal(folder.journal), *read_journal(folder.witness)]
+    (config, facts), lines = folder.read_config(), [*read_journal(folder.journal), *read_journal(folder.witness)]
     with explained(InputError, f"the journals in {folder.journal.parent} contradict themselves", "run again", DAMAGE):
         return _known(lines, config, facts)
 

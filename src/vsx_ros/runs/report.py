@@ -45,7 +45,7 @@ def report_data(folder: RunFolder) -> ReportData:
     config, facts = folder.read_config()
     points, rooms = folder.path / "sparse.ply", load_rooms(room_file(folder.path / "map.yaml"))
     moments, trouble = _moments(folder)
-    run, grid = unfinished(folder, config, facts), folder.read_map()
+    run, grid = unfinished(folder), folder.read_map()
     if run is None:
         run = _finished(folder)
     elif moments.maps:
