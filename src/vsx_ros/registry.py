@@ -6,6 +6,7 @@ before the first name is looked up (docs/how-to/extend.md)."""
 import importlib
 import os
 from collections.abc import Iterator
+from types import ModuleType
 from typing import TypeVar
 
 from vsx_ros.errors import ConfigError, did_you_mean
@@ -49,13 +50,15 @@ class Kinds:
         return bool(os.environ.get(PLUGINS)) or str(word).partition(":")[0] in iter(self)
 
 
-def load_plugins() -> None:
+def load_plugins() -> list[ModuleType]:
     """Import the modules in ``VSX_PLUGINS``. Raises ConfigError for a module that cannot be imported."""
+    modules = []
     for module in filter(None, (name.strip() for name in os.environ.get(PLUGINS, "").split(","))):
         try:
-            importlib.import_module(module)
+            modules.append(importlib.import_module(module))
         except Exception as error:
             raise ConfigError(
                 f"the module {module!r} named in {PLUGINS} cannot be imported ({type(error).__name__}: {error}); "
                 "add its folder to PYTHONPATH, or leave it out"
             ) from error
+    return modules

@@ -15,7 +15,7 @@ from free_ports import free_port
 from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.errors import ConfigError, InputError
-from vsx_ros.experiments.campaign import Engine, run_campaign
+from vsx_ros.experiments.campaign import Engine, run_campaign, world_of
 from vsx_ros.experiments.rows import Store
 
 
@@ -61,6 +61,27 @@ def test_what_is_known_is_not_done_again(tmp_path, capsys):
     assert "2 of 5 are known already" in capsys.readouterr().err
     kept = [json.loads(line)["result"] for line in (tmp_path / "r.jsonl").read_text().splitlines()]
     assert kept == [result for result in RESULTS if "internal error" not in result.get("failed", "")]
+
+
+class Visit(NamedTuple):
+    world: str
+    seed: int = 0
+
+
+def test_a_world_that_cannot_be_opened_is_tried_again(tmp_path, capsys):
+    """Its failure is no row, and another world is opened."""
+    world = tmp_path / "mine.world"
+    tasks, store = [Visit(str(world))], tmp_path / "r.jsonl"
+    world.write_text("no world")
+
+    def opened(task: Visit) -> dict[str, str]:
+        return {"name": world_of(task.world, task.seed).name}
+
+    (failed,) = run_campaign(tasks, opened, Store(store), Engine())
+    assert "mine.world" in failed["failed"]
+    assert "1 of the failures may pass" in capsys.readouterr().err
+    assert not store.exists()
+    assert run_campaign([Visit("lab", 3)], opened, Store(store), Engine()) == [{"name": "lab"}]
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,11 @@ from vsx_ros.config import Config, overridden
 from vsx_ros.errors import InputError
 from vsx_ros.experiments import rows
 from vsx_ros.experiments.rows import Row, Store, read_rows
+from vsx_ros.registry import PLUGINS
 
 ASKED: dict[str, Any] = {"world": "lab", "seed": 7, "settings": ("a=1",)}
 OTHER = {**ASKED, "seed": 8}
-KEYS = {"commit", "dirty", "code", "config", "versions", "machine", "when", "asked", "result"}
+KEYS = {"commit", "dirty", "code", "config", "versions", "machine", "when", "asked", "files", "result"}
 
 
 @pytest.fixture
@@ -114,6 +116,62 @@ def test_code_that_changes_while_it_is_measured_is_told(file: Path, room: Path) 
     with pytest.raises(InputError, match="the code was changed while it was measured"):
         store.add(ASKED, 1)
     assert not file.exists()
+
+
+def test_a_row_is_of_the_files_of_its_world(file: Path, room: Path, tmp_path: Path) -> None:
+    world = tmp_path / "mine.yaml"
+    asked = {**ASKED, "world": str(world)}
+    stores = []
+    for content, result in ((None, {"failed": "no file"}), ("one", 1), ("two", 2)):
+        if content is not None:
+            world.write_text(content)
+        store = Store(file, rooms=[room])
+        assert asked not in store
+        store.add(asked, result)
+        assert Store(file, rooms=[room])[asked] == result
+        stores.append(store)
+    world.write_text("one")
+    assert Store(file, rooms=[room])[asked] == 1
+    with pytest.raises(InputError, match="the world was changed while it was measured"):
+        stores[-1].add(asked, 3)
+
+
+def test_a_picture_of_a_map_is_a_file_of_its_world(tmp_path: Path) -> None:
+    (tmp_path / "m.pgm").write_bytes(b"first")
+    text = "image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    (tmp_path / "m.yaml").write_text(text)
+    first = rows.files_hash({"world": str(tmp_path / "m.yaml")})
+    (tmp_path / "m.pgm").write_bytes(b"second")
+    assert rows.files_hash({"world": str(tmp_path / "m.yaml")}) != first
+    assert rows.files_hash({"world": "lab"}) == rows.files_hash({"seed": 1}) == ""
+
+
+@pytest.mark.parametrize("package", [False, True])
+def test_a_row_is_of_the_plug_ins(
+    file: Path, room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, package: bool
+) -> None:
+    source = tmp_path / "mine_for_rows" / "__init__.py" if package else tmp_path / "mine_for_rows.py"
+    source.parent.mkdir(exist_ok=True)
+    source.write_text("x = 1\n")
+    Store(file, rooms=[room]).add(ASKED, 0)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv(PLUGINS, "mine_for_rows")
+    monkeypatch.delitem(sys.modules, "mine_for_rows", raising=False)
+    assert ASKED not in Store(file, rooms=[room])
+    Store(file, rooms=[room]).add(ASKED, 1)
+    assert Store(file, rooms=[room])[ASKED] == 1
+    source.write_text("x = 2\n")
+    assert ASKED not in Store(file, rooms=[room])
+    monkeypatch.delenv(PLUGINS)
+    assert Store(file, rooms=[room])[ASKED] == 0
+
+
+def test_rows_without_a_hash_of_files_are_of_worlds_without_files(file: Path, room: Path) -> None:
+    Store(file, rooms=[room]).add(ASKED, 1)
+    row = json.loads(file.read_text())
+    del row["files"]
+    file.write_text(json.dumps(row) + "\n")
+    assert Store(file, rooms=[room])[ASKED] == 1
 
 
 @pytest.mark.parametrize(

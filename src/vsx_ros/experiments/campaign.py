@@ -14,6 +14,8 @@ from typing import Any, NamedTuple, Protocol
 
 from vsx_ros.errors import ConfigError, VsxError, disk_trouble
 from vsx_ros.experiments.rows import Store, tell
+from vsx_ros.runs.world import open_world
+from vsx_ros.sim.emulated_world import EmulatedWorld
 
 Result = dict[str, Any]
 CONNECT_S = 10.0  # to a dask scheduler
@@ -27,8 +29,8 @@ class Task(Protocol):
 
 
 class Done(NamedTuple):
-    """final: whether the result comes from the task itself, not from a full disk or a worker that lacks memory or a
-    module."""
+    """final: whether the result comes from the task itself, not from a missing file, a full disk or a worker that lacks
+    memory or a module."""
 
     result: Result
     final: bool
@@ -75,12 +77,24 @@ def run_campaign(tasks: Sequence[Task], work: Work, store: Store, engine: Engine
     return [again[task] if task in again else store[task._asdict()] for task in tasks]
 
 
+class WorldError(VsxError):
+    """A task's world cannot be opened; another time its files may be there, or mended."""
+
+
+def world_of(name: str, seed: int) -> EmulatedWorld:
+    """The world of a task. Raises WorldError."""
+    try:
+        return open_world(name, seed)
+    except VsxError as error:
+        raise WorldError(str(error)) from error
+
+
 def guarded(work: Work, task: Task) -> Done:
     """The result of a task, or the reason of its failure: one bad world must not end a campaign of hundreds."""
     try:
         return Done(work(task), True)
     except VsxError as error:
-        return Done({"failed": str(error)}, True)
+        return Done({"failed": str(error)}, not isinstance(error, WorldError))
     except Exception as error:
         trouble = disk_trouble(error) if isinstance(error, OSError) else ""
         reason = trouble or f"internal error, please report it: {type(error).__name__}: {error}"

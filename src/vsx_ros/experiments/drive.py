@@ -14,6 +14,7 @@ import numpy as np
 from vsx_ros.config import Config, LimitsConfig, overridden
 from vsx_ros.control.trajectory_tracker import FollowStatus, TrajectoryTracker
 from vsx_ros.errors import InputError
+from vsx_ros.experiments.campaign import world_of
 from vsx_ros.experiments.trackers import Tracked, both_trackers
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
@@ -23,7 +24,6 @@ from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import STOP
-from vsx_ros.runs.world import open_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.truth import ground_truth_grid
@@ -102,7 +102,7 @@ def limits_of(arm: str, config: Config) -> LimitsConfig:
 def run_drives(task: DriveTask) -> dict[str, Any]:
     """Results of all arms: path, duration, planned and driven way, and each tracker's result. For an arm without a path
     the reason."""
-    world = open_world(task.world, task.seed)
+    world = world_of(task.world, task.seed)
     asked = question(task, world, CONFIG)
     arms = {arm: _drive(arm, asked, task, world, CONFIG) for arm in ARMS}
     return {"start": _row(asked.start), "goal": _row(asked.goal), "arms": arms}

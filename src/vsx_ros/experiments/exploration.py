@@ -11,7 +11,7 @@ from vsx_ros.config import Config
 from vsx_ros.evaluation.page import Section, csv_text, figures, interval, paragraph, table
 from vsx_ros.evaluation.paired import mean_interval, share_interval
 from vsx_ros.evaluation.svg import FIGURE_PX, map_view, plot, window_of
-from vsx_ros.experiments.campaign import Result
+from vsx_ros.experiments.campaign import Result, world_of
 from vsx_ros.exploration.decision import Outcome
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.registry import load_plugins
@@ -54,7 +54,7 @@ def run_whole(run: FastRun, limit_s: float, look: Look | None = None) -> str:
 def explore(task: ExplorationTask) -> dict[str, Any]:
     """The summary of the run, and the distances driven to shares of coverage (known and right)."""
     load_plugins()  # not yet done in a new process
-    run = FastRun(open_world(task.world, task.seed), task.seed, task.planner, load(None, task.settings))
+    run = FastRun(world_of(task.world, task.seed), task.seed, task.planner, load(None, task.settings))
     reached: dict[str, float] = {}
 
     def look(_: int, grid: OccupancyGrid) -> None:

@@ -1,7 +1,7 @@
 """Rows of results, each with its provenance: the code, configuration and machine that produced it.
 
-A file of rows has one line of JSON per question, with the keys of ``Row``. A row is valid only for the same code and
-configuration."""
+A file of rows has one line of JSON per question, with the keys of ``Row``. A row is valid only for the same code,
+configuration and files of its world."""
 
 import hashlib
 import json
@@ -24,8 +24,10 @@ import msgspec
 
 import vsx_ros
 from vsx_ros.config import Config, to_dict
-from vsx_ros.errors import InputError, explained, reason_of
+from vsx_ros.errors import InputError, VsxError, explained, reason_of
 from vsx_ros.limits import LOG_BYTES, file_bytes, json_tree
+from vsx_ros.registry import load_plugins
+from vsx_ros.runs.world import world_files
 
 PACKAGE = Path(vsx_ros.__file__).parent
 _PACKAGES = ("vsx_ros", "numpy", "cv2", "numba")
@@ -46,8 +48,10 @@ class Provenance(msgspec.Struct, frozen=True):
 
 
 class Row(Provenance, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """machine: processor, its cores, and the load (1 min mean). when: UTC, to the second."""
+    """machine: processor, its cores, and the load (1 min mean). when: UTC, to the second. files: hash of the files of
+    the world in ``asked``; empty if there are none."""
 
+    files: str = ""
     machine: dict[str, Any]
     when: str
     asked: dict[str, Any]
@@ -90,6 +94,16 @@ def config_hash(config: Config) -> str:
     return hashlib.sha256(json.dumps(to_dict(config), sort_keys=True).encode()).hexdigest()[:_DIGITS]
 
 
+def files_hash(asked: Mapping[str, Any]) -> str:
+    """Hash of the files of the question's world; empty without a world or for a generator's."""
+    try:
+        files = world_files(str(asked["world"])) if "world" in asked else []
+        contents = [path.read_bytes() for path in files]
+    except (VsxError, OSError):
+        return "unreadable"
+    return hashlib.sha256(b"\0".join(contents)).hexdigest()[:_DIGITS] if files else ""
+
+
 def tell(line: str) -> None:
     """Print a line for the user on stderr, apart from the results."""
     print(line, file=sys.stderr, flush=True)
@@ -110,44 +124,56 @@ def read_rows(path: Path, say: Callable[[str], None]) -> list[Row]:
 
 
 class Store:
-    """The rows of a file that are valid for the current code and configuration; new ones are appended at once."""
+    """The rows of a file that are valid for the current code, plug-ins, configuration and files of worlds; new ones are
+    appended at once."""
 
     def __init__(self, path: Path, config: Config | None = None, rooms: Sequence[Path] = (PACKAGE,)) -> None:
         """config: of the runs. rooms: files and folders with the code they depend on. Other rows stay in the file, and
         their number is reported. Raises InputError when the file cannot be used."""
         with explained(InputError, f"{path} cannot be used", "choose another --out", OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
-        self._path, self._rooms = path, rooms
-        code, of_config = hashes = code_hash(rooms), config_hash(config or Config())
+        self._path, self._rooms = path, [*rooms, *_plugins()]
+        code, of_config = hashes = code_hash(self._rooms), config_hash(config or Config())
         commit, dirty = _commit(rooms)
         self._rests_on = Provenance(commit, dirty, code=code, config=of_config, versions=_versions())
         rows = read_rows(path, tell)
-        self._known = {_key(row.asked): row.result for row in rows if (row.code, row.config) == hashes}
+        self._known = {(_key(row.asked), row.files): row.result for row in rows if (row.code, row.config) == hashes}
+        self._files: dict[str, str] = {}
         self._tell_others(rows)
 
     def __contains__(self, asked: Mapping[str, Any]) -> bool:
-        return _key(asked) in self._known
+        return self._question(asked) in self._known
 
     def __getitem__(self, asked: Mapping[str, Any]) -> Any:
-        return self._known[_key(asked)]
+        return self._known[self._question(asked)]
+
+    def _question(self, asked: Mapping[str, Any]) -> tuple[str, str]:
+        """With the hash of the files of its world, as they were when it was first asked."""
+        key = _key(asked)
+        if key not in self._files:
+            self._files[key] = files_hash(asked)
+        return key, self._files[key]
 
     def add(self, asked: Mapping[str, Any], result: Any) -> None:
         """Append a row, on its own line even if the last line is incomplete. Raises InputError when the file cannot be
-        written, or the code has changed since the start."""
-        if code_hash(self._rooms) != self._rests_on.code:
+        written, or the code or the world's files have changed since the start."""
+        question = key, files = self._question(asked)
+        same_code = code_hash(self._rooms) == self._rests_on.code
+        if not same_code or files_hash(asked) != files:
+            what = "world" if same_code else "code"
             raise InputError(
-                f"the code was changed while it was measured for {self._path}; begin again with it as it is"
+                f"the {what} was changed while it was measured for {self._path}; begin again with it as it is"
             )
         machine = {"processor": _processor(), "cores": os.cpu_count(), "load": round(os.getloadavg()[0], 1)}
         when = datetime.now(timezone.utc).isoformat(timespec="seconds")
-        row = {**msgspec.structs.asdict(self._rests_on), "machine": machine, "when": when}
+        row = {**msgspec.structs.asdict(self._rests_on), "files": files, "machine": machine, "when": when}
         line = json.dumps({**row, "asked": dict(asked), "result": result}, separators=(",", ":"))
         remedy = "free the disk, then the same command goes on"
         with explained(InputError, f"{self._path} cannot be written", remedy, OSError), self._path.open("a+b") as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - 1))
             torn = file.read(1) not in (b"\n", b"")
             file.write(b"\n" * torn + line.encode() + b"\n")
-        self._known[_key(asked)] = json.loads(line)["result"]
+        self._known[question] = json.loads(line)["result"]
 
     def _tell_others(self, rows: Sequence[Row]) -> None:
         """Report which rows are not valid now."""
@@ -159,6 +185,12 @@ class Store:
         changed = sum(row.code == code and row.config != config for row in rows)
         if changed:
             tell(f"{self._path}: {changed} rows of another configuration than the present one do not count")
+
+
+def _plugins() -> list[Path]:
+    """The source of each plug-in: its file, or the folder of a package."""
+    files = [Path(module.__file__) for module in load_plugins() if module.__file__]
+    return [file.parent if file.name == "__init__.py" else file for file in files]
 
 
 def _key(asked: Mapping[str, Any]) -> str:
