@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from vsx_ros.evaluation.page import interval
 from vsx_ros.evaluation.paired import group_means, mean_interval, ratio_interval, share_interval, sign_test
 
 
@@ -51,4 +52,18 @@ def test_nothing_proves_nothing():
 
 def test_nothing_divides_nothing():
     assert ratio_interval([1.0, 2.0], [0.0, 0.0]) is None
-    assert np.isfinite(ratio_interval([1.0, 1.0, 1.0], [0.0, 1.0, 0.0])).all()
+    assert ratio_interval([1.0, 1.0, 1.0], [0.0, 1.0, 0.0]) == (3.0, 1.0, None), "draws without the one are infinite"
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 8, 10, 19])
+def test_intervals_of_few_values_hold_the_mean_as_often_as_they_say(n):
+    drawn = np.random.default_rng(1).normal(10.0, 1.0, (600, n))
+    intervals = [mean_interval(values.tolist()) for values in drawn]
+    assert np.mean([interval.low <= 10.0 <= interval.high for interval in intervals]) >= 0.92
+
+
+def test_one_value_has_no_bounds():
+    assert mean_interval([0.95]) == (0.95, None, None)
+    assert ratio_interval([3.0], [2.0]) == (1.5, None, None)
+    assert interval(mean_interval([0.95])) == "0.95 [unknown, unknown]"
+    assert interval(ratio_interval([1.0, 1.0, 1.0], [0.0, 1.0, 0.0])) == "3.00 [1.00, unknown]"

@@ -70,7 +70,10 @@ def png_figure(caption: str, png: bytes) -> str:
 
 def interval(value: Interval | None, form: str = ".2f") -> str:
     """A value with its interval, as text."""
-    return "unknown" if value is None else f"{value.value:{form}} [{value.low:{form}}, {value.high:{form}}]"
+    if value is None:
+        return "unknown"
+    low, high = ("unknown" if end is None else f"{end:{form}}" for end in value[1:])
+    return f"{value.value:{form}} [{low}, {high}]"
 
 
 _STYLE = """

@@ -8,19 +8,21 @@ from collections.abc import Hashable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
 from vsx_ros.arrays import FloatArray
 
 _RESAMPLES = 4000  # of the bootstrap
+_FEW = 20  # values; the bootstrap of fewer is too narrow
 _Z95 = 1.959963984540054  # two-sided 95 % of the normal distribution
 
 
 class Interval(NamedTuple):
-    """A value with its 95 % confidence interval."""
+    """A value with its 95 % confidence interval. A bound is None if it is unknown or not finite."""
 
     value: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
 
 
 def group_means(groups: Sequence[Hashable], values: Sequence[float]) -> list[float]:
@@ -32,12 +34,17 @@ def group_means(groups: Sequence[Hashable], values: Sequence[float]) -> list[flo
 
 
 def mean_interval(values: Sequence[float]) -> Interval | None:
-    """The mean and its bootstrap percentiles (Efron 1979)."""
-    return _bootstrap(np.asarray(values, float)[:, None])
+    """The mean, and below 20 values Student's t interval, which their bootstrap would not reach; else the bootstrap
+    percentiles (Efron 1979)."""
+    if not 1 < len(values) < _FEW:
+        return _bootstrap(np.asarray(values, float)[:, None])
+    mean, half = np.mean(values), stdtrit(len(values) - 1, 0.975) * np.std(values, ddof=1) / math.sqrt(len(values))
+    return Interval(float(mean), float(mean - half), float(mean + half))
 
 
 def ratio_interval(above: Sequence[float], below: Sequence[float]) -> Interval | None:
-    """The ratio of the means of paired values; pairs are drawn together. Also None if all of ``below`` are zero."""
+    """The ratio of the means of paired values; pairs are drawn together. Also None if all of ``below`` are zero. A draw
+    whose ``below`` are all zero counts as infinite."""
     return _bootstrap(np.column_stack([above, below]))
 
 
@@ -50,8 +57,10 @@ def _bootstrap(rows: FloatArray) -> Interval | None:
         values = means[:, 0] if means.shape[1] == 1 else means[:, 0] / means[:, 1]
     if not np.isfinite(values[0]):
         return None
-    low, high = np.percentile(values[np.isfinite(values)], [2.5, 97.5])
-    return Interval(float(values[0]), float(low), float(high))
+    known = values[~np.isnan(values)]
+    ends = np.percentile(known, 2.5, method="lower"), np.percentile(known, 97.5, method="higher")
+    low, high = (float(end) if len(rows) > 1 and np.isfinite(end) else None for end in ends)
+    return Interval(float(values[0]), low, high)
 
 
 def share_interval(hits: float, count: int) -> Interval | None:

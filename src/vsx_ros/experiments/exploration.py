@@ -90,7 +90,8 @@ def section(runs: Runs) -> Section:
         for world, planner in kinds
     ]
     failed = [[task.world, str(task.seed), task.planner, why] for task, result in runs for why in _faults(result)]
-    words = paragraph("Brackets: 95 % (bootstrap over runs; Wilson for shares of runs).") + table(_HEADER, rows)
+    brackets = "bootstrap over runs, Student's t for means of fewer than 20; Wilson for shares of runs"
+    words = paragraph(f"Brackets: 95 % ({brackets}).") + table(_HEADER, rows)
     wrong = f"<h3>What went wrong: {len(failed)}</h3>" + table(["world", "seed", "planner", "what"], failed)
     return Section("Explorations", words + wrong)
 

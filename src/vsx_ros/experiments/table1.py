@@ -171,7 +171,8 @@ _PROTOCOL = (
     "was looked for or found, the mean over the points as said; in seconds, of points found three times. Broken: lost "
     "at the end, or wrong by more than 15 cm rms, or jumped against odometry. ATE: of the tracked poses, with scale "
     "alignment for the tracker as in the paper. In parentheses of how many drives where it is not known of all. A "
-    "world counts once, with the mean of its drives. Brackets: 95 % (bootstrap over worlds; Wilson for breaks). By "
+    "world counts once, with the mean of its drives. Brackets: 95 % (bootstrap over worlds, for means of fewer "
+    "than 20 Student's t; Wilson for breaks). By "
     "chance: sign test over worlds. As in the paper: visual motion model, no wheels, a keyframe at most every 20 "
     "frames of 30 Hz and never for a turn."
 )
