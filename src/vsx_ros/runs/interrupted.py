@@ -31,7 +31,8 @@ class KnownRun(NamedTuple):
 
 def unfinished(folder: RunFolder) -> KnownRun | None:
     """What the journals know; None if the folder has a summary of all their frames, and of how the run ended: the node
-    vslam alone does not know that. Raises InputError for damage, also of config.yaml if it is needed, or ConfigError."""
+    vslam alone does not know that. Raises InputError for damage, also of config.yaml if that is needed, or
+    ConfigError."""
     if (folder.path / "summary.json").exists():
         try:
             seen = read_journal(folder.journal)
