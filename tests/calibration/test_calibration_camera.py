@@ -87,6 +87,15 @@ def test_views_from_one_side_only_are_no_good_calibration():
     assert "tilt it" in str(result.verdict)
 
 
+def test_a_board_that_faces_the_camera_determines_no_focal_length():
+    rng = np.random.default_rng(0)
+    flat = [pose(x, y, z, 0.0, 0.0) for z in (0.35, 0.45, 0.6) for x in (-0.1, 0.0, 0.1) for y in (-0.06, 0.06)]
+    views = [BoardView(str(k), exact(T) + rng.normal(0, 0.15, (48, 2))) for k, T in enumerate(flat)]
+    result = calibrate_camera(BOARD, views, *SIZE)
+    assert result.verdict.grade is Grade.BAD, result.report()
+    assert result.focal_sigma_px > abs(result.camera.fx - CAMERA.fx)
+
+
 def test_too_few_views_are_refused(views):
     with pytest.raises(InputError, match="4 are needed"):
         calibrate_camera(BOARD, views[:3], *SIZE)

@@ -30,6 +30,7 @@ GOOD_FOCAL_RATIO, USABLE_FOCAL_RATIO = 0.003, 0.015  # standard deviation: 1 cm 
 COVER_CELLS = (8, 6)  # of the image, columns and rows
 GOOD_COVER, GOOD_TILT_RAD = 0.6, math.radians(20.0)  # of the cells; flat views do not determine the focal length
 NOVEL, MAX_VIEWS = 0.2, 40  # sum of differences of place, size and tilt (each about 0 to 1); limit to save time
+_LEAST = 1e-15  # information, as a share: below it there is none
 EDGE, NEAR, FAR, TILT = 0.12, 0.4, 0.35, 0.08  # shares of the image; log ratio of opposite sides of the board
 
 
@@ -149,27 +150,40 @@ def _fitted(
         return _fisheye(objects, pixels, size, start)
     flags = cv2.CALIB_RATIONAL_MODEL if name == RATIONAL else cv2.CALIB_FIX_K3
     corners, seen = ([np.asarray(each[0], np.float32) for each in part] for part in (objects, pixels))
-    rms, K, D, rotations, _, sigmas, _, view_rms = cv2.calibrateCameraExtended(
+    rms, K, D, rotations, shifts, _, _, view_rms = cv2.calibrateCameraExtended(
         corners, seen, size, start, np.zeros(8), flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS
     )
-    return float(rms), K, D, rotations, sigmas, view_rms
+    posed = zip(corners, rotations, shifts)
+    projected = [cv2.projectPoints(points, rotation, shift, K, D)[1] for points, rotation, shift in posed]
+    by_view = [np.hstack([J[:, 6 : 10 + COEFFICIENTS[name]], J[:, :6]]) for J in projected]
+    return float(rms), K, D, rotations, _sigmas(by_view, view_rms.ravel()), view_rms
 
 
 def _fisheye(objects: list[FloatArray], pixels: list[FloatArray], size: tuple[int, int], start: FloatArray) -> Fit:
-    """Standard errors come from the inverse of the normal equations: OpenCV gives none for a fisheye."""
     flags = cv2.fisheye.CALIB_RECOMPUTE_EXTRINSIC | cv2.fisheye.CALIB_FIX_SKEW | cv2.fisheye.CALIB_USE_INTRINSIC_GUESS
     rms, K, D, rotations, shifts = cv2.fisheye.calibrate(objects, pixels, size, start, np.zeros((4, 1)), flags=flags)
-    count, view_rms = len(objects), list[float]()
-    H = np.zeros((8 + 6 * count, 8 + 6 * count))
-    for k, (points, seen) in enumerate(zip(objects, pixels)):
-        again, J = cv2.fisheye.projectPoints(points, rotations[k], shifts[k], K, D)
+    by_view, view_rms = list[FloatArray](), list[float]()
+    for points, seen, rotation, shift in zip(objects, pixels, rotations, shifts):
+        again, J = cv2.fisheye.projectPoints(points, rotation, shift, K, D)
         view_rms.append(math.sqrt(float(((again - seen) ** 2).sum()) / points.shape[1]))
-        columns = np.r_[0:8, 8 + 6 * k : 14 + 6 * k]  # fx, fy, cx, cy, k1 to k4; rotation, shift
-        H[np.ix_(columns, columns)] += J[:, :14].T @ J[:, :14]
-    freedom = max(1, 2 * sum(points.shape[1] for points in objects) - len(H))
-    noise = float(np.square(view_rms) @ [points.shape[1] for points in objects]) / freedom
-    sigmas = np.sqrt(np.maximum(noise * np.diag(np.linalg.pinv(H)), 0.0))
-    return float(rms), K, D, rotations, sigmas, np.array(view_rms)
+        by_view.append(J[:, :14])
+    return float(rms), K, D, rotations, _sigmas(by_view, np.array(view_rms)), np.array(view_rms)
+
+
+def _sigmas(by_view: Sequence[FloatArray], view_rms_px: FloatArray) -> FloatArray:
+    """Standard errors of the lens's L parameters. by_view: of each view's pixels the derivatives (2 N, L + 6) by these
+    and by the board's pose. OpenCV leaves out what the views do not determine, and so calls it exact."""
+    lens = by_view[0].shape[1] - 6
+    size = lens + 6 * len(by_view)
+    H = np.zeros((size, size))
+    for k, J in enumerate(by_view):
+        columns = np.r_[:lens, lens + 6 * k : lens + 6 * k + 6]
+        H[np.ix_(columns, columns)] += J.T @ J
+    points = np.array([len(J) // 2 for J in by_view])
+    noise = float(np.square(view_rms_px) @ points) / max(1, 2 * points.sum() - size)
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(H), _LEAST))
+    information, axes = np.linalg.eigh(H * unit * unit[:, None])
+    return np.asarray(unit * np.sqrt(noise * (axes**2 @ (1.0 / np.maximum(information, _LEAST)))))
 
 
 def _verdict(rms_px: float, ratio: float, views: int, cover: float, tilt: float) -> Verdict:
