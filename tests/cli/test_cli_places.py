@@ -209,15 +209,23 @@ def test_the_zones_of_a_run_whose_map_was_written_without_them_are_not_lost(
     assert [zone.name for zone in load_zones(zone_file(tmp_path / "lab.vsxmap"))] == ["rug", "door"]
 
 
-@pytest.mark.parametrize("option", ["--load-map", "--zones"])
+@pytest.mark.parametrize(
+    ("option", "name"),
+    [
+        ("--load-map", "map.vsxmap"),
+        ("--zones", "map_zones.yaml"),
+        ("--world", "map.yaml"),
+        ("--world", "map.pgm"),
+        ("--world", "world.yaml"),
+    ],
+)
 def test_a_new_run_does_not_empty_the_folder_of_the_map_it_begins_with(
-    zoned_run: RunFolder, tmp_path: Path, option: str, capsys: pytest.CaptureFixture[str]
+    zoned_run: RunFolder, tmp_path: Path, option: str, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = copied(zoned_run, tmp_path / "run")
     assert execute(["map", "save", str(run.path)]) == 0
     before = {path: path.read_bytes() for path in run.path.rglob("*") if path.is_file()}
-    given = run.path / {"--load-map": "map.vsxmap", "--zones": "map_zones.yaml"}[option]
-    assert execute(["explore", "--fast", option, str(given), "--out", str(run.path), "--time", "2"]) == 1
+    assert execute(["explore", "--fast", option, str(run.path / name), "--out", str(run.path), "--time", "2"]) == 1
     assert "which a new run empties; choose another folder" in capsys.readouterr().err
     assert {path: path.read_bytes() for path in run.path.rglob("*") if path.is_file()} == before
 

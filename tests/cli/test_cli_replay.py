@@ -14,6 +14,7 @@ import yaml
 from chromium import EXECUTABLE, Chromium
 
 from vsx_ros.cli.main import execute
+from vsx_ros.config import Config
 from vsx_ros.evaluation.summary import Summary
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
@@ -277,6 +278,17 @@ def test_what_lies_beside_a_map_goes_on_with_it_and_not_with_another(drive, tmp_
     assert execute(["replay", str(drive), *inside]) == 1
     assert "which a new run empties" in capsys.readouterr().err
     assert (tmp_path / "first/summary.json").exists()
+
+
+@pytest.mark.parametrize("given", ["input", "calibration"])
+def test_a_replay_does_not_empty_the_folder_that_it_reads(drive, tmp_path, given, capsys):
+    run = RunFolder.create(tmp_path / "run")
+    run.write_config(Config(), ["vsx", "replay"])
+    shutil.copytree(drive, run.path, dirs_exist_ok=True)
+    words = {"input": [str(run.path)], "calibration": [str(drive), "--calibration", str(run.path / "camera.json")]}
+    assert execute(["replay", *words[given], "--out", str(run.path)]) == 1
+    assert "which a new run empties" in capsys.readouterr().err
+    assert (run.path / "groundtruth.txt").exists()
 
 
 def test_a_map_that_does_not_fit_or_cannot_be_saved_stops_before_the_replay(drive, tmp_path, capsys):

@@ -84,6 +84,16 @@ def test_other_folders_are_not_touched(tmp_path):
         RunFolder.create(tmp_path / "thesis.txt")
 
 
+@pytest.mark.parametrize("name", ["config.yaml", "summary.json"])
+def test_files_of_others_with_the_same_names_are_not_deleted(tmp_path, name):
+    files = [tmp_path / each for each in (name, "map.pgm", "map.yaml", "world.yaml", "report.html")]
+    for file in files:
+        file.write_text("robot: {radius_m: 0.2}")
+    with pytest.raises(InputError, match="not a run folder"):
+        RunFolder.create(tmp_path)
+    assert all(file.exists() for file in files)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "read"),
     [

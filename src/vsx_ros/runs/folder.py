@@ -28,7 +28,7 @@ from vsx_ros.limits import LOG_BYTES, TEXT_BYTES, file_text, json_tree, yaml_tre
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.runs.checkpoint import Checkpoint
 from vsx_ros.runs.journal import RunEvent
-from vsx_ros.runs.versions import installed_versions
+from vsx_ros.runs.versions import installed_versions, is_of_a_run
 
 FILES = (
     "summary.json", "config.yaml", "trajectory.txt", "trajectory_final.txt", "odometry.txt", "groundtruth.txt",
@@ -65,7 +65,7 @@ class RunFolder:
     def check(path: Path) -> None:
         """Raises InputError if something else has this path, or no folder can be made and written there."""
         with _making(path):
-            if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not _is_run(path))):
+            if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not is_of_a_run(path / "config.yaml"))):
                 raise InputError(f"{path} exists and is not a run folder; choose another with --out, or remove it")
             try_to_make(path)
 

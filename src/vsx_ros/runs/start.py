@@ -21,7 +21,7 @@ from vsx_ros.runs.places import given_zones
 from vsx_ros.runs.process import DONE, FAILED, LOST
 from vsx_ros.runs.rooms import room_beside
 from vsx_ros.runs.session import end_trail
-from vsx_ros.runs.world import open_world
+from vsx_ros.runs.world import open_world, world_files
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.world_file import load_world, save_world
@@ -90,7 +90,7 @@ def check_files(args: argparse.Namespace) -> None:
         args.zones = str(Path(args.zones).resolve())
         given_zones(Path(args.zones))
     if args.out is not None:
-        keep_apart(args.out, args.load_map, args.zones)
+        keep_apart(args.out, args.load_map, args.zones, *(world_files(args.world) if args.world else ()))
 
 
 def keep_apart(out: Path, *inputs: Path | str | None) -> None:
@@ -143,11 +143,10 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
 
 def opened_recording(args: argparse.Namespace) -> Recording:
     """The recording of the options, with a camera; damage is reported. Raises InputError if it cannot be used as
-    requested, CalibrationError for an unreadable calibration, ConfigError if the map to go on with lies in the run
-    folder."""
-    if args.out is not None:
-        keep_apart(args.out, args.load_map)
+    requested, CalibrationError for an unreadable calibration, ConfigError if an input lies in the run folder."""
     RunFolder.check(args.out or dated(args.input.stem))
+    if args.out is not None:
+        keep_apart(args.out, args.load_map, args.input, args.calibration)
     recording = open_recording(args.input, args.image_topic, args.odometry_topic)
     if recording.damage:
         print(f"vsx: {recording.damage}", file=sys.stderr)

@@ -3,8 +3,10 @@
 import platform
 from contextlib import suppress
 from importlib import metadata
+from pathlib import Path
 
 from vsx_ros import __version__
+from vsx_ros.limits import TEXT_BYTES, file_bytes
 
 _PACKAGES = ("numpy", "numba", "opencv-python-headless", "scipy", "daqp", "ruckig", "rosbags", "msgspec")
 
@@ -17,3 +19,12 @@ def installed_versions() -> dict[str, str]:
         with suppress(metadata.PackageNotFoundError):
             versions[name] = metadata.version(name)
     return versions
+
+
+def is_of_a_run(config: Path) -> bool:
+    """Whether a run wrote this config.yaml; the configuration of another program, or the user's own, has no versions in
+    it."""
+    with suppress(OSError, ValueError):
+        names = {line.partition(b":")[0] for line in file_bytes(config, TEXT_BYTES).splitlines()}
+        return {b"versions", b"config"} <= names
+    return False
