@@ -26,14 +26,14 @@ def test_the_printed_tree_is_read_back(tmp_path, capsys):
 
 @pytest.mark.parametrize("text", ["2e-1", "5e-05", "0.25"])
 def test_numbers_are_read_as_python_writes_them(text, capsys):
-    assert execute(["config", "--set", f"limits.v_m_s={text}"]) == 0
-    assert from_dict(yaml.safe_load(capsys.readouterr().out)).limits.v_m_s == float(text)
+    assert execute(["config", "--set", f"dense.min_texture={text}"]) == 0
+    assert from_dict(yaml.safe_load(capsys.readouterr().out)).dense.min_texture == float(text)
 
 
 def test_entries_tell_unit_and_bound():
     lines = {line.split(":")[0].strip(): line for line in commented_yaml(Config()).splitlines() if ":" in line}
-    assert lines["phi_rad_m"].endswith("# rad/m, > 0")
-    assert lines["jerk_m_s3"].endswith("# m/s^3, > 0 and <= 100")
+    assert lines["phi_rad_m"].endswith("# rad/m, >= 0.01")
+    assert lines["jerk_m_s3"].endswith("# m/s^3, >= 0.01 and <= 100")
     assert lines["good_ratio"].endswith("# >= 0 and <= 1")
     assert lines["pitch_down_rad"].endswith("# rad, >= -0.8 and <= 0.8")
 
@@ -77,6 +77,28 @@ def test_wrong_parameters_are_named(tmp_path, text, assignments, message):
     with pytest.raises(ConfigError, match=message) as caught:
         load(tmp_path / "a.yaml", assignments)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("assignment", "names"),
+    [
+        ("slam.initialization.baseline_m=0.7", ("slam.initialization.baseline_m", "baseline_max_m, 0.6")),
+        ("ground_map.obstacle_min_height_m=0.7", ("ground_map.obstacle_min_height_m", "obstacle_max_height_m, 0.6")),
+        ("ground_map.obstacle_max_height_m=0.06", ("ground_map.obstacle_min_height_m", "obstacle_max_height_m, 0.06")),
+        ("slam.tracker.good_ratio=0.05", ("slam.tracker.lost_ratio", "slam.tracker.good_ratio, 0.05")),
+        ("runs.checkpoint_s=1e300", ("runs.checkpoint_s",)),
+        ("exploration.blacklist_s=1e300", ("exploration.blacklist_s",)),
+        ("planner.sight_landmarks=100000000000000000000", ("planner.sight_landmarks",)),
+        ("limits.v_m_s=1e-9", ("limits.v_m_s",)),
+        ("planner.phi_rad_m=1e-6", ("planner.phi_rad_m",)),
+        ("ground_map.resolution_m=0.001", ("ground_map.resolution_m",)),
+        ("robot.radius_m=5", ("robot.radius_m",)),
+    ],
+)
+def test_parameters_with_which_nothing_would_work_are_refused(assignment, names):
+    with pytest.raises(ConfigError) as caught:
+        load(None, [assignment])
+    assert all(name in str(caught.value) for name in names)
 
 
 def test_a_missing_file_is_named(tmp_path, capsys):

@@ -3,7 +3,6 @@ that receive them. ``vsx config`` prints this tree; config/default.yaml is gener
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 from typing import Annotated, Any
@@ -22,14 +21,24 @@ from vsx_ros.config.maps import (
     RoomsConfig,
     SlamConfig,
 )
-from vsx_ros.config.running import ComputingConfig, DockingConfig, RunsConfig
+from vsx_ros.config.running import ComputingConfig, DockingConfig, RunsConfig, SelfCalibrationConfig
 from vsx_ros.errors import ConfigError, did_you_mean
 
 __all__ = [
     "ComputingConfig", "Config", "DenseConfig", "DockingConfig", "ExplorationConfig", "FollowerConfig",
     "GroundMapConfig", "LimitsConfig", "MountConfig", "OdometryConfig", "PlannerConfig", "RobotConfig", "RoomsConfig",
-    "RunsConfig", "SlamConfig", "from_dict", "overridden", "to_dict",
+    "RunsConfig", "SelfCalibrationConfig", "SlamConfig", "from_dict", "overridden", "to_dict",
 ]  # fmt: skip
+
+_MOST = 1e9  # of any number: more is a mistake, and overflows as a time in nanoseconds
+_ASCENDING = (
+    ("slam.initialization.baseline_m", "slam.initialization.baseline_max_m"),
+    ("slam.tracker.lost_ratio", "slam.tracker.good_ratio"),
+    ("ground_map.obstacle_min_height_m", "ground_map.obstacle_max_height_m"),
+    ("dense.min_parallax_deg", "dense.max_parallax_deg"),
+    ("dense.min_range_m", "dense.max_range_m"),
+    ("docking.reserve_ratio", "docking.charged_ratio"),
+)
 
 
 class MountConfig(Branch, frozen=True):
@@ -49,28 +58,10 @@ class OdometryConfig(Branch, frozen=True):
     angular_scale: Annotated[float, Meta(ge=0.5, le=2)] = 1.0
 
 
-class SelfCalibrationConfig(Branch, frozen=True):
-    """Calibration of wheels and gyro while driving. Their values are used unchanged until the images contradict them by
-    apply_sigmas and by a share of the distance or turn (apply_ratio) or a rate (apply_zero_rad_s). Below that, a
-    correction would cost a calibrated robot more than it gains. From then on the values found are applied. A value with
-    a standard deviation above its max_*_sigma* is not reported. Turns are measured relative to the camera's focal
-    length, distances relative to its height."""
-
-    enabled: bool = False  # a calibrated robot maps better without
-    focal_sigma_ratio: Positive = 0.002
-    mount_height_sigma_m: Positive = 0.003
-    apply_sigmas: Annotated[float, Meta(ge=1)] = 3.0
-    apply_ratio: NonNegative = 0.03
-    apply_zero_rad_s: NonNegative = 0.004
-    max_way_sigma: Positive = 0.02
-    max_turn_sigma: Positive = 0.01
-    max_zero_sigma_rad_s: Positive = 0.004
-
-
 class RobotConfig(Branch, frozen=True):
     """The body."""
 
-    radius_m: Positive = 0.18
+    radius_m: Annotated[float, Meta(gt=0, le=1)] = 0.18
     height_m: Positive = 0.45
     mount: MountConfig = MountConfig()
     odometry: OdometryConfig = OdometryConfig()
@@ -81,12 +72,12 @@ class LimitsConfig(Branch, frozen=True):
     obstacles found too near for a_m_s2: a stop from 0.3 m/s takes 6 cm instead of 10. The bases can stop harder, as
     they do for a hazard, but then the images blur."""
 
-    v_m_s: Annotated[float, Meta(gt=0, le=0.7)] = 0.3
-    a_m_s2: Annotated[float, Meta(gt=0, le=3)] = 0.6
-    jerk_m_s3: Annotated[float, Meta(gt=0, le=100)] = 4.0
-    omega_rad_s: Annotated[float, Meta(gt=0, le=3.2)] = 0.6
-    alpha_rad_s2: Annotated[float, Meta(gt=0, le=20)] = 2.0
-    a_stop_m_s2: Annotated[float, Meta(gt=0, le=3)] = 1.0
+    v_m_s: Annotated[float, Meta(ge=0.01, le=0.7)] = 0.3
+    a_m_s2: Annotated[float, Meta(ge=0.01, le=3)] = 0.6
+    jerk_m_s3: Annotated[float, Meta(ge=0.01, le=100)] = 4.0
+    omega_rad_s: Annotated[float, Meta(ge=0.01, le=3.2)] = 0.6
+    alpha_rad_s2: Annotated[float, Meta(ge=0.01, le=20)] = 2.0
+    a_stop_m_s2: Annotated[float, Meta(ge=0.01, le=3)] = 1.0
     # Delay from a command to the wheels: 0.2 s of the base, the follower's period, a message.
     reaction_s: NonNegative = 0.3
 
@@ -101,7 +92,7 @@ class LimitsConfig(Branch, frozen=True):
 class PlannerConfig(Branch, frozen=True):
     """Motion planning (paper 4)."""
 
-    phi_rad_m: Positive = 2.0
+    phi_rad_m: Annotated[float, Meta(ge=0.01)] = 2.0
     # Clearance beside the body in the map, which may be 2 cm off: always kept, and kept where that is no detour.
     clearance_m: NonNegative = 0.07
     preferred_clearance_m: NonNegative = 0.15
@@ -111,8 +102,8 @@ class PlannerConfig(Branch, frozen=True):
     sight_landmarks: Count = 20
     sight_fov_rad: Annotated[float, Meta(gt=0, lt=3.14)] = 1.05
     sight_range_m: Positive = 5.0
-    blind_v_m_s: Positive = 0.2
-    unmapped_v_m_s: Positive = 0.08  # before there is a map
+    blind_v_m_s: Annotated[float, Meta(ge=0.01)] = 0.2
+    unmapped_v_m_s: Annotated[float, Meta(ge=0.01)] = 0.08  # before there is a map
     max_blind_m: NonNegative = 2.0
     # Costs as extra metres: of a cusp, of a stop where only the curvature jumps, of a metre driven blind. A drive with
     # the preferred clearance may take longer by a share, and by the time of a length.
@@ -204,9 +195,13 @@ def from_dict(tree: dict[str, Any]) -> Config:
     except msgspec.ValidationError as error:
         wrong = f"{error}{_given(tree, str(error))}"
         raise ConfigError(f"configuration: {wrong}; 'vsx config' prints every name, unit and default") from error
-    for name, value in _leaves(to_dict(config)):
-        if isinstance(value, float) and not math.isfinite(value):
-            raise ConfigError(f"configuration: {name} is {value}; it needs a finite number")
+    values = dict(_leaves(to_dict(config)))
+    for name, value in values.items():
+        if isinstance(value, int | float) and not abs(value) <= _MOST:
+            raise ConfigError(f"configuration: {name} is {value}; it needs a number of at most {_MOST:g}")
+    for low, high in _ASCENDING:
+        if values[low] >= values[high]:
+            raise ConfigError(f"configuration: {low} is {values[low]:g}; it must be below {high}, {values[high]:g}")
     return config
 
 

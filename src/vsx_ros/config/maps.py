@@ -178,7 +178,7 @@ class GroundMapConfig(Branch, frozen=True):
     robot (TurtleBot 2). An unseen gap in a straight wall up to wall_gap_m is wall, too. Points (or a few points) are
     noise when this many times more keyframes looked through their place."""
 
-    resolution_m: Positive = 0.05
+    resolution_m: Annotated[float, Meta(ge=0.01, le=0.5)] = 0.05
     obstacle_min_height_m: NonNegative = 0.06
     obstacle_max_height_m: Positive = 0.60
     clear_max_height_m: Positive = 0.42

@@ -1,10 +1,28 @@
-"""Parameters of runs: docking, what they store, and what computing costs in lock-step."""
+"""Parameters of runs: calibration while driving, docking, what they store, and what computing costs in lock-step."""
 
 from typing import Annotated
 
 from msgspec import Meta
 
 from vsx_ros.config.maps import Branch, Count, NonNegative, Positive, Ratio
+
+
+class SelfCalibrationConfig(Branch, frozen=True):
+    """Calibration of wheels and gyro while driving. Their values are used unchanged until the images contradict them by
+    apply_sigmas and by a share of the distance or turn (apply_ratio) or a rate (apply_zero_rad_s). Below that, a
+    correction would cost a calibrated robot more than it gains. From then on the values found are applied. A value with
+    a standard deviation above its max_*_sigma* is not reported. Turns are measured relative to the camera's focal
+    length, distances relative to its height."""
+
+    enabled: bool = False  # a calibrated robot maps better without
+    focal_sigma_ratio: Positive = 0.002
+    mount_height_sigma_m: Positive = 0.003
+    apply_sigmas: Annotated[float, Meta(ge=1)] = 3.0
+    apply_ratio: NonNegative = 0.03
+    apply_zero_rad_s: NonNegative = 0.004
+    max_way_sigma: Positive = 0.02
+    max_turn_sigma: Positive = 0.01
+    max_zero_sigma_rad_s: Positive = 0.004
 
 
 class DockingConfig(Branch, frozen=True):
