@@ -102,12 +102,35 @@ def test_what_the_map_hides_of_a_wrong_readout_is_made_up_for():
 
 
 def test_an_impossible_or_vague_result_is_told():
-    exact, vague = Factor(0.03, 1e-4, 100.0), Factor(0.03, 0.02, 100.0)
+    exact, vague = Factor(0.001, 1e-4, 100.0), Factor(0.03, 0.02, 100.0)
     assert concluded(exact, [(0.02, exact)]).verdict.grade is Grade.GOOD
     assert "change the turn's direction" in str(concluded(vague, [(0.02, exact)]).verdict)
     slow = concluded(exact, [(0.09, Factor(0.05, 1e-4, 100.0))]).verdict
     assert slow.grade is Grade.BAD
     assert "100 ms or more" in str(slow)
+
+
+@pytest.mark.parametrize(("step_s", "grade"), [(0.002, Grade.GOOD), (0.005, Grade.USABLE), (0.03, Grade.BAD)])
+def test_a_search_that_has_not_settled_is_told(step_s, grade):
+    result = concluded(Factor(0.03, 1e-4, 100.0), [(0.02, Factor(step_s, 1e-4, 100.0))])
+    assert result.verdict.grade is grade
+    assert ("still changes by" in str(result.verdict)) is (grade is not Grade.GOOD)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.7, 0.5])
+def test_the_standard_error_of_the_readout_counts_what_the_map_hides(share):
+    rng, true_s, sigma_s, off = np.random.default_rng(0), 0.026, 0.0005, []
+    for _ in range(400):
+        readout_s, tried = float(rng.uniform(0.0, 0.04)), []
+        for _ in range(3):
+            found_s = share * (true_s - readout_s) + float(rng.normal(0.0, sigma_s))
+            tried.append((readout_s, Factor(found_s, sigma_s, 100.0)))
+            readout_s = next_readout(tried)
+        result = concluded(Factor(0.02, 3e-4, 100.0), tried)
+        if result.verdict.grade is Grade.GOOD:
+            off.append((result.readout.value - true_s) / result.readout.sigma)
+    assert len(off) > 200
+    assert np.sqrt(np.mean(np.square(off))) < 1.5
 
 
 @pytest.fixture(scope="module")

@@ -107,16 +107,20 @@ def next_readout(tried: Sequence[tuple[float, Factor]]) -> float:
 
     A map made with a wrong readout explains a part of it, so the change found is less than the true one."""
     readout_s, change = tried[-1]
-    share = 1.0
-    if len(tried) > 1 and readout_s != tried[-2][0]:
-        slope = (tried[-2][1].value - change.value) / (readout_s - tried[-2][0])
-        share = min(1.0, max(LEAST_SHARE, slope))
-    return min(max(0.0, readout_s + change.value / share), POSSIBLE_READOUT_S)
+    return min(max(0.0, readout_s + change.value / _share(tried)), POSSIBLE_READOUT_S)
+
+
+def _share(tried: Sequence[tuple[float, Factor]]) -> float:
+    """The share of a change that is found, by the last two rounds."""
+    (before_s, before), (readout_s, change) = tried[-2:] if len(tried) > 1 else (tried[0], tried[0])
+    slope = 1.0 if readout_s == before_s else (before.value - change.value) / (readout_s - before_s)
+    return min(1.0, max(LEAST_SHARE, slope))
 
 
 def concluded(latency: Factor, tried: Sequence[tuple[float, Factor]]) -> ShutterCalibration:
     """The result with its verdict. latency: by ``pose_delay``; tried: the readouts and their changes."""
-    readout_s, sigma = next_readout(tried), tried[-1][1].sigma
+    readout_s, share = next_readout(tried), _share(tried)
+    step_s, sigma = abs(readout_s - tried[-1][0]), tried[-1][1].sigma / share
     latency = latency._replace(sigma=math.hypot(latency.sigma, 0.5 * sigma))
     said = ("turn more, and change the turn's direction more often", latency.sigma), (
         "turn faster, with more texture in sight", sigma
@@ -125,6 +129,8 @@ def concluded(latency: Factor, tried: Sequence[tuple[float, Factor]]) -> Shutter
         (Grade.of(off <= GOOD_S, off <= USABLE_S), f"known to {1e3 * off:.1f} ms only: {remedy}")
         for remedy, off in said
     ]
+    settled = f"the readout still changes by {1e3 * step_s:.1f} ms: give --set slam.shutter.readout_s={readout_s:.3f}"
+    findings.append((Grade.of(step_s <= GOOD_S, step_s <= USABLE_S), settled))
     possible = readout_s < POSSIBLE_READOUT_S
     findings.append((Grade.of(possible, False), f"a readout of {1e3 * readout_s:.0f} ms or more cannot be"))
     return ShutterCalibration(latency, Factor(readout_s, sigma, tried[-1][1].measured), Verdict(findings))
