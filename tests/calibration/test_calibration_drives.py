@@ -10,12 +10,14 @@ from board_pictures import CAMERA, Photographer
 from calibration.drives import record
 
 from vsx_ros.calibration.board import Board
-from vsx_ros.cli.main import execute
-from vsx_ros.geometry.mount import mount_pose
+from vsx_ros.cli.main import execute, parse
+from vsx_ros.cli.recorded_drive import known_before
+from vsx_ros.config import Config
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.trajectory_file import write_trajectory
+from vsx_ros.runs.parameters import default_robot_file, update_robot_file
 
 
 @pytest.fixture(scope="module")
@@ -155,3 +157,12 @@ def test_a_board_on_the_wall_tells_way_and_turn(tmp_path):
     found = calibrated(["odometry", tmp_path, "--board", "8x6x0.06"], tmp_path / "robot.yaml")["odometry"]
     assert found["linear_scale"] == pytest.approx(1.0 / 1.03, rel=0.005)
     assert found["angular_scale"] == pytest.approx(1.0 / 0.96, rel=0.01)
+
+
+def test_the_factors_of_the_recording_are_those_of_the_robots_file(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    words = ["calibrate", "odometry", "x.bag"]
+    assert known_before(parse(words)) == Config()
+    update_robot_file(default_robot_file(), "robot.odometry", {"linear_scale": 1.05}, "by hand")
+    assert known_before(parse(words)).robot.odometry.linear_scale == 1.05
+    assert known_before(parse([*words, "--out", str(tmp_path / "new.yaml")])) == Config()

@@ -71,6 +71,8 @@ def test_a_recording_is_searched_for_views_that_differ(pictures, tmp_path, capsy
         (["{p}/none", *BOARD], "there is no"),
         ([*BOARD], "--live"),
         (["{p}", "--live", *BOARD], "--live"),
+        (["--live", *BOARD, "--out", "c.yaml"], "leave out --out"),
+        (["--live", *BOARD, "--name", "left"], "leave out --name"),
         (["{t}", *BOARD], "no picture"),
         (["{p}", "{t}/small.png", *BOARD], "64x48"),
         (["{t}/text.png", *BOARD], "it is no JPEG, PNG"),

@@ -48,3 +48,8 @@ def test_figure_4_shows_planes_and_their_surface(tmp_path: Path) -> None:
     page = (tmp_path / "fig4.html").read_text()
     assert page.count("<figure>") == 4
     assert page.count("<polygon") > 50
+
+
+def test_two_choices_of_worlds_contradict_each_other(tmp_path, capsys):
+    assert execute(["reproduce", "fig3", "--seed", "7", "--seeds", "1:3", "--out", str(tmp_path / "out")]) == 1
+    assert "leave out --seeds" in capsys.readouterr().err

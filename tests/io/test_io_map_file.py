@@ -10,6 +10,13 @@ GRID = OccupancyGrid(np.random.default_rng(0).choice([-1, 0, 100], (7, 11)).asty
 YAML = "image: m.png\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
 
 
+def test_a_map_is_not_saved_under_another_name_than_it_is_given(tmp_path):
+    (tmp_path / "floor.pgm").write_bytes(b"another map")
+    with pytest.raises(MapFileError, match=r"end in \.pgm or \.yaml"):
+        save_map(GRID, tmp_path / "floor.1st")
+    assert (tmp_path / "floor.pgm").read_bytes() == b"another map"
+
+
 @pytest.mark.parametrize("name", ["map", "map.yaml", "map.pgm"])
 def test_a_saved_map_is_loaded_back(tmp_path, name):
     save_map(GRID, tmp_path / name)

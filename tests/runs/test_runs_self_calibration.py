@@ -9,10 +9,10 @@ from vsx_ros.calibration.odometry import Factor
 from vsx_ros.calibration.self_calibration import Found
 from vsx_ros.cli.main import execute
 from vsx_ros.config import OdometryConfig
-from vsx_ros.runs.parameters import default_robot_file, load
-from vsx_ros.runs.self_calibration import FILE, write_self_calibration
+from vsx_ros.runs.parameters import default_robot_file, load, update_robot_file
+from vsx_ros.runs.self_calibration import FILE, read_self_calibration, write_self_calibration
 
-WAY, TURN = Factor(1.1, 0.01, 20.0), Factor(0.95, 0.001, 14.0)
+WAY, TURN, VAGUE = Factor(1.1, 0.01, 20.0), Factor(0.95, 0.001, 14.0), Factor(0.95, 0.009, 14.0)
 
 
 def test_what_is_found_multiplies_what_was_known_and_can_be_taken_over(tmp_path, monkeypatch):
@@ -28,10 +28,32 @@ def test_what_is_found_multiplies_what_was_known_and_can_be_taken_over(tmp_path,
     assert load(default_robot_file(), []).robot.odometry == found
 
 
-def test_what_was_refused_stays_as_it_was(tmp_path):
-    calibration = SimpleNamespace(found=Found(None, TURN, None, None, ("way: no floor",)))
+def test_what_was_refused_stays_as_it_was(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("ROS_HOME", str(tmp_path / "ros"))
+    update_robot_file(default_robot_file(), "robot.odometry", {"linear_scale": 1.07}, "measured with a ruler")
+    calibration = SimpleNamespace(found=Found(None, VAGUE, None, None, ("way: no floor",)))
     write_self_calibration(tmp_path, calibration, OdometryConfig(linear_scale=0.9))
-    assert yaml.safe_load((tmp_path / FILE).read_text())["robot"]["odometry"]["linear_scale"] == 0.9
+    assert yaml.safe_load((tmp_path / FILE).read_text())["robot"]["odometry"] == {"angular_scale": 0.95}
+    assert execute(["calibrate", "odometry", str(tmp_path)]) == 0
+    assert load(default_robot_file(), []).robot.odometry == OdometryConfig(linear_scale=1.07, angular_scale=0.95)
+    said = capsys.readouterr().out
+    assert "did not tell" in said
+    assert "usable: the turn is known to 0.9 % only" in said
+
+
+def test_a_run_of_an_older_version_stores_factors_that_it_did_not_find(tmp_path):
+    remark = "found while driving: turn x 0.9500 +- 0.90 %; not told: way: no floor"
+    update_robot_file(tmp_path / FILE, "robot.odometry", {"linear_scale": 0.9, "angular_scale": 0.95}, remark)
+    assert read_self_calibration(tmp_path) == (None, Factor(0.95, pytest.approx(0.009), 0.0))
+
+
+@pytest.mark.parametrize(("option", "value"), [("--distance", "3"), ("--set", "robot.odometry.linear_scale=1.1")])
+def test_options_of_a_drive_are_refused_for_a_run(tmp_path, option, value, capsys):
+    write_self_calibration(tmp_path, SimpleNamespace(found=Found(WAY, TURN, None, None, ())), OdometryConfig())
+    out = tmp_path / "robot.yaml"
+    assert execute(["calibrate", "odometry", str(tmp_path), option, value, "--out", str(out)]) == 1
+    assert f"leave out {option}" in capsys.readouterr().err
+    assert not out.exists()
 
 
 @pytest.mark.parametrize("calibration", [None, SimpleNamespace(found=Found(None, None, None, None, ("way", "turn")))])

@@ -60,7 +60,7 @@ def from_known_way(poses: Sequence[SE2], distance: float) -> OdometryCalibration
         )
     factor = Factor(distance / max(way, 1e-6), RULER_M / distance, way)
     _check(factor, f"{way:.3f} m", f"{distance:g} m")
-    return OdometryCalibration(factor, None, _verdict(factor, None))
+    return OdometryCalibration(factor, None, verdict_of(factor, None))
 
 
 def from_known_turns(poses: Sequence[SE2], turns: float, closing: float | None = None) -> OdometryCalibration:
@@ -74,7 +74,7 @@ def from_known_turns(poses: Sequence[SE2], turns: float, closing: float | None =
     uncertain = MARK_RAD if closing is None else 0.3 * MARK_RAD
     factor = Factor(true / turned if turned else math.inf, uncertain / abs(true), abs(turned))
     _check(factor, f"{turned / (2.0 * math.pi):.3f} turns", f"{true / (2.0 * math.pi):.3f}")
-    return OdometryCalibration(None, factor, _verdict(None, factor))
+    return OdometryCalibration(None, factor, verdict_of(None, factor))
 
 
 def from_camera(drive: Sequence[TrackedPose], T_base_cam: SE3, metric: bool) -> OdometryCalibration:
@@ -91,7 +91,7 @@ def from_camera(drive: Sequence[TrackedPose], T_base_cam: SE3, metric: bool) -> 
     for name, factor in (("way", linear), ("turn", angular)):
         if factor is not None:
             _check(factor, f"a {name} of 1", f"{factor.value:.3f}")
-    return OdometryCalibration(linear, angular, _verdict(linear, angular))
+    return OdometryCalibration(linear, angular, verdict_of(linear, angular))
 
 
 def total_turn(poses: Sequence[SE2]) -> float:
@@ -156,7 +156,8 @@ def _check(factor: Factor, wheels: str, truth: str) -> None:
         )
 
 
-def _verdict(linear: Factor | None, angular: Factor | None) -> Verdict:
+def verdict_of(linear: Factor | None, angular: Factor | None) -> Verdict:
+    """How well the factors are known."""
     factors = (("way", linear, "drive farther"), ("turn", angular, "turn more often"))
     return Verdict([
         (Grade.of(factor.sigma <= GOOD_SIGMA, factor.sigma <= USABLE_SIGMA),

@@ -11,6 +11,7 @@ from vsx_ros.calibration.board import Board
 from vsx_ros.calibration.camera import BoardView, ViewChooser, calibrate_camera
 from vsx_ros.cli.calibrate_drives import calibrate_mount_of, calibrate_odometry
 from vsx_ros.cli.calibrate_shutter import calibrate_shutter
+from vsx_ros.cli.option_values import refuse
 from vsx_ros.cli.recorded_drive import good_enough
 from vsx_ros.errors import CalibrationError, ConfigError, InputError, explained
 from vsx_ros.io.bag import open_recording
@@ -35,6 +36,7 @@ def calibrate(args: argparse.Namespace) -> int:
     board = Board.parse(args.board, args.pattern)
     if not args.live:
         return _from_pictures(args, board)
+    refuse(args, "with --live the camera's node stores the result by its own name", "name", "out", "image_topic")
     from vsx_ros.ros.calibrate_camera import calibrate
 
     return calibrate(board, args.model)
@@ -42,20 +44,21 @@ def calibrate(args: argparse.Namespace) -> int:
 
 def _from_pictures(args: argparse.Namespace, board: Board) -> int:
     """Find the board and calibrate."""
-    out: Path = args.out or ros_home() / "camera_info" / f"{args.name}.yaml"
+    name = args.name or "camera"
+    out: Path = args.out or ros_home() / "camera_info" / f"{name}.yaml"
     views, searched, size = list[BoardView](), 0, None
     for source in args.input:
         film, chooser = _is_recording(source), None
-        for name, image in _pictures(source, args.image_topic):
+        for picture, image in _pictures(source, args.image_topic):
             searched += 1
             if size is not None and image.shape != size:
                 sizes = f"{image.shape[1]}x{image.shape[0]} but others are {size[1]}x{size[0]}"
-                raise InputError(f"{name} is {sizes}; give one camera's alone")
+                raise InputError(f"{picture} is {sizes}; give one camera's alone")
             size = image.shape
             chooser = chooser or ViewChooser(board, size[1], size[0])
             pixels = board.find(image, quick=film)
-            if pixels is not None and (not film or chooser.offer(BoardView(name, pixels))):
-                views.append(BoardView(name, pixels))
+            if pixels is not None and (not film or chooser.offer(BoardView(picture, pixels))):
+                views.append(BoardView(picture, pixels))
     if size is None:
         given = ", ".join(map(str, args.input))
         raise InputError(f"there is no picture in {given}; give {' '.join(PICTURES)} or a bag")
@@ -68,7 +71,7 @@ def _from_pictures(args: argparse.Namespace, board: Board) -> int:
         camera = result.camera
         with suppress(CalibrationError):  # a board does not show the shutter: keep values written there by hand
             camera = dataclasses.replace(camera, shutter=read_calibration(out).shutter)
-        write_calibration(out, camera, args.name, result.remark())
+        write_calibration(out, camera, name, result.remark())
     print(f"written: {out}", f"for a node: camera_info_url:=file://{out.resolve()}", sep="\n  ")
     return DONE
 

@@ -7,24 +7,25 @@ from vsx_ros.arrays import Points3
 from vsx_ros.calibration import odometry
 from vsx_ros.calibration.board import Board, board_poses
 from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_mount
-from vsx_ros.calibration.verdict import Verdict
-from vsx_ros.cli.recorded_drive import camera_of, conclude, recorded_drive
+from vsx_ros.cli.option_values import refuse
+from vsx_ros.cli.recorded_drive import camera_of, conclude, known_before, recorded_drive
 from vsx_ros.config import MountConfig, OdometryConfig, SlamConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.recording import Recording
-from vsx_ros.runs.parameters import load
-from vsx_ros.runs.self_calibration import FILE
+from vsx_ros.runs.self_calibration import FILE, read_self_calibration
 from vsx_ros.slam.slam import SequentialSlam
 
+_OF_A_DRIVE = "distance", "turns", "board", "calibration", "image_topic", "odometry_topic", "config", "set"
 _MEASURED_BY_HAND = "forward_m", "left_m"
 
 
 def calibrate_odometry(args: argparse.Namespace) -> int:
-    """Factors of distance and turn, from a drive or a run folder."""
+    """Factors of distance and turn, from a drive or a run folder. Raises ConfigError for options of a drive with a run
+    folder."""
     if (args.input / FILE).exists():
         return _from_run(args)
-    config, recording = load(args.config, args.set), recorded_drive(args)
+    config, recording = known_before(args), recorded_drive(args)
     poses = [reading.T_odom_base for reading in recording.odometry]
     if args.distance is not None:
         result = odometry.from_known_way(poses, args.distance)
@@ -62,15 +63,22 @@ def _given(config: OdometryConfig | MountConfig, usual: OdometryConfig | MountCo
 
 def _from_run(args: argparse.Namespace) -> int:
     """Use what a run found while driving. Raises ConfigError when its file is damaged."""
-    found = load(args.input / FILE, []).robot.odometry
-    values = {"linear_scale": found.linear_scale, "angular_scale": found.angular_scale}
-    print(*(f"{name:14} {value:.4f}: found while driving" for name, value in values.items()), sep="\n")
-    return conclude(args.out, "robot.odometry", values, Verdict([]), f"found while driving, see {args.input / FILE}")
+    refuse(args, f"{args.input} is a run, which has measured already", *_OF_A_DRIVE)
+    linear, angular = read_self_calibration(args.input)
+    values = dict[str, float]()
+    for name, factor in (("linear_scale", linear), ("angular_scale", angular)):
+        if factor is None:
+            print(f"{name:14} stays: the run did not tell")
+            continue
+        values[name] = factor.value
+        print(f"{name:14} {factor.value:.4f}: found while driving, known to {100 * factor.sigma:.2f} %")
+    verdict = odometry.verdict_of(linear, angular)
+    return conclude(args.out, "robot.odometry", values, verdict, f"found while driving, see {args.input / FILE}")
 
 
 def calibrate_mount_of(args: argparse.Namespace) -> int:
     """The camera's direction and height, from a straight drive, and its place as far as it is given."""
-    config, recording = load(args.config, args.set), recorded_drive(args)
+    config, recording = known_before(args), recorded_drive(args)
     before = config.robot.mount
     drive, points = _seen_by_slam(recording, config.slam)
     result = calibrate_mount(drive, points, before.forward_m, before.left_m)

@@ -16,14 +16,13 @@ from vsx_ros.calibration.shutter import (
     readout_change,
     turns,
 )
-from vsx_ros.cli.recorded_drive import camera_of, conclude, recorded_drive
+from vsx_ros.cli.recorded_drive import camera_of, conclude, known_before, recorded_drive
 from vsx_ros.config import Config
 from vsx_ros.config.maps import ShutterConfig
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.recording import Recording, with_speeds
 from vsx_ros.robot import Odometry
-from vsx_ros.runs.parameters import load
 from vsx_ros.runs.process import Progress
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.preprocessing import camera_twist, middle_s, shutter_of
@@ -43,7 +42,7 @@ class _Seen(NamedTuple):
 
 def calibrate_shutter(args: argparse.Namespace) -> int:
     """Latency and readout of the camera."""
-    found, exposure_s = shutter_of_drive(recorded_drive(args), load(args.config, args.set))
+    found, exposure_s = shutter_of_drive(recorded_drive(args), known_before(args))
     for name, factor in (("latency_s", found.latency), ("readout_s", found.readout)):
         print(f"{name:10} {factor.value:.4f}: known to {1e3 * factor.sigma:.1f} ms from {factor.measured:.0f} images")
     values = {"readout_s": found.readout.value, "exposure_s": exposure_s, "latency_s": found.latency.value}

@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 
 from vsx_ros import __version__
+from vsx_ros.cli.option_values import refuse
 from vsx_ros.cli.options_study import EXPERIMENTS
 from vsx_ros.errors import ConfigError, explained
 from vsx_ros.evaluation.page import Section, page
@@ -24,6 +25,8 @@ _QUICK_SEEDS, _QUICK_TIME_S = 2, 60.0  # of --quick: only checks that everything
 
 def reproduce(args: argparse.Namespace) -> int:
     """Make the requested pages and print where they are."""
+    if args.seed is not None:
+        refuse(args, "--seed chooses one world", "seeds")
     if args.seeds is None:
         args.seeds = range(100, 120) if args.seed is None else range(args.seed, args.seed + 1)
     if args.quick:

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from vsx_ros.errors import ConfigError
 from vsx_ros.registry import PLUGINS, Kinds
 
 BASES = Kinds("vsx_hw.bases:BASES", "auto", "ros")  # bases at a port need no ROS
@@ -38,6 +39,13 @@ def add_engine(parser: argparse.ArgumentParser) -> None:
     """The options for where many runs are computed."""
     parser.add_argument("--jobs", type=count, default=1, metavar="N", help="processes on this machine (default 1)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="a dask scheduler with workers on other machines")
+
+
+def refuse(args: argparse.Namespace, why: str, *names: str) -> None:
+    """Raises ConfigError if one of these options is given, which would be ignored. why: the beginning of a sentence."""
+    for name in names:
+        if getattr(args, name) not in (None, []):
+            raise ConfigError(f"{why}; leave out --{name.replace('_', '-')}")
 
 
 def positive(text: str) -> float:

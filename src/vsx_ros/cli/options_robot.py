@@ -181,7 +181,7 @@ def _camera(verbs: Any) -> None:
     add("--model", choices=("radtan", "rational", "fisheye"), default="radtan", help="of the lens (default radtan)")
     add("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
     add("--live", action="store_true", help="from the running node 'camera', which then stores it")
-    add("--name", default="camera", metavar="NAME", help="of the camera: NAME.yaml (default camera)")
+    add("--name", metavar="NAME", help="of the camera: NAME.yaml (default camera)")
     add("--out", type=Path, metavar="FILE", help="(default $ROS_HOME/camera_info/NAME.yaml)")
 
 

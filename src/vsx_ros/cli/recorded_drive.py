@@ -5,12 +5,13 @@ import dataclasses
 from pathlib import Path
 
 from vsx_ros.calibration.verdict import Grade, Verdict
+from vsx_ros.config import Config
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.io.bag import open_recording
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.recording import Recording
-from vsx_ros.runs.parameters import default_robot_file, update_robot_file
+from vsx_ros.runs.parameters import default_robot_file, load, update_robot_file
 from vsx_ros.runs.process import DONE, FAILED
 
 
@@ -22,6 +23,12 @@ def recorded_drive(args: argparse.Namespace) -> Recording:
     if args.calibration is not None:
         recording = dataclasses.replace(recording, camera=read_calibration(args.calibration))
     return recording
+
+
+def known_before(args: argparse.Namespace) -> Config:
+    """The parameters that the drive was recorded with: those of --config, else of the file that gets the result."""
+    file: Path = args.config or args.out or default_robot_file()
+    return load(file if args.config or file.exists() else None, args.set)
 
 
 def camera_of(recording: Recording) -> PinholeCamera:

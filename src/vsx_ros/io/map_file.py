@@ -26,7 +26,10 @@ _LONGEST_NAME = 1000  # of a file; longer is invalid
 
 def save_map(grid: OccupancyGrid, path: Path) -> None:
     """Write ``path`` with the endings .pgm and .yaml, as map_server's map_saver does; free cells are the darker the
-    more probable an obstacle is, but always free by the thresholds. Raises MapFileError when they cannot be written."""
+    more probable an obstacle is, but always free by the thresholds. Raises MapFileError for another
+    ending, and when they cannot be written."""
+    if path.suffix not in ("", ".pgm", ".yaml", ".yml"):
+        raise MapFileError(f"map {path} would be written to other files' names; let its name end in .pgm or .yaml")
     doubt = np.zeros(grid.shape) if grid.probability is None else np.nan_to_num(grid.probability)
     free = np.clip(np.rint(255.0 * (1.0 - doubt)), _DARKEST_FREE, _GRAY_OF_FREE)
     rows, columns = grid.shape
