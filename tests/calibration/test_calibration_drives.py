@@ -10,9 +10,12 @@ from board_pictures import CAMERA, Photographer
 from calibration.drives import record
 
 from vsx_ros.calibration.board import Board
+from vsx_ros.calibration.mount import TrackedPose, calibrate_mount
+from vsx_ros.calibration.verdict import Grade
 from vsx_ros.cli.main import execute, parse
 from vsx_ros.cli.recorded_drive import known_before
 from vsx_ros.config import Config
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration
@@ -157,6 +160,19 @@ def test_a_board_on_the_wall_tells_way_and_turn(tmp_path):
     found = calibrated(["odometry", tmp_path, "--board", "8x6x0.06"], tmp_path / "robot.yaml")["odometry"]
     assert found["linear_scale"] == pytest.approx(1.0 / 1.03, rel=0.005)
     assert found["angular_scale"] == pytest.approx(1.0 / 0.96, rel=0.01)
+
+
+@pytest.mark.parametrize(("count", "grade"), [(40, Grade.USABLE), (800, Grade.USABLE), (20000, Grade.GOOD)])
+def test_a_height_is_as_good_as_the_floor_that_is_seen(count, grade):
+    """Points of a far strip of floor; the fewest do not tell the height."""
+    rng, T_base_cam = np.random.default_rng(0), mount_pose(-0.09, 0.0, 0.31, 0.0, 0.0)
+    ways = [SE2(x, 0.0, 0.0) for x in np.arange(0.0, 2.0, 0.05)]
+    drive = [TrackedPose(T, SE3.from_se2(T) @ T_base_cam) for T in ways]
+    scattered = rng.uniform([2.1, -0.8, -0.03], [2.9, 0.8, 0.03], (count, 3))
+    result = calibrate_mount(drive, scattered, -0.09, 0.0)
+    assert result.verdict.grade is grade
+    assert (result.floor is None) is (count == 40)
+    assert result.floor is None or abs(result.floor.height - 0.31) < 4.0 * result.floor.sigma
 
 
 def test_the_factors_of_the_recording_are_those_of_the_robots_file(tmp_path, monkeypatch):
