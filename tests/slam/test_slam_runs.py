@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -278,6 +279,21 @@ def test_a_map_keeps_up_with_a_camera_that_turns_at_60_deg_a_second(first):
         slam.track(frame)
     assert slam.statistics().frames_lost == 0
     assert slam.statistics().frames_tracked >= 0.9 * len(frames)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(("width_px", "step_px", "first"), [(224, 50, 90), (224, 25, 60), (300, 50, 60)])
+def test_somebody_who_passes_close_by_is_no_rotation_of_the_camera(width_px, step_px, first):
+    source, clothes = recording("new_tsukuba_150"), np.random.default_rng(3).integers(0, 255, (24, width_px // 20))
+    slam = SequentialSlam(source.camera, None, CONFIG, 1)
+    folds = cv2.resize(clothes.astype(np.uint8), (width_px, 420), interpolation=cv2.INTER_CUBIC).astype(float)
+    person = np.clip(100 + 0.35 * (folds - folds.mean()), 0, 255).astype(np.uint8)
+    for k, frame in enumerate(source.frames()):
+        left = (k - first) * step_px - width_px
+        image, at = frame.image.copy(), slice(max(0, left), max(0, left + width_px))
+        image[60:, at] = person[:, max(0, -left) :][:, : image[:, at].shape[1]]
+        slam.track(frame._replace(image=image if k >= first else frame.image))
+    assert slam.statistics().frames_lost == 0
 
 
 @pytest.mark.data

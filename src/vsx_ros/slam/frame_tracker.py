@@ -72,6 +72,8 @@ class FrameTracker:
         track = self._search(data, local, prediction, coarse)
         if not (coarse or prediction.by_odometry or track.state is TrackingState.GOOD or data.blurred):
             track = self._search(data, local, prediction, coarse=True)
+        if not (prediction.by_odometry or track.state is TrackingState.GOOD or data.blurred):
+            track = self._steadier(data, local, track)
         if not (prediction.by_odometry and tracked_before):
             return track
         if track.state is not TrackingState.LOST:
@@ -85,6 +87,17 @@ class FrameTracker:
         better = lost or np.count_nonzero(seen.settled) > np.count_nonzero(track.settled)
         if seen.state is TrackingState.GOOD and len(seen.rows) >= ALONE_POINTS and better:
             return seen
+        self.last = last
+        return track
+
+    def _steadier(self, data: FrameData, local: LocalMap, track: Track) -> Track:
+        """The track, or that from constant velocity if it is not lost and explains more."""
+        last, steady = self.last, self._motion.steady(data)
+        if steady is not None:
+            other = self._search(data, local, steady, coarse=True)
+            more = np.count_nonzero(other.settled) > np.count_nonzero(track.settled)
+            if other.state is not TrackingState.LOST and more:
+                return other
         self.last = last
         return track
 

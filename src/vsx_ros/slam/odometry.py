@@ -67,12 +67,23 @@ class MotionModel:
         dt = (data.stamp_ns - before.stamp_ns) * 1e-9
         if dt > MAX_GAP_S:
             return Prediction(T, False, np.zeros(6))
-        motion = SE3.exp(self._velocity * dt * DAMPING)
+        motion = self._moved(dt)
         rotation, score = rotation_between(before.small, data.small, self._focal_px)
         if math.isfinite(score):
             self._shown = data.stamp_ns, SE3(rotation.T, np.zeros(3))
             motion = SE3(so3_exp(self._unshown * dt * DAMPING) @ rotation.T, motion.translation)
         return Prediction(T @ motion, False, np.zeros(6))
+
+    def steady(self, data: FrameData) -> Prediction | None:
+        """The expected pose of a frame by constant velocity alone: something large that passes the camera looks like a
+        rotation. None after too long a gap."""
+        assert self._last is not None
+        before, T = self._last
+        dt = (data.stamp_ns - before.stamp_ns) * 1e-9
+        return Prediction(T @ self._moved(dt), False, np.zeros(6)) if dt <= MAX_GAP_S else None
+
+    def _moved(self, dt: float) -> SE3:
+        return SE3.exp(self._velocity * dt * DAMPING)
 
     @property
     def last_pose(self) -> SE3 | None:
