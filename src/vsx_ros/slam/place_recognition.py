@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.arrays import FloatArray, IntArray, Points2, Points3
 from vsx_ros.config.maps import RecognitionConfig
 from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.se3 import SE3
@@ -21,6 +21,7 @@ from vsx_ros.vision.corners import Features, describe, match
 from vsx_ros.vision.pyramid import SmallImage
 
 REMEMBERED = 400  # keyframes whose descriptors are kept; the least recently used are dropped
+FAR = 20.0  # times the median distance: what lies farther away fixes no position, and ruins a linear solution
 MIN_MATCHES, PNP_ERROR_PX = 12, 6.0  # three matches fix a pose, more rule out chance; px at level 0
 PNP_TRIALS = 400  # 7 ms at most; enough for a pose that a quarter of the matches supports
 SEARCH_RADIUS_PX = 12.0  # about twice the error of the pose by descriptors
@@ -91,20 +92,9 @@ class PlaceRecognizer:
             return None
         centre = view.centres[index]
         plane = unproject_pixels(self._array, np.ascontiguousarray(features.uv[here]))
-        ok, rotation, translation, inliers = cv2.solvePnPRansac(
-            np.ascontiguousarray(view.points[rows] - centre),
-            plane,
-            np.eye(3),
-            None,
-            iterationsCount=PNP_TRIALS,
-            reprojectionError=PNP_ERROR_PX / min(self._camera.focal_px),
-            confidence=0.999,
-            flags=cv2.SOLVEPNP_AP3P,
-        )
-        if not ok or inliers is None or len(inliers) < MIN_MATCHES:
-            return None
-        T_cam_local = SE3(np.asarray(cv2.Rodrigues(rotation)[0]), np.asarray(translation, float).ravel())
-        return SE3(np.eye(3), centre) @ T_cam_local.inverse(), len(inliers)
+        error = PNP_ERROR_PX / min(self._camera.focal_px)
+        found = pose_from_matches(np.ascontiguousarray(view.points[rows] - centre), plane, error)
+        return None if found is None else (SE3(np.eye(3), centre) @ found[0].inverse(), found[1])
 
     def _matches(self, features: Features, view: MapView, index: int) -> tuple[IntArray, IntArray]:
         """Rows of points and indices of features that match, each pair once."""
@@ -135,6 +125,27 @@ class PlaceRecognizer:
         if keyframe.id not in self._tiny:
             self._tiny[keyframe.id] = structure(keyframe.data.small)
         return self._tiny[keyframe.id]
+
+
+def pose_from_matches(points: Points3, plane: Points2, error: float) -> tuple[SE3, int] | None:
+    """T_cam_points by consensus of three-point poses, and how many points agree; None if too few do.
+
+    points (N, 3): seen from about the origin. plane (N, 2): where the camera sees them at z = 1; error: what may differ
+    there. OpenCV's own last step (EPnP) is ruined by a few points far away."""
+    ok, _, _, inliers = cv2.solvePnPRansac(
+        points, plane, np.eye(3), None, iterationsCount=PNP_TRIALS, reprojectionError=error, confidence=0.999,
+        flags=cv2.SOLVEPNP_AP3P,
+    )  # fmt: skip
+    if not ok or inliers is None or len(inliers) < MIN_MATCHES:
+        return None
+    agree = inliers.ravel()
+    distance = np.linalg.norm(points[agree], axis=1)
+    near = agree[distance <= FAR * np.median(distance)]
+    ok, *pose = cv2.solvePnP(points[near], plane[near], np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
+    if not ok:
+        return None
+    rotation, translation = cv2.solvePnPRefineLM(points[near], plane[near], np.eye(3), None, *pose)
+    return SE3(np.asarray(cv2.Rodrigues(rotation)[0]), np.asarray(translation, float).ravel()), len(agree)
 
 
 def occupied_cells(uv: NDArray[np.float64], camera: PinholeCamera) -> int:
