@@ -16,6 +16,7 @@ import numpy as np
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from vsx_ros.cli.calibrate import calibrate
+from vsx_ros.cli.calibrate_drives import OF_A_DRIVE
 from vsx_ros.cli.results import facts
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.trajectory import associate, trajectory_error
@@ -131,7 +132,8 @@ def _resume_live(path: Path) -> None:
 
 
 def _found_odometry(path: Path) -> None:
-    calibrate(Namespace(verb="odometry", input=path, out=path / "robot.yaml"))
+    others = dict.fromkeys(OF_A_DRIVE)
+    calibrate(Namespace(verb="odometry", input=path, out=path / "robot.yaml", **others))
 
 
 def _renewed_calibration(path: Path) -> None:

@@ -65,7 +65,9 @@ class SlamSession:
         mount = self.T_base_cam if metric else None
         if metric and self._config.self_calibration.enabled:
             self.calibration = DrivingCalibration(self.T_base_cam, camera, self._config, not self.resumed)
-        self._slam = slam = kind(camera, mount, self._config.slam, seed, self._slam_map, self._record)
+        self._slam = slam = kind(
+            camera, mount, self._config.slam, seed, self._slam_map, self._record, needs_scale=mount is not None
+        )
         self._slam_map = None  # the SLAM's own grows, and what it no longer needs should go
         return slam
 

@@ -102,7 +102,7 @@ def test_what_a_later_run_needs_is_on_the_disk_when_it_is_called_saved(save, tmp
 def test_a_command_on_a_full_disk_says_so(tmp_path, capsys):
     run = tmp_path / "run"
     run.mkdir()
-    (run / "summary.json").write_text("{}", encoding="utf-8")
+    (run / "config.yaml").write_text("config: {}\nversions: {}\n", encoding="utf-8")
     (run / ".config.yaml.part").symlink_to(FULL)
     assert main.execute(["explore", "--fast", "--time", "1", "--out", str(run)]) == 1
     assert "config.yaml cannot be used (No space left on device); free some space" in capsys.readouterr().err

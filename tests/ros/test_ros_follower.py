@@ -40,9 +40,8 @@ def report(wires: Wires) -> FollowerReport:
     return decode_report(wires.said[topics.FOLLOWER_STATUS][-1].data)
 
 
-@pytest.mark.parametrize("ahead_ns", [3600 * 10**9, -3600 * 10**9])
-def test_odometry_that_is_refused_or_ignored_is_as_good_as_none(wires: Wires, ahead_ns: int) -> None:
-    wires.ahead_ns = ahead_ns
+def test_odometry_that_is_refused_is_as_good_as_none(wires: Wires) -> None:
+    wires.ahead_ns = 3600 * 10**9
     wires.go_on(0.44)
     assert wires.told[-1].v > 0.2, "on busy machines a reading may be late"
     wires.go_on(0.1)

@@ -16,7 +16,7 @@ from vsx_ros.io.recording import Recording
 from vsx_ros.runs.self_calibration import FILE, read_self_calibration
 from vsx_ros.slam.slam import SequentialSlam
 
-_OF_A_DRIVE = "distance", "turns", "board", "calibration", "image_topic", "odometry_topic", "config", "set"
+OF_A_DRIVE = "distance", "turns", "board", "calibration", "image_topic", "odometry_topic", "config", "set"
 _MEASURED_BY_HAND = "forward_m", "left_m"
 
 
@@ -63,7 +63,7 @@ def _given(config: OdometryConfig | MountConfig, usual: OdometryConfig | MountCo
 
 def _from_run(args: argparse.Namespace) -> int:
     """Use what a run found while driving. Raises ConfigError when its file is damaged."""
-    refuse(args, f"{args.input} is a run, which has measured already", *_OF_A_DRIVE)
+    refuse(args, f"{args.input} is a run, which has measured already", *OF_A_DRIVE)
     linear, angular = read_self_calibration(args.input)
     values = dict[str, float]()
     for name, factor in (("linear_scale", linear), ("angular_scale", angular)):

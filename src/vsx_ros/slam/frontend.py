@@ -12,7 +12,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.frame_tracker import FrameTracker, is_sure
-from vsx_ros.slam.initialization import Bootstrap
+from vsx_ros.slam.initialization import Bootstrap, Initializer
 from vsx_ros.slam.keyframe import FrameData, MapView, is_metric, unit_of
 from vsx_ros.slam.local_map import LocalMap, becomes_keyframe, may_grow, nearest_keyframes
 from vsx_ros.slam.map import Map
@@ -36,18 +36,19 @@ Outcome: TypeAlias = tuple[TrackingResult, InitialPair | KeyFrameRequest | GiveU
 class FrontEnd:
     """``process`` one frame after the other; ``use`` a newer map between frames."""
 
-    def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, seed: int) -> None:
-        self._config = config
+    def __init__(
+        self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, seed: int, *, needs_scale: bool = False
+    ) -> None:
+        self._config, self._motion = config, MotionModel(T_base_cam, camera.focal_px)
         self._tracker = Tracker(config.tracker, np.random.default_rng(seed))
-        self._motion = MotionModel(T_base_cam, camera.focal_px)
         self._new_recovery = partial(Recovery, camera, T_base_cam, config, self._tracker, self._motion)
         self._recovery, self._consistency = self._new_recovery(), OdometryConsistency(T_base_cam)
         self.tracking = FrameTracker(config, self._tracker, self._motion)
         self._view = self._here = Map().view()
         self._reference = self._map_id = self._segment = self._since_keyframe = self._keyframe_ns = 0
-        self._segments, self._corrected = count(1), False
-        self.record, self.events = TrackingRecord(), list[SlamEvent]()
-        self._bootstrap = Bootstrap(T_base_cam, config.initialization, lambda ns, why: self._event(ns, "refused", why))
+        self._segments, self._corrected, self.record, self.events = count(1), False, TrackingRecord(), list[SlamEvent]()
+        new_initializer = partial(Initializer, T_base_cam, config.initialization, needs_scale=needs_scale)
+        self._bootstrap = Bootstrap(new_initializer, self._event)
         self._preprocessor = Preprocessor(camera, T_base_cam, config, self._gap)
 
     def process(self, frame: Frame, odometry: Odometry | None) -> Outcome:
@@ -56,10 +57,9 @@ class FrontEnd:
 
         Internal poses refer to the image's middle row, results to its stamp (start of the first row). Raises InputError
         for an image of the wrong size or type and for a stamp that does not advance; such a frame changes nothing."""
-        metric = is_metric(self._view.keyframes, self._map_id)  # else metres mean nothing
         if not (self._view.keyframes or self._bootstrap.is_trying) and self._preprocessor.begins_again(odometry):
             self._bootstrap.begin_again()
-        data = self._preprocessor.take(frame, odometry if metric else None)
+        data = self._preprocessor.take(frame, odometry if is_metric(self._view.keyframes, self._map_id) else None)
         result, work = self._process(self._consistency.admit(data))
         return self._told(result), work
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -166,13 +165,10 @@ def _turn(trails: Trails, reference: Reference, data: FrameData) -> _Turn:
 class Bootstrap:
     """Tries one pair of frames at a time, and follows corners meanwhile.
 
-    refuse: called with (stamp_ns, reason) when the reason changes."""
+    tell: called with (stamp_ns, "refused", reason) when the reason changes."""
 
-    def __init__(
-        self, T_base_cam: SE3 | None, config: InitializationConfig, refuse: Callable[[int, str], None]
-    ) -> None:
-        self._new_initializer = partial(Initializer, T_base_cam, config, needs_scale=True)
-        self._refuse = refuse
+    def __init__(self, new_initializer: Callable[[], Initializer], tell: Callable[[int, str, str], None]) -> None:
+        self._new_initializer, self._tell = new_initializer, tell
         self._tried: InitialPair | None = None
         self.begin_again()
 
@@ -216,5 +212,5 @@ class Bootstrap:
 
     def _say(self, stamp_ns: int, reason: str) -> None:
         if reason.split(":")[0] != self._refusal.split(":")[0]:
-            self._refuse(stamp_ns, reason)
+            self._tell(stamp_ns, "refused", reason)
         self._refusal = reason

@@ -14,7 +14,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.frontend import FrontEnd
-from vsx_ros.slam.keyframe import MapView
+from vsx_ros.slam.keyframe import MapView, is_metric
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.mapper import KeyFrameRequest, Mapper
 from vsx_ros.slam.recount import Recount
@@ -31,9 +31,8 @@ MAX_WAITING = 3  # keyframes queued for the mapper; more would be out of date at
 class TrackerAndMapper(ABC):
     """Base class; subclasses decide when tracker and mapper run.
 
-    World: with T_base_cam the odometry frame (z up, metres), and the map begins when odometry is heard; without, the
-    first keyframe's camera frame at the configured unit baseline. A loaded map keeps its world; the camera is lost
-    until it is recognised in it."""
+    World: with odometry and T_base_cam the odometry frame (z up, metres); without, the first keyframe's camera frame at
+    the configured unit baseline. A loaded map keeps its world; the camera is lost until it is recognised in it."""
 
     def __init__(
         self,
@@ -43,11 +42,14 @@ class TrackerAndMapper(ABC):
         seed: int = 0,
         slam_map: SlamMap | None = None,
         record: TrackingRecord | None = None,
+        *,
+        needs_scale: bool = False,
     ) -> None:
         """slam_map: a map to continue, with the camera anywhere in it; record: its tracking record, to continue
-        counting. Raises CalibrationError when the map was made with another camera or mount."""
+        counting. needs_scale: whether a map waits for odometry, however long that is silent; else it begins without it
+        after a second. Raises CalibrationError when the map was made with another camera or mount."""
         world = Map() if slam_map is None else slam_map.resumed(camera, T_base_cam)
-        self._front = FrontEnd(camera, T_base_cam, config, seed)
+        self._front = FrontEnd(camera, T_base_cam, config, seed, needs_scale=needs_scale)
         self._camera, self._mount = camera, T_base_cam if slam_map is None else slam_map.T_base_cam
         self._mapper = Mapper(camera, self._mount, config, world)
         self._view: MapView = world.view()
@@ -88,7 +90,8 @@ class TrackerAndMapper(ABC):
     def slam_map(self) -> SlamMap | None:
         """The map to save and continue, None while there is none. A map without scale has no mount."""
         view = self._view
-        return SlamMap(self._camera, self._mount, view) if view.keyframes else None
+        mount = self._mount if is_metric(view.keyframes, 0) else None
+        return SlamMap(self._camera, mount, view) if view.keyframes else None
 
     def drain_events(self) -> list[SlamEvent]:
         """All events since the last call, oldest first."""

@@ -3,7 +3,10 @@ import {$, element, fixed, lines, pill, sentence} from "./dom.js";
 import {hear, known, link} from "./robot.js";
 
 const STALE_MS = 2500;
-const MOODS = {mapping: "good", done: "good", recovering: "fair", paused: "fair", "user goal": "fair", held: "bad", "no images": "bad"};
+const MOODS = {
+  mapping: "good", done: "good", recovering: "fair", paused: "fair", "user goal": "fair", held: "bad",
+  "no images": "bad",
+};
 const LEVELS = [
   ["good", "well"],
   ["fair", "warning"],
