@@ -389,4 +389,4 @@ def test_a_sweep_counts_what_went_wrong():
 def test_a_run_without_a_map_knows_nothing():
     never = {**RUN, "coverage_correct": None, "ate_rmse_m": None, "stop_reason": "the map did not start: dark"}
     body = exploration.section([(ExplorationTask("lab", k, "fov", 60.0), r) for k, r in enumerate([RUN, never])]).body
-    assert "<td>2 of 2</td><td>0.475 [-5.561, 6.511]</td><td>0.50 " in body
+    assert "<td>2 of 2</td><td>0.475 [-5.560, 6.510]</td><td>0.50 " in body
