@@ -153,8 +153,8 @@ class GoalBlacklist:
     def add(self, now_ns: int, pose: SE2) -> float:
         """Blacklist the goal from now on. Returns for how long [s]: twice as long as for its last failure, up to 128
         times the first."""
-        same = [f for f in self._failures if self._near(pose.as_array()[None], [f.pose])[0]]
-        times = 1 + max((failure.times for failure in same), default=0)
+        same = self._near(pose_rows([failure.pose for failure in self._failures]), [pose])
+        times = 1 + max((failure.times for failure, is_same in zip(self._failures, same) if is_same), default=0)
         seconds = self._first_s * 2.0 ** min(times - 1, _MOST_DOUBLINGS)
         self._failures.append(_Failure(pose, now_ns + int(seconds * SECOND_NS), times, now_ns))
         if self._place is not None:
