@@ -166,6 +166,7 @@ def test_odometry_that_restarts_is_no_obstacle_and_no_way_back(stack: Stack) -> 
         stack.another_mission()
         rospy.wait_for_message(f"/{topics.POSE}", PoseWithCovarianceStamped, 60.0)
         stack.wait(lambda: listener.get_num_connections() and counted_m() > 0.7, "some way by the wheels", 90.0)
+        stack.wait(lambda: any("[view at" in reason for reason in events), "an end of what tests before did", 60.0)
         stack.wait_until_driving()
         assert rospy.ServiceProxy(f"/{topics.RESET_ODOMETRY}", Trigger)().success
         stack.wait(lambda: any("odometry restarted" in reason for reason in events), "the mission to notice", 10.0)
