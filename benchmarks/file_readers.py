@@ -203,6 +203,11 @@ def _read_rows(path: Path) -> None:
         raise InputError(told[0])
 
 
+def _raw_image_file(path: Path) -> None:
+    numbers = {"height": 24, "width": 32, "step": 32, "size": 24 * 32}
+    path.write_text(json.dumps({**numbers, "encoding": "mono8", "big_endian": False, "shift": 0}))
+
+
 def _read_raw_image(path: Path) -> None:
     tree = json.loads(path.read_text())
     data = np.zeros(min(tree["size"], 10**6), np.uint8)
@@ -279,7 +284,7 @@ READERS = [
     Reader("trajectory", _trajectory_file, (), _any_text, _trajectories),
     Reader("point cloud", _ply_file, (), mutations.raw, read_ply),
     Reader("campaign", samples.results_jsonl, (), _any_text, _read_rows),
-    Reader("raw image", lambda p: p.write_text("{}"), (), _raw_image, _read_raw_image),
+    Reader("raw image", _raw_image_file, (), _raw_image, _read_raw_image),
     *(
         Reader(f"{kind} image", samples.picture, (), how, _image)
         for kind, how in {

@@ -66,7 +66,7 @@ class SlamSession:
         if metric and self._config.self_calibration.enabled:
             self.calibration = DrivingCalibration(self.T_base_cam, camera, self._config, not self.resumed)
         self._slam = slam = kind(
-            camera, mount, self._config.slam, seed, self._slam_map, self._record, needs_scale=mount is not None
+            camera, mount, self._config.slam, seed, self._slam_map, self._record, needs_scale=metric
         )
         self._slam_map = None  # the SLAM's own grows, and what it no longer needs should go
         return slam

@@ -83,6 +83,7 @@ def test_whoever_is_killed_or_hangs_beside_the_driver_the_last_one_stops_the_whe
     os.kill(process.pid, signal.SIGSTOP)  # whoever goes first, the driver has no time to notice
     try:
         os.kill(watchdogs[which], watchdog_end)
+        assert plant.speeds[0] > 0.1
         began_s = time.monotonic()
         os.kill(process.pid, driver_end)
         wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ pytest.importorskip("rospy")
 import cv2
 from drive_bag import AHEAD, START_NS, driver, write_drive
 from ros_ports import free_port
-from waiting import PATIENCE_S, wait_for
+from waiting import PATIENCE_S, Lateness, wait_for
 
 from vsx_ros.cli import main
 from vsx_ros.config import Config
@@ -28,7 +29,7 @@ from vsx_ros.slam.slam import SequentialSlam
 pytestmark = pytest.mark.ros
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-FRAMES = 60
+FRAMES, IMAGES_HZ = 60, 15.0
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +41,18 @@ def environment(tmp_path: Path) -> dict[str, str]:
     kept = {name: value for name, value in os.environ.items() if not name.startswith("ROS_")}
     master = {"ROS_MASTER_URI": f"http://localhost:{free_port()}", "ROS_HOME": str(tmp_path)}
     return {**kept, **master, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+
+
+@pytest.fixture
+def lateness() -> Iterator[Lateness]:
+    measured = Lateness()
+    yield measured
+    measured.close()
+
+
+def missed(lateness: Lateness) -> int:
+    """Images for which this machine may have been late."""
+    return round(IMAGES_HZ * lateness.since(0.0))
 
 
 def command(bag: Path, *words: str) -> list[str]:
@@ -66,7 +79,9 @@ def test_a_recording_gives_what_the_drive_itself_gave(in_lock_step: RunFolder) -
 
 
 @pytest.mark.parametrize("rate", ["1", "0"])
-def test_the_nodes_find_what_lock_step_finds(bag: Path, in_lock_step: RunFolder, tmp_path: Path, rate: str) -> None:
+def test_the_nodes_find_what_lock_step_finds(
+    bag: Path, in_lock_step: RunFolder, tmp_path: Path, lateness: Lateness, rate: str
+) -> None:
     out = tmp_path / "run"
     done = subprocess.run(
         command(bag, "--map", "--rate", rate, "--out", str(out)),
@@ -76,15 +91,15 @@ def test_the_nodes_find_what_lock_step_finds(bag: Path, in_lock_step: RunFolder,
     assert "the recording was played to its end" in done.stdout
     folder, expected = RunFolder.open(out), in_lock_step.read_summary()
     summary = folder.read_summary()
-    skipped = FRAMES - summary["frames"]  # in real time as many as a busy machine has to
-    assert skipped == 0 or rate == "1"
-    assert expected["frames_tracked"] - 5 - skipped <= summary["frames_tracked"] <= expected["frames_tracked"] + 5
+    late = 0 if rate == "0" else missed(lateness)
+    assert summary["frames"] == FRAMES or rate == "1"
+    assert expected["frames_tracked"] - 20 - late <= summary["frames_tracked"] <= expected["frames_tracked"] + 5
     assert summary["frames_lost"] == 0
     assert expected["ate_rmse_m"] < 0.03
     assert summary["ate_rmse_m"] < 0.03
     here, there = ({p.stamp_ns: p.T.translation for p in f.read_poses("trajectory")} for f in (folder, in_lock_step))
-    last_ns = max(here.keys() & there.keys())
-    assert last_ns == max(here) == max(there) or rate == "1"
+    last_ns = max(here)
+    assert last_ns == max(there)
     assert abs(here[last_ns] - there[last_ns]).max() < 0.03
     free_m2 = [(f.read_map().data == 0).sum() * 0.05**2 for f in (folder, in_lock_step)]
     assert free_m2[0] == pytest.approx(free_m2[1], rel=0.3)
@@ -92,7 +107,9 @@ def test_the_nodes_find_what_lock_step_finds(bag: Path, in_lock_step: RunFolder,
     assert not list((out / "log").glob("*.active"))
 
 
-def test_rosbags_own_player_feeds_the_nodes_too(bag: Path, in_lock_step: RunFolder, tmp_path: Path) -> None:
+def test_rosbags_own_player_feeds_the_nodes_too(
+    bag: Path, in_lock_step: RunFolder, tmp_path: Path, lateness: Lateness
+) -> None:
     """roslaunch ends by itself when the bag does, and leaves the results in a new folder. Slowly: rosbag play waits for
     nobody."""
     names = [
@@ -109,8 +126,8 @@ def test_rosbags_own_player_feeds_the_nodes_too(bag: Path, in_lock_step: RunFold
     [path] = (tmp_path / "runs").iterdir()
     folder = RunFolder(path)
     assert (folder.path / "summary.json").exists(), done.stdout + done.stderr
-    summary, expected = folder.read_summary(), in_lock_step.read_summary()["frames_tracked"]
-    assert expected - 5 - (FRAMES - summary["frames"]) <= summary["frames_tracked"] <= expected + 15
+    tracked, expected = folder.read_summary()["frames_tracked"], in_lock_step.read_summary()["frames_tracked"]
+    assert expected - 15 - missed(lateness) <= tracked <= expected + 15
     here, there = folder.read_poses("trajectory")[-1], in_lock_step.read_poses("trajectory")[-1]
     assert abs(here.T.translation - there.T.translation).max() < 0.1
     free_m2 = [(f.read_map().data == 0).sum() * 0.05**2 for f in (folder, in_lock_step)]

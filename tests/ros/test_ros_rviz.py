@@ -107,7 +107,7 @@ def test_rviz_shows_the_running_robot(stack: Stack, manager: dict[str, Any], tmp
         )
         try:
             stack.wait(listens, f"rviz to listen to {wanted}")
-            stack.wait(lambda: is_drawn(shown.pixels()), "frontiers on the screen, and no display with an error")
+            stack.wait(lambda: is_drawn(shown.pixels()), "frontiers on the screen, and no display with an error", 60.0)
         finally:
             rviz.kill()
             rviz.wait()

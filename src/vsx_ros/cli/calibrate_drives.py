@@ -51,7 +51,6 @@ def calibrate_odometry(args: argparse.Namespace) -> int:
         recorded = f"the drive was recorded with {before:.4f}"
         print(f"{name:14} {values[name]:.4f}: {recorded}; {exact} from {factor.measured:.2f} {of}")
         sure.append(f"{word} {exact}")
-    print("a base with a ROS driver of its own (base ros) takes such factors only there")
     return conclude(args.out, "robot.odometry", values, result.verdict, ", ".join(sure))
 
 
