@@ -34,6 +34,7 @@ def master(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @pytest.mark.ros
+@pytest.mark.light
 def test_a_master_that_runs(master: str) -> None:
     found = network(ROS_MASTER_URI=master, ROS_HOSTNAME="localhost")
     assert {area: finding.level for area, finding in found.items()} == {"hostname": OK, "master": OK, "clock": OK}
@@ -41,6 +42,7 @@ def test_a_master_that_runs(master: str) -> None:
 
 
 @pytest.mark.ros
+@pytest.mark.light
 def test_simulated_time_without_a_clock_is_told(master: str) -> None:
     import rosgraph
 

@@ -232,6 +232,10 @@ class Stack:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What changes rospy itself comes first, before this process is a node. What uses the one robot of all tests comes
     late, so that it explores on two cores of its own and beside no other run; what sends it home comes last."""
+    for item in items:
+        alone = item.get_closest_marker("ros") is not None and item.get_closest_marker("light") is None
+        if "stack" in getattr(item, "fixturenames", ()) and not alone:
+            raise pytest.UsageError(f"nothing may run beside the live stack: mark {item.nodeid} ros and not light")
     items.sort(
         key=lambda item: (
             item.get_closest_marker("ends_mission") is not None,

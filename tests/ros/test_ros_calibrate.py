@@ -24,7 +24,7 @@ from vsx_hw.kinect.emulator import KinectEmulator
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.io.calibration_file import read_calibration
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.light]
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 CAMERA = PinholeCamera(640, 480, 530.0, 532.0, 322.0, 251.0, (0.1, -0.2, 0.001, 0.0, 0.0))

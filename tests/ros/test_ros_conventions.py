@@ -163,6 +163,7 @@ def base(tmp_path: Path) -> Iterator[LoneBase]:
     alone.close()
 
 
+@pytest.mark.light
 @pytest.mark.parametrize(
     ("silent", "edges"),
     [

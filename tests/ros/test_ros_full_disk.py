@@ -14,7 +14,7 @@ from waiting import PATIENCE_S
 
 from vsx_ros.ros import topics
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.light]
 
 FULL = "/dev/full"
 STOP = f"""

@@ -63,6 +63,7 @@ def paused(stack: Stack) -> Iterator[Stack]:
     stack.wait_until_driving()
 
 
+@pytest.mark.light
 def test_the_table_is_complete() -> None:
     assert latched() == LATCHED
 

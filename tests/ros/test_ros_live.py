@@ -21,7 +21,7 @@ from waiting import PATIENCE_S
 from vsx_ros.config import Config
 from vsx_ros.ros import calls, live_run, topics
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.light]
 
 LIVE = f"""
 import json, os, sys

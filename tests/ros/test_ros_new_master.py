@@ -17,7 +17,7 @@ from lone_base import LoneBase
 from vsx_ros.ros import topics
 from vsx_ros.ros.calls import answers_at
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.light]
 
 HAND = f"""
 import time

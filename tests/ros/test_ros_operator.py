@@ -195,6 +195,7 @@ def test_a_node_ends_in_the_middle_of_a_question_to_the_master(stack: Stack) -> 
             node.kill()
 
 
+@pytest.mark.light
 @pytest.mark.parametrize(
     ("text", "pressed"),
     [

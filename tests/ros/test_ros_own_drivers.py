@@ -103,6 +103,7 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
 
 
 @pytest.mark.ros
+@pytest.mark.light
 def test_a_base_and_a_camera_with_drivers_of_their_own_are_used_by_their_topics(processes: Processes) -> None:
     for node, word in (
         ("mobile_base", "_robot_type:=ros:/robot/odom,/robot/cmd_vel"),

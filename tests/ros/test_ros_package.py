@@ -15,6 +15,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 
 pytestmark = [
     pytest.mark.ros,
+    pytest.mark.light,
     pytest.mark.skipif(shutil.which("rosrun") is None, reason="rosrun (package rosbash) is not installed"),
 ]
 

@@ -13,7 +13,7 @@ from lone_base import LoneBase
 
 from vsx_ros.ros import topics
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.light]
 
 ODOM, TELEOP = "/wheels/odom", "/joy/cmd_vel"
 ASKED_M_S, MAX_M_S, SCALE = 0.3, 0.1, 2.0

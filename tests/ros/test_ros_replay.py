@@ -26,7 +26,7 @@ from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.process import DONE, FAILED, STOPPED
 from vsx_ros.slam.slam import SequentialSlam
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.light]
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 FRAMES, IMAGES_HZ = 60, 15.0

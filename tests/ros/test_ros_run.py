@@ -211,6 +211,7 @@ def test_a_live_run_whose_files_may_not_grow_ends_in_order_and_keeps_what_fits(t
     assert not processes_that_name(str(out))
 
 
+@pytest.mark.light
 def test_a_resumed_run_whose_slam_never_began_tells_nothing_twice(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path / "run")
     folder.write_config(Config(), ["vsx", "explore"])
@@ -220,6 +221,7 @@ def test_a_resumed_run_whose_slam_never_began_tells_nothing_twice(tmp_path: Path
     assert all_events(folder, journal, monitor) == [slam, mission, more]
 
 
+@pytest.mark.light
 @pytest.mark.parametrize(
     ("until", "right", "state", "enough"),
     [
@@ -239,6 +241,7 @@ def test_a_run_ends_when_enough_is_known_and_the_camera_tracked(
     assert coverage.is_enough(SimpleNamespace(grid=object(), slam_state=state)) == enough
 
 
+@pytest.mark.light
 def test_a_wrong_serial_port_is_named_and_waited_for(tmp_path: Path) -> None:
     command = run_command("--base", "kobuki", "--port", "/dev/ttyNONE", "--headless", "--out", str(tmp_path / "run"))
     lines: list[str] = []
@@ -255,6 +258,7 @@ def test_a_wrong_serial_port_is_named_and_waited_for(tmp_path: Path) -> None:
     assert len(told) == 1
 
 
+@pytest.mark.light
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [(["--world", "moon"], "moon"), (["--world", "lab", "--set", "planner.phi_rad_m=-1"], "phi_rad_m")],

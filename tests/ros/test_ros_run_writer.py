@@ -123,6 +123,7 @@ def test_the_end_leaves_the_results(driven, tmp_path: Path) -> None:
 
 
 @pytest.mark.ros
+@pytest.mark.light
 def test_a_run_that_went_on_in_a_loaded_map_is_gone_on_with_although_that_map_is_gone(driven, tmp_path: Path) -> None:
     robot, slam, frames = driven
     writer = RunWriter(robot.T_base_cam_given, RunFolder(tmp_path / "run"))

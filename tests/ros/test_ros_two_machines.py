@@ -17,7 +17,7 @@ pytest.importorskip("rospy")
 from processes import Processes
 from waiting import PATIENCE_S, wait_for
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.light]
 
 ROBOT, LAPTOP = "10.77.31.1", "10.77.31.2"
 MASTER = f"http://{ROBOT}:11311"

@@ -96,6 +96,7 @@ def start_master(processes: Processes) -> str:
     return uri
 
 
+@pytest.mark.light
 def test_two_robots_do_not_hear_each_other(processes: Processes, tmp_path: Path) -> None:
     uri = start_master(processes)
     for robot in ROBOTS:

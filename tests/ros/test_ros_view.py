@@ -18,7 +18,7 @@ from waiting import wait_for
 
 from vsx_ros.cli import main
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.light]
 
 
 class Machine:
