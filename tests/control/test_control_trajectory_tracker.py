@@ -106,6 +106,23 @@ def test_a_base_that_cannot_go_on_from_where_it_was_held_says_so(monkeypatch):
     assert "was held" in result.reason
 
 
+def test_it_goes_on_whenever_it_is_let_go_even_just_before_it_stands():
+    for hold_s in np.arange(0.2, 0.8, 0.001):
+        tracker = TrajectoryTracker(FOLLOWER, LIMITS)
+        tracker.start(straight(2.0), 0)
+        _, pose, now = follow_exactly(tracker, SE2(), 0, 2.0)
+        while now_left := min(0.02, hold_s):
+            hold_s -= now_left
+            now += round(1e9 * now_left)
+            result = tracker.command(now, pose, 0.0, True, waits_for="a person")
+            pose = integrate(pose, result.command.v * now_left, result.command.omega * now_left)
+        for _ in range(10):
+            now += 20_000_000
+            result = tracker.command(now, pose, 0.0, True)
+            assert result.status is FollowStatus.FOLLOWING, result
+            pose = integrate(pose, result.command.v * 0.02, result.command.omega * 0.02)
+
+
 def test_every_kind_of_staleness_is_named():
     tracker = TrajectoryTracker(FOLLOWER, LIMITS)
     tracker.start(straight(1.0), 0)

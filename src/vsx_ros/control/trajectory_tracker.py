@@ -119,6 +119,7 @@ class TrajectoryTracker:
         dt = min(max((now_ns - self._last_ns) * 1e-9, 0.0), _LONGEST_STEP_S)
         self._last_ns = now_ns
         wanted = 0.0 if stale or self._braking else min(max(speed_factor, 0.0), 1.0)
+        stood = self.stands
         self._advance(dt, wanted)
         reference, v, omega = self._timing.trajectory.at(self._clock_s)
         v, omega = v * self._rate, omega * self._rate
@@ -127,7 +128,7 @@ class TrajectoryTracker:
         error = pose.inverse() @ reference
         error = SE2(error.x, error.y, pose.angle_to(reference))
         diverged = self._why_diverged(error)
-        if wanted > 0.0 and self.stands:  # if no timing starts from rest now, none will later
+        if wanted > 0.0 and stood and self.stands:  # if no timing starts from rest now, none will later
             diverged = diverged or "no speed profile goes on from where the base was held"
         if diverged:
             self.cancel()
