@@ -21,6 +21,7 @@ from vsx_hw.readings import Hazard
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.atomic import write_bytes
+from vsx_ros.navigation.lease import ImageLease
 from vsx_ros.robot import Frame, Odometry, OdometryEpochs
 from vsx_ros.ros import logs, slam_input, slam_run, threads, topics
 from vsx_ros.ros.nodes.vslam import VslamNode
@@ -64,6 +65,7 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
     slam = SimpleNamespace(track=track, tracked_features=None)
     sync = SimpleNamespace(take=lambda timeout_s: waiting.pop(0), dropped=0)
     heard = bare(SlamInput, _sync=sync, _status=status, _used_s=1e12, _metric=True, camera=lambda: None)
+    heard._lease = ImageLease()
     node = bare(
         VslamNode, _metric=True, _input=heard, _maps=Notes(), _status=status, _lease=lease, _poses=Notes(),
         _session=SimpleNamespace(begin=lambda *_, **__: slam, track=track, locate=lambda *_: SimpleNamespace(stuck="")),
@@ -122,7 +124,7 @@ def test_odometry_that_is_missing_before_the_map_is_named_while_it_is(metric: bo
     """Not for a single image: readings may come late. A map without scale needs none."""
     status, second_ns = Notes(), 10**9
     heard = bare(SlamInput, _sync=SimpleNamespace(dropped=0), _status=status, _used_s=0.0, _metric=metric)
-    heard._odometry = None
+    heard._odometry, heard._lease = None, ImageLease()
     for state, stamp_s, heard_s in (
         (TrackingState.NOT_INITIALISED, 1.0, None), (TrackingState.NOT_INITIALISED, 2.0, 1.9),
         (TrackingState.NOT_INITIALISED, 2.5, 1.9), (TrackingState.NOT_INITIALISED, 5.0, 1.9),
@@ -132,6 +134,21 @@ def test_odometry_that_is_missing_before_the_map_is_named_while_it_is(metric: bo
         heard.used(TrackingResult(round(stamp_s * second_ns), state), "")
     missing = "waiting_for" if metric else "frame"
     assert [name for name, _ in status.said] == [missing, "frame", "frame", missing, "frame", "frame"]
+
+
+@pytest.mark.parametrize(("period_s", "silence_s"), [(0.1, 0.3), (0.33, 0.7)])
+def test_slow_images_are_no_missing_images(period_s: float, silence_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s, status = [100.0], Notes()
+    monkeypatch.setattr(slam_input.time, "monotonic", lambda: now_s[0])
+    sync = SimpleNamespace(take=lambda timeout_s: None, dropped=0, behind_s=0.0)
+    heard = bare(SlamInput, _sync=sync, _status=status, _used_s=100.0, _metric=False, _lease=ImageLease())
+    for _ in range(10):
+        now_s[0] += period_s
+        heard.used(TrackingResult(round(1e9 * now_s[0]), TrackingState.GOOD), "")
+    begun_s = now_s[0]
+    for now_s[0] in (begun_s + silence_s - 0.02, begun_s + silence_s + 0.02):
+        heard.next()
+    assert [name for name, _ in status.said] == ["frame"] * 10 + ["without_images"]
 
 
 def test_a_missing_message_is_the_reason_why_there_is_no_map(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,11 +13,11 @@ from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME, LocalizationStat
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.navigation.lease import LEASE_S, ImageLease
 from vsx_ros.planning.path import Trajectory
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.slam.state import TrackingState
 
-LEASE_S = 0.3  # A client must renew its wish for motion again and again; after this silence it counts as gone
 _VSLAM_GONE_S = 2.0  # The base waits for a silent vslam, but not longer
 _LOST_S = 5.0  # The standing camera may be found again; later nobody expects the base to drive on
 _ODOMETRY_S = 0.5  # On a busy machine an odometry reading may be late
@@ -40,13 +40,14 @@ class Follower:
     """Follows one trajectory at a time. Call ``step`` at 10 Hz or more; live 30 Hz, in lock-step once per frame.
 
     A trajectory in the frame map needs a tracked camera, for which it does not wait long; one in odom needs only
-    odometry. Silence of vslam or odometry stops the base at once; it waits for them, for vslam not long. A new hazard,
-    a stuck base, or silence of the trajectory's sender ends the drive at once. Everything else slows the base on the
-    path."""
+    odometry. Silence of vslam (``ImageLease``) or odometry stops the base at once; it waits for them, for vslam not
+    long. A new hazard, a stuck base, or silence of the trajectory's sender ends the drive at once. Everything else
+    slows the base on the path."""
 
     def __init__(self, config: Config) -> None:
         self._tracker = TrajectoryTracker(config.follower, config.limits)
         self._config, self._careful_until_ns = config.follower, -1
+        self._images = ImageLease()
         self._hazards: frozenset[str] = frozenset()
         self._is_stuck = False
         self._held = ""
@@ -118,6 +119,7 @@ class Follower:
         """The command for now; None when there is none, so that others may drive."""
         was_stuck, self._is_stuck = self._is_stuck, bool(where.stuck)
         is_hidden = self._waits(now_ns, where.ahead)
+        self._images.see(now_ns, ages.vslam_s)
         if not self._following:
             return STOP if 0 <= now_ns - self._rested_ns < _ZERO_FOR_S * 1e9 and self._rested_ns >= 0 else None
         if ages.executor_s > LEASE_S:
@@ -130,7 +132,7 @@ class Follower:
             return self.end(now_ns, f"tracking stays lost: {where.slam_reason}")
         if where.stuck and not was_stuck:
             return self.end(now_ns, where.stuck)
-        self.result = result = self._followed(now_ns, where, _why_stale(ages), is_hidden)
+        self.result = result = self._followed(now_ns, where, self._why_stale(ages), is_hidden)
         if self._stop is not None and self._tracker.stands:
             return self.end(now_ns, "stopped on the way")
         if result.status in (FollowStatus.ARRIVED, FollowStatus.DIVERGED):
@@ -139,10 +141,12 @@ class Follower:
 
     def _followed(self, now_ns: int, where: LocalizationState, stale: str, is_hidden: bool) -> FollowResult:
         blind = self._frame == ODOM_FRAME
-        age_s = 0.0 if blind else where.slam_age_s
+        age_s = 0.0 if blind else where.slam_age_s - (self._images.length_s - LEASE_S)
         tracking_ok = not stale and (blind or where.slam_state.tracked)
-        factor = 1.0 if blind else self._speed_factor(now_ns, where.slam_state)
+        factor = self._images.speed_share * (1.0 if blind else self._speed_factor(now_ns, where.slam_state))
         waits_for = f"waiting: {where.ahead}" if is_hidden and not blind else ""
+        if self._images.is_late:
+            waits_for = "waiting for the next image"
         result = self._tracker.command(now_ns, where.pose(self._frame), age_s, tracking_ok, factor, waits_for)
         if stale:
             self._tracker.halted()
@@ -164,18 +168,17 @@ class Follower:
             self._hidden_since_ns = now_ns
         return now_ns - self._hidden_since_ns < self._config.hidden_wait_s * 1e9
 
+    def _why_stale(self, ages: MessageAges) -> str:
+        """Which required message is missing: without it the pose would stand still while the base drives on."""
+        if self._images.is_over:
+            return "no word from vslam, which may have no images"
+        if ages.odometry_s > _ODOMETRY_S:
+            return "no odometry that can be used"
+        return ""
+
     def _rest(self, now_ns: int) -> VelocityCommand:
         self._following, self._stop, self._rested_ns = False, None, now_ns
         return STOP
-
-
-def _why_stale(ages: MessageAges) -> str:
-    """Which required message is missing: without it the pose would stand still while the base drives on."""
-    if ages.vslam_s > LEASE_S:
-        return "no word from vslam, which may have no images"
-    if ages.odometry_s > _ODOMETRY_S:
-        return "no odometry that can be used"
-    return ""
 
 
 class FollowerReport(msgspec.Struct, frozen=True):

@@ -55,7 +55,7 @@ class Lease:
             self.renew()
 
     def renew(self) -> None:
-        """Ask for ``LEASE_S`` more (navigation/follower.py); call this at least every ``PERIOD_S``."""
+        """Ask for ``LEASE_S`` more (navigation/lease.py); call this at least every ``PERIOD_S``."""
         if not self._released:
             self._publisher.publish(self._message)
 

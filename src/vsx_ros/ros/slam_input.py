@@ -13,7 +13,7 @@ from std_msgs.msg import Float64MultiArray, UInt8
 from vsx_hw.readings import Hazard
 from vsx_ros.arrays import GrayImage
 from vsx_ros.geometry.camera import PinholeCamera, Shutter
-from vsx_ros.navigation.follower import LEASE_S
+from vsx_ros.navigation.lease import ImageLease
 from vsx_ros.robot import SILENCE_NS, Frame, Odometry, odometry_at
 from vsx_ros.ros import headers, images, topics
 from vsx_ros.ros.callbacks import hear_odometry, image_subscriber, subscribe
@@ -40,7 +40,7 @@ class SlamInput:
         self._sync, self._frames = SensorSync(), images.Frames()
         self._odometry: Odometry | None = None
         self._status = status
-        self._used_s = time.monotonic()
+        self._lease, self._used_s = ImageLease(), time.monotonic()
         hear_odometry(self._on_odometry, first_epoch=run.first_epoch)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
         self._shutter: Shutter | None = None
@@ -101,13 +101,14 @@ class SlamInput:
             self._status.clock_set_back(self._sync.behind_s)
         elif silent_s > _SILENCE_S:
             self._status.waiting_for(topics.IMAGE)
-        elif silent_s > LEASE_S:
+        elif silent_s > self._lease.length_s:
             self._status.without_images()
         return None
 
     def used(self, result: TrackingResult, stuck: str) -> None:
         """Report that the last frame was tracked, and, in words, that the base is stuck."""
         before_s, self._used_s = self._used_s, time.monotonic()
+        self._lease.see(round(1e9 * self._used_s), 0.0)
         if self.waits_for_odometry(result):
             self._status.waiting_for(topics.ODOM)
         else:
@@ -122,7 +123,7 @@ class SlamInput:
     def refused(self, reason: str) -> None:
         """Report that the last frame was unusable; it counts as missing."""
         self._status.refused(reason)
-        if time.monotonic() - self._used_s > LEASE_S:
+        if time.monotonic() - self._used_s > self._lease.length_s:
             self._status.without_images("no image comes that fits")
 
 

@@ -25,8 +25,8 @@ from move_base_msgs.msg import MoveBaseFeedback, MoveBaseGoal
 
 from vsx_ros.config import Config
 from vsx_ros.errors import VsxError
-from vsx_ros.navigation.follower import LEASE_S
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
+from vsx_ros.navigation.lease import LEASE_S
 from vsx_ros.ros import convert, driving, headers, node, threads, topics
 from vsx_ros.ros.driving import PERIOD_S, FollowerLink, Lease, LeaseWatch, goal_server, relay_simple_goals
 from vsx_ros.ros.goal_preview import GoalPreview
