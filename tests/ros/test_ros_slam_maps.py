@@ -20,6 +20,7 @@ from vsx_ros.kernels.dense.plane_fits import in_plane_axes
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import headers, slam_maps, topics
+from vsx_ros.ros.slam_clock import SlamClock
 from vsx_ros.ros.slam_maps import DenseMapping, plane_markers, scan_msg
 
 NORMAL = np.array([-1.0, 0.0, 0.0])
@@ -63,7 +64,7 @@ def test_the_scan_has_the_stamp_of_the_place_that_it_is_made_at(
     grid = OccupancyGrid(np.zeros((80, 80), np.int8), 0.05, -2.0, -2.0)
     where = LocalizationState(T_map_base, odometry=Odometry(7_600_000_000, SE2()))
     session = SimpleNamespace(where=where, ground=SimpleNamespace(start=SE2()))
-    DenseMapping(Config()).publish(SimpleNamespace(), grid, session)  # type: ignore[arg-type]  # only these are asked
+    DenseMapping(Config(), SlamClock()).publish(SimpleNamespace(), grid, session)  # type: ignore[arg-type]  # only these are asked
     assert [scan.header.stamp.to_nsec() for scan in scans] == [7_600_000_000]
 
 
@@ -80,7 +81,7 @@ def test_a_map_of_a_building_is_densified_less_often(
         updates.append(1)
         return SimpleNamespace(is_due=lambda _: True), None
 
-    dense = DenseMapping(Config())
+    dense = DenseMapping(Config(), SlamClock())
     dense._process = SimpleNamespace(update=update)  # type: ignore[assignment]  # only update is asked
     seen = SimpleNamespace(keyframe_ids=np.arange(keyframes))  # only ids are asked
     for _ in range(60):

@@ -25,6 +25,7 @@ from vsx_ros.navigation.lease import ImageLease
 from vsx_ros.robot import Frame, Odometry, OdometryEpochs
 from vsx_ros.ros import logs, slam_input, slam_run, threads, topics
 from vsx_ros.ros.nodes.vslam import VslamNode
+from vsx_ros.ros.slam_clock import SlamClock
 from vsx_ros.ros.slam_input import SlamInput
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
@@ -63,13 +64,13 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
     monkeypatch.setattr(threads, "is_ending", lambda: not waiting)
     status, lease = Notes(), Notes()
     slam = SimpleNamespace(track=track, tracked_features=None)
-    sync = SimpleNamespace(take=lambda timeout_s: waiting.pop(0), dropped=0)
+    sync = SimpleNamespace(take=lambda timeout_s: waiting.pop(0), dropped=0, was_set_back=False)
     heard = bare(SlamInput, _sync=sync, _status=status, _used_s=1e12, _metric=True, camera=lambda: None)
-    heard._lease = ImageLease()
+    heard._lease, heard._clock = ImageLease(), SlamClock()
     node = bare(
         VslamNode, _metric=True, _input=heard, _maps=Notes(), _status=status, _lease=lease, _poses=Notes(),
         _session=SimpleNamespace(begin=lambda *_, **__: slam, track=track, locate=lambda *_: SimpleNamespace(stuck="")),
-        _run=Notes(), _preview=Notes(), _pictures=SimpleNamespace(is_new=lambda *_: True),
+        _run=Notes(), _preview=Notes(), _clock=SlamClock(), _pictures=SimpleNamespace(is_new=lambda *_: True),
     )  # fmt: skip
     node._track()
     assert tracked == [0, 1, 3]
@@ -85,7 +86,7 @@ def test_the_ground_that_is_free_at_the_start_follows_the_odometry_until_the_map
     """A base that restarts its counting before the map begins it elsewhere."""
     ground, epochs, starts = SimpleNamespace(start="of the map"), OdometryEpochs(), list[Any]()
     session = SimpleNamespace(ground=ground, resumed=resumed, where=SimpleNamespace(T_map_base=None))
-    heard = bare(SlamInput, _session=session, _odometry=None, _sync=Notes())
+    heard = bare(SlamInput, _session=session, _odometry=None, _sync=Notes(), _clock=SlamClock())
     for stamp_s, at in ((1, SE2(3.0, 1.0)), (2, SE2(3.1, 1.0)), (5, SE2()), (6, SE2(0.1, 0.0))):
         heard._on_odometry(epochs.enter(Odometry(stamp_s * 10**9, at)))
         starts.append(ground.start)
@@ -124,7 +125,7 @@ def test_odometry_that_is_missing_before_the_map_is_named_while_it_is(metric: bo
     """Not for a single image: readings may come late. A map without scale needs none."""
     status, second_ns = Notes(), 10**9
     heard = bare(SlamInput, _sync=SimpleNamespace(dropped=0), _status=status, _used_s=0.0, _metric=metric)
-    heard._odometry, heard._lease = None, ImageLease()
+    heard._odometry, heard._lease, heard._clock = None, ImageLease(), SlamClock()
     for state, stamp_s, heard_s in (
         (TrackingState.NOT_INITIALISED, 1.0, None), (TrackingState.NOT_INITIALISED, 2.0, 1.9),
         (TrackingState.NOT_INITIALISED, 2.5, 1.9), (TrackingState.NOT_INITIALISED, 5.0, 1.9),
@@ -140,8 +141,9 @@ def test_odometry_that_is_missing_before_the_map_is_named_while_it_is(metric: bo
 def test_slow_images_are_no_missing_images(period_s: float, silence_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
     now_s, status = [100.0], Notes()
     monkeypatch.setattr(slam_input.time, "monotonic", lambda: now_s[0])
-    sync = SimpleNamespace(take=lambda timeout_s: None, dropped=0, behind_s=0.0)
+    sync = SimpleNamespace(take=lambda timeout_s: None, dropped=0, was_set_back=False)
     heard = bare(SlamInput, _sync=sync, _status=status, _used_s=100.0, _metric=False, _lease=ImageLease())
+    heard._clock = SlamClock()
     for _ in range(10):
         now_s[0] += period_s
         heard.used(TrackingResult(round(1e9 * now_s[0]), TrackingState.GOOD), "")

@@ -17,6 +17,7 @@ from vsx_ros.navigation.lease import ImageLease
 from vsx_ros.robot import SILENCE_NS, Frame, Odometry, odometry_at
 from vsx_ros.ros import headers, images, topics
 from vsx_ros.ros.callbacks import hear_odometry, image_subscriber, subscribe
+from vsx_ros.ros.slam_clock import SlamClock
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.slam.preprocessing import STILL_M, STILL_RAD
@@ -25,6 +26,7 @@ from vsx_ros.slam.state import TrackingResult, TrackingState
 _SILENCE_S = 3.0  # without images: reported
 _SHUTTER_WAIT_S = 1.0  # cameras with other drivers do not publish it
 _CLOCK_BACK_S = 1.0  # a clock that was set back, or a recording that started again
+_BELIEVED = 3  # so many images in a row, and the clock was set back
 _KEEP_ODOMETRY = 300  # readings: 6 s at 50 Hz
 # Odometry comes 30 to 50 times a second: a reading after the image arrives within this time, or not at all.
 _WAIT_FOR_ODOMETRY_S = 0.06
@@ -34,10 +36,10 @@ class SlamInput:
     """The tracking thread calls ``next``. Missing inputs are reported to ``status``. Subscribers: camera/rgb/image_raw,
     camera/rgb/camera_info, camera/rgb/shutter, odom, mobile_base/hazards."""
 
-    def __init__(self, run: SlamRun, status: SlamStatus, *, metric: bool) -> None:
-        """metric: whether a new map waits for odometry."""
-        self._session, self._metric = run.session, metric
-        self._sync, self._frames = SensorSync(), images.Frames()
+    def __init__(self, run: SlamRun, status: SlamStatus, clock: SlamClock, *, metric: bool) -> None:
+        """clock: what is taken from here is in its time. metric: whether a new map waits for odometry."""
+        self._session, self._clock, self._metric = run.session, clock, metric
+        self._sync, self._frames = SensorSync(clock), images.Frames()
         self._odometry: Odometry | None = None
         self._status = status
         self._lease, self._used_s = ImageLease(), time.monotonic()
@@ -53,7 +55,8 @@ class SlamInput:
         headers.refuse_future(frame.stamp_ns)
         self._sync.add_frame(frame)
 
-    def _on_odometry(self, odometry: Odometry) -> None:
+    def _on_odometry(self, reading: Odometry) -> None:
+        odometry = self._clock.entered(reading)
         before, self._odometry = self._odometry, odometry
         session, begins = self._session, before is None or before.odom_epoch != odometry.odom_epoch
         if begins and not session.resumed and session.where.T_map_base is None:
@@ -97,8 +100,8 @@ class SlamInput:
         if taken is not None:
             return taken
         silent_s = time.monotonic() - self._used_s
-        if self._sync.behind_s > _CLOCK_BACK_S:
-            self._status.clock_set_back(self._sync.behind_s)
+        if self._sync.was_set_back:
+            rospy.logwarn("the clock was set back by %.1f s; the map goes on", self._sync.behind_s)
         elif silent_s > _SILENCE_S:
             self._status.waiting_for(topics.IMAGE)
         elif silent_s > self._lease.length_s:
@@ -112,7 +115,7 @@ class SlamInput:
         if self.waits_for_odometry(result):
             self._status.waiting_for(topics.ODOM)
         else:
-            self._status.frame(result, self._used_s - before_s, self._sync.dropped, stuck)
+            self._status.frame(self._clock.left(result), self._used_s - before_s, self._sync.dropped, stuck)
 
     def waits_for_odometry(self, result: TrackingResult) -> bool:
         """Whether there is no map at this frame because odometry is silent."""
@@ -134,19 +137,25 @@ def _lens(msg: CameraInfo) -> tuple[object, ...]:
 
 class SensorSync:
     """Two callbacks write, one thread reads. Images that are replaced before they are read are dropped and counted.
-    ``behind_s``: how much older the last image was than the one read before it; it was then dropped; else 0."""
+    ``behind_s``: how much older the last image was than the one read before it; it was then dropped; else 0.
+    ``was_set_back``: whether the clock was found set back by it."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: SlamClock) -> None:
+        """clock: turned on when several images in a row are much older. Odometry comes in its time, images do not."""
+        self._clock = clock
         self._changed = threading.Condition()
         self._odometry: deque[Odometry] = deque(maxlen=_KEEP_ODOMETRY)
         self._frame: Frame | None = None
-        self._last_taken_ns = -1
+        self._last_taken_ns, self._taken_s = -1, 0.0
+        self._much_older = 0
         self.dropped = 0
-        self.behind_s = 0.0
+        self.behind_s, self.was_set_back = 0.0, False
 
     def add_odometry(self, odometry: Odometry) -> None:
-        """Store a reading; readings out of order are ignored."""
+        """Store a reading; readings out of order are ignored, but not those after the clock was set back."""
         with self._changed:
+            if self._odometry and odometry.stamp_ns < self._odometry[-1].stamp_ns - _CLOCK_BACK_S * 1e9:
+                self._odometry.clear()
             if not self._odometry or odometry.stamp_ns > self._odometry[-1].stamp_ns:
                 self._odometry.append(odometry)
                 self._changed.notify_all()
@@ -162,17 +171,27 @@ class SensorSync:
     def take(self, timeout_s: float) -> tuple[Frame, Odometry | None] | None:
         """The newest image and the odometry at its stamp (see ``odometry_at``). None if no newer image came in time."""
         with self._changed:
+            self.was_set_back = False
             if not self._changed.wait_for(lambda: self._frame is not None, timeout_s) or self._frame is None:
                 return None
-            frame, self._frame = self._frame, None
-            self.behind_s = max(0.0, (self._last_taken_ns - frame.stamp_ns) * 1e-9)
-            if frame.stamp_ns <= self._last_taken_ns:
+            frame, self._frame = self._clock.entered(self._frame), None
+            if not self._is_newer(frame.stamp_ns):
                 self.dropped += 1
                 return None
-            self._last_taken_ns = frame.stamp_ns
+            self._last_taken_ns, self._taken_s = frame.stamp_ns, time.monotonic()
             if self._odometry:
                 self._changed.wait_for(lambda: self._odometry[-1].stamp_ns >= frame.stamp_ns, _WAIT_FOR_ODOMETRY_S)
             return frame, odometry_at(self._odometry, frame.stamp_ns)
+
+    def _is_newer(self, stamp_ns: int) -> bool:
+        """Whether an image comes after the one read last; turns the clock on if it and others before are much older."""
+        behind_ns = self._last_taken_ns - stamp_ns
+        self.behind_s = max(0.0, behind_ns * 1e-9)
+        self._much_older = self._much_older + 1 if self.behind_s > _CLOCK_BACK_S else 0
+        if self._much_older == _BELIEVED:
+            self._clock.set_back(behind_ns + round(1e9 * (time.monotonic() - self._taken_s)))
+            self._much_older, self.was_set_back = 0, True
+        return behind_ns < 0
 
 
 class RepeatedImageDetector:

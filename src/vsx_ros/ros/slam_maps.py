@@ -31,6 +31,7 @@ from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.dense_process import DenseProcess
 from vsx_ros.ros.dock_memory import DockMemory
 from vsx_ros.ros.rooms import RoomServer
+from vsx_ros.ros.slam_clock import SlamClock
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.zones import ZoneServer
 from vsx_ros.runs.places import write_places
@@ -58,14 +59,14 @@ class SlamMaps:
     driven: the newest state of the session's ground."""
 
     def __init__(
-        self, config: Config, session: SlamSession, status: SlamStatus, continued: Path | None = None,
+        self, config: Config, session: SlamSession, status: SlamStatus, clock: SlamClock, continued: Path | None = None,
         kept: Path | None = None,
     ) -> None:  # fmt: skip
         """continued: the file of the map that is continued, with rooms beside it. kept: that of this run's map."""
         self._session, self._status = session, status
         self._slam: ThreadedSlam | None = None
         self._metric = True
-        self._dense = DenseMapping(config)
+        self._dense = DenseMapping(config, clock)
         self._built: tuple[object, ...] = ()
         self._grid: OccupancyGrid | None = None
         self._message = OccupancyGridMsg()
@@ -154,8 +155,9 @@ class DenseMapping:
     """Publishers: vslam/planes, vslam/dense_points, scan; each only while someone listens. Call ``refresh`` from one
     thread, every UPDATE_EVERY_S, and ``publish`` from any."""
 
-    def __init__(self, config: Config) -> None:
-        self._config = config
+    def __init__(self, config: Config, clock: SlamClock) -> None:
+        """clock: that of the session's odometry."""
+        self._config, self._clock = config, clock
         self._process: DenseProcess | None = None
         self._map: DenseMap | None = None
         self._due_s = 0.0
@@ -205,7 +207,7 @@ class DenseMapping:
         if self._scan_pub.get_num_connections():
             where = session.where
             T_map_base, seen = where.T_map_base or session.ground.start, where.odometry
-            seen_ns = stamp_ns if seen is None else seen.stamp_ns
+            seen_ns = stamp_ns if seen is None else self._clock.left(seen).stamp_ns
             self._scan_pub.publish(scan_msg(grid, T_map_base, self._config.ground_map.max_range_m, seen_ns))
         if self._map is not None and self._planes_pub.get_num_connections():
             self._planes_pub.publish(plane_markers(self._map.planes, topics.MAP_FRAME, stamp_ns))

@@ -63,13 +63,6 @@ class SlamStatus:
         """No image came for a while: the camera's pose is not known now, but tracking is not lost yet."""
         self._change(TrackingState.DUBIOUS if self._state is TrackingState.GOOD else self._state, reason)
 
-    def clock_set_back(self, seconds: float) -> None:
-        """Images are older than those already seen, so they are unusable."""
-        self.without_images("the clock was set back")
-        self.refused(
-            f"images are stamped {seconds:.1f} s before those seen already: the clock was set back; start vslam anew"
-        )
-
     def camera_changed(self) -> None:
         """Report another calibration than the one in use."""
         reason = "the camera's calibration has changed, but vslam uses the one before; start vslam anew, in a new map"

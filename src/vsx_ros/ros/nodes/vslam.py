@@ -29,6 +29,7 @@ from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import node, threads, topics
 from vsx_ros.ros.callbacks import offer_trigger
 from vsx_ros.ros.driving import Lease
+from vsx_ros.ros.slam_clock import SlamClock
 from vsx_ros.ros.slam_input import RepeatedImageDetector, SlamInput
 from vsx_ros.ros.slam_maps import SlamMaps
 from vsx_ros.ros.slam_messages import PosePublisher, Preview, SlamStatus
@@ -48,10 +49,11 @@ class VslamNode:
         self._session = self._run.session
         self._slam: ThreadedSlam | None = None
         self._status, self._preview, self._pictures = SlamStatus(), Preview(), RepeatedImageDetector()
-        self._maps = SlamMaps(config, self._session, self._status, self._run.continued, self._run.map_file)
+        self._clock = SlamClock()
+        self._maps = SlamMaps(config, self._session, self._status, self._clock, self._run.continued, self._run.map_file)
         self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
         self._poses = PosePublisher(self._session, config.robot.mount)
-        self._input = SlamInput(self._run, self._status, metric=self._metric)
+        self._input = SlamInput(self._run, self._status, self._clock, metric=self._metric)
         threads.every(_WRITE_PERIOD_S, "checkpoint", lambda: self._run.write(self._maps.driven))
         offer_trigger(topics.SAVE_MAP, lambda: self._run.save_map(self._slam, self._maps.write_beside))
         self._tracking = threads.worker("tracking", self._track)
@@ -74,12 +76,12 @@ class VslamNode:
         is_new = self._pictures.is_new(frame.image, odometry)  # driving on a repeated picture would be driving blind
         if is_new and not self._input.waits_for_odometry(result):
             self._lease.renew()
-        self._poses.publish(result, odometry)
+        self._poses.publish(self._clock.left(result), odometry)
         where = self._session.locate(result, odometry)
         self._input.used(result, where.stuck)
         self._run.frame(slam, result, odometry, time.monotonic() - began_s)
         self._run.see(frame, self._maps.grid)
-        self._preview.show(frame, slam.tracked_features)
+        self._preview.show(self._clock.left(frame), slam.tracked_features)
 
     def close(self) -> None:
         """Let nothing drive by this camera any more; after the last frame, write the run's results."""
