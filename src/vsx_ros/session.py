@@ -46,6 +46,7 @@ class SlamSession:
         self.calibration: DrivingCalibration | None = None
         self._record = None if state is None else TrackingRecord.restored(state)
         self._localization, self._stuck_detector = Localization(), StuckDetector()
+        self._was_lifted = False
         self._late: deque[tuple[TrackingResult, Odometry | None]] = deque()  # with the odometry of its image
         self._beside = NEAREST  # the keyframe relative to which the camera was placed last
         # The newest reading as SLAM got it (corrected), and with its original pose.
@@ -95,6 +96,9 @@ class SlamSession:
         """Where the base is at a tracked frame; also enters it in the ground. odometry: of the frame. computing_ns:
         time from a frame's stamp until its pose is known."""
         now_ns, localization = tracking.stamp_ns, self._localization
+        if self._was_lifted:
+            self._was_lifted = False
+            self._stuck_detector.lifted()
         corrected: Odometry | None = None
         if odometry is not None and not odometry.impossible:
             known = self._corrected
@@ -129,6 +133,10 @@ class SlamSession:
         """Something was touched here; forgotten where the camera has been lost for too long."""
         if self._is_placed(T_map_base):
             self.ground.bumped(T_map_base)
+
+    def lifted(self) -> None:
+        """The base is in the air, or was just put down; may be called from any thread."""
+        self._was_lifted = True
 
     def _is_placed(self, T_map_base: SE2 | None) -> TypeGuard[SE2]:
         """Whether this is a place in the map, and not only odometry's guess since the camera was lost."""

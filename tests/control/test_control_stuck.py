@@ -37,6 +37,30 @@ def test_turning_wheels_of_a_standing_base_are_noticed_within_centimetres(way_m:
     assert ("ahead" if way_m > 0 else "back") in watch.stuck.reason
 
 
+@pytest.mark.parametrize("put", [SE2(0.12, 0.0, 0.0), SE2(0.0, 3.0, 1.0)])
+def test_it_ends_when_somebody_moves_the_base_and_is_judged_anew(put: SE2):
+    watch = StuckDetector()
+    counted, seen = drive(watch, SE2(), START, 10, STEP_M, 0.0)
+    watch.add(Odometry(0, counted), seen @ SE2(0.03, 0.0, 0.0))
+    assert watch.stuck is not None, "the camera is not as exact as that"
+    watch.add(Odometry(0, counted), seen @ put)
+    assert watch.stuck is None
+    drive(watch, counted, seen @ put, 10, STEP_M, 0.0)
+    assert watch.stuck is not None
+
+
+def test_it_ends_when_the_base_is_lifted_or_put_down_where_it_was():
+    watch = StuckDetector()
+    counted, seen = drive(watch, SE2(), START, 10, STEP_M, 0.0)
+    watch.lifted()
+    assert watch.stuck is None
+    for _ in range(50):
+        watch.add(Odometry(0, counted), seen)
+    assert watch.stuck is None
+    drive(watch, counted, seen, 10, STEP_M, 0.0)
+    assert watch.stuck is not None
+
+
 @pytest.mark.parametrize("images_hz", [30, 10, 6, 3])
 def test_a_slow_computer_notices_it_in_few_images(images_hz: int):
     watch, every_ns, way_m = StuckDetector(), 10**9 // images_hz, 0.2 / images_hz  # at 0.2 m/s

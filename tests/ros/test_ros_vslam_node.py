@@ -184,13 +184,22 @@ def test_a_missing_message_is_the_reason_why_there_is_no_map(monkeypatch: pytest
 )
 def test_bumpers_and_cliffs_meet_something_and_a_raised_wheel_nothing(hazard: Hazard, met: bool) -> None:
     ground = Notes()
-    session = SimpleNamespace(base_at=lambda odometry: odometry.T_odom_base, bumped=ground.bumped)
-    heard = bare(SlamInput, _session=session, _odometry=None)
+    session = SimpleNamespace(base_at=lambda odometry: odometry.T_odom_base, bumped=ground.bumped, lifted=lambda: None)
+    heard = bare(SlamInput, _session=session, _odometry=None, _hazards=Hazard.NONE)
     heard._on_hazards(UInt8(hazard))
     assert ground.said == [], "nobody knows where"
     heard._odometry = Odometry(7, SE2(3.0, 0.5, 0.2))
     heard._on_hazards(UInt8(hazard))
     assert ground.said == [("bumped", SE2(3.0, 0.5, 0.2))] * met
+
+
+def test_the_session_is_told_that_the_base_is_lifted_and_put_down() -> None:
+    session, told = Notes(), list[int]()
+    heard = bare(SlamInput, _session=session, _odometry=None, _hazards=Hazard.NONE)
+    for hazard in (Hazard.WHEEL_DROP_LEFT, Hazard.WHEEL_DROP, Hazard.WHEEL_DROP_LEFT, Hazard.NONE, Hazard.NONE):
+        heard._on_hazards(UInt8(hazard))
+        told.append(len(session.said))
+    assert told == [0, 1, 2, 2, 2]
 
 
 @pytest.mark.parametrize(

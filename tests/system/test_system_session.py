@@ -56,6 +56,17 @@ def test_what_is_met_while_the_camera_is_placed_anew_is_in_one_of_both_places() 
     assert met.as_array() == pytest.approx(np.array([0.5, 5.0, math.pi / 2 + 0.2]))
 
 
+def test_a_base_that_is_lifted_is_not_stuck_any_more() -> None:
+    session = session_at(SE2())
+    T_world_cam = SE3.from_se2(BEGAN.T_odom_base) @ session.T_base_cam
+    for k in range(2, 20):  # the wheels turn, the camera stands
+        seen = TrackingResult(k, TrackingState.GOOD, T_world_cam, 9, 9, False, "")
+        where = session.locate(seen, Odometry(k, SE2(0.5 + 0.01 * k, 0.0, 0.0)))
+    assert where.stuck
+    session.lifted()
+    assert not session.locate(seen._replace(stamp_ns=20), Odometry(20, SE2(0.69, 0.0, 0.0))).stuck
+
+
 def test_nothing_is_met_in_a_map_in_which_the_base_is_unknown() -> None:
     session = session_at(T_MAP_ODOM)
     assert session.base_at(WHEELS._replace(odom_epoch=1)) is None, "odometry restarted since"

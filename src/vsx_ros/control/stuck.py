@@ -10,6 +10,7 @@ from vsx_ros.robot import Odometry
 _STEP_M, _PAIRS = 0.005, 40  # wheel distance between two stored pairs; their number, for 20 cm
 # Least wheel distance over which it is judged and least number of poses in between; share that the camera must see.
 _WAY_M, _POSES, _SHARE = 0.06, 3, 0.35
+_ELSEWHERE_M = 0.1  # seen so far from where it pushed: it slips on, or somebody has moved it
 _MAP_JUMP_M = 0.02  # if the camera moves farther than odometry by more, the map has moved
 # If the wheels move farther in one step by more, the camera did not see it, or their counts have jumped: from image to
 # image, or, where images are slow, at this speed and up to this long.
@@ -24,17 +25,25 @@ class Stuck(NamedTuple):
 
 
 class StuckDetector:
-    """Call ``add`` with every pose from the camera. ``stuck`` is set until the base is seen to move again."""
+    """Call ``add`` with every pose from the camera. ``stuck`` is set until the base is seen to move again or elsewhere,
+    or is lifted."""
 
     def __init__(self) -> None:
         self._pairs: deque[tuple[Odometry, SE2]] = deque(maxlen=_PAIRS)
         self._seen_ns = 0  # when the camera gave a pose last
         self.stuck: Stuck | None = None
 
+    def lifted(self) -> None:
+        """The base is in the air, or was put down: it pushes against nothing, and stands anywhere."""
+        self._pairs.clear()
+        self.stuck = None
+
     def add(self, odometry: Odometry, T_world_base: SE2) -> None:
         """Take the base's pose at one instant, by odometry and by the camera."""
         T_odom_base = odometry.T_odom_base
         within_s, self._seen_ns = 1e-9 * (odometry.stamp_ns - self._seen_ns), odometry.stamp_ns
+        if self.stuck is not None and self.stuck.T_world_push.distance_to(T_world_base) > _ELSEWHERE_M:
+            self.stuck = None
         if self._pairs:
             last, T_world_last = self._pairs[-1]
             counted_m = last.T_odom_base.distance_to(T_odom_base)

@@ -41,6 +41,7 @@ class SlamInput:
         self._session, self._clock, self._metric = run.session, clock, metric
         self._sync, self._frames = SensorSync(clock), images.Frames()
         self._odometry: Odometry | None = None
+        self._hazards = Hazard.NONE
         self._status = status
         self._lease, self._used_s = ImageLease(), time.monotonic()
         hear_odometry(self._on_odometry, first_epoch=run.first_epoch)
@@ -64,7 +65,10 @@ class SlamInput:
         self._sync.add_odometry(odometry)
 
     def _on_hazards(self, msg: UInt8) -> None:
-        hazards = Hazard(msg.data)
+        before, self._hazards = self._hazards, Hazard(msg.data)
+        hazards = self._hazards
+        if Hazard.WHEEL_DROP in (hazards & Hazard.WHEEL_DROP, before & Hazard.WHEEL_DROP):
+            self._session.lifted()
         touches = hazards & (Hazard.BUMPER | Hazard.CLIFF) and not hazards & Hazard.WHEEL_DROP  # else it is lifted
         if touches and self._odometry is not None:
             self._session.bumped(self._session.base_at(self._odometry))
