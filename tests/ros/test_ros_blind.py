@@ -1,5 +1,6 @@
 """A camera that falls silent, seen by the node explore, without a master."""
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,11 +9,14 @@ import pytest
 from test_ros_operator_claim import Exploring, exploring
 
 from vsx_ros.config import Config
+from vsx_ros.control.localization import UNLOCALIZED
 from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Situation
 from vsx_ros.exploration.mission import Mission
+from vsx_ros.exploration.user_goals import UserGoals
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.ros import headers
+from vsx_ros.ros.situation import HeardSituation
 from vsx_ros.slam.state import TrackingState
 
 DECIDE_NS = 200_000_000
@@ -30,11 +34,14 @@ def closed_room() -> OccupancyGrid:
 class InARoom(Exploring):
     """A robot in that room, whose camera was good until it fell silent."""
 
+    blind_s = 0.0
+
     def at(self, now_ns: int, navigation: NavigationState, navigation_reason: str) -> Situation:
         here = SE2(1.0, 1.5, 0.0)
         return Situation(
             TrackingState.GOOD, "", here, here, closed_room(), navigation, navigation_reason, None,
             np.random.default_rng(0).uniform([-1.0, -1.0, 0.0], [5.0, 4.0, 1.0], (400, 3)),
+            blind_s=self.blind_s,
         )  # fmt: skip
 
 
@@ -49,10 +56,23 @@ def test_fifteen_minutes_of_a_silent_vslam_blacklist_and_end_nothing(monkeypatch
     node = exploring(InARoom(None), mission, lambda: (NavigationState.ABORTED, "vslam is silent"), acts)
     node._decide()
     assert acts.pop().action is Action.GO, "while there were images"
-    node._slam = SimpleNamespace(is_known=lambda name: True, age_s=lambda name: 5.0)
+    node._heard.blind_s = 5.0
     for _ in range(15 * 60 * 5):
         now_ns[0] += DECIDE_NS
         node._decide()
     assert [decision for decision in acts if decision.action is Action.GO] == []
     assert mission.view_selector.blacklist.left(now_ns[0]) == []
     assert (mission.state, mission.outcome) == (MissionState.BLIND, None)
+
+
+def test_what_is_heard_tells_for_how_long_the_camera_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(headers, "now_ns", lambda: 1)
+    ages = dict[str, float]()
+    heard: Any = HeardSituation.__new__(HeardSituation)
+    heard.where, heard.grid = SimpleNamespace(at=lambda now_ns: UNLOCALIZED), None
+    heard._hazards, heard._landmarks, heard._held = 0, np.zeros((0, 3)), None
+    heard._user_goals = UserGoals("/explore-")
+    heard._leases = SimpleNamespace(is_known=lambda name: name in ages, age_s=lambda name: ages.get(name, math.inf))
+    assert (heard.has_seen, heard.at(1, NavigationState.IDLE, "").blind_s) == (False, 0.0)
+    ages["vslam"] = 5.0
+    assert (heard.has_seen, heard.at(1, NavigationState.IDLE, "").blind_s) == (True, 5.0)

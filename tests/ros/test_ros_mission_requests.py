@@ -25,6 +25,14 @@ from vsx_ros.slam.state import TrackingState
 ME, DOCK = "/page", "/dock"
 
 
+class Heard(SimpleNamespace):
+    """What the node hears."""
+
+    @property
+    def has_seen(self) -> bool:
+        return bool(self.ready())
+
+
 class Explorer:
     """The node with a robot that has no map yet. done: what move_base is told. While ``chosen`` is clear, a decision is
     not finished."""
@@ -45,16 +53,17 @@ class Explorer:
         self.node._charges = self.node._battery_empty = False
         self.node._requests = MissionRequests(self.mission, self._cancel)
         self.node._lease = SimpleNamespace(promise=lambda seconds: None)
-        self.node._slam = SimpleNamespace(is_known=lambda name: self.ready, age_s=lambda name: 0.0)
         self.node._diagnostics = SimpleNamespace(set=lambda *_: None)
         self.node._goals = SimpleNamespace(is_served=True, state=lambda: (self.navigation, ""), act=self._act)
-        self.node._heard = SimpleNamespace(at=self._situation, is_claimed_since=lambda situation: False, grid=None)
+        self.node._heard = heard = Heard(at=self._situation, is_claimed_since=lambda situation: False, grid=None)
+        heard.ready = lambda: self.ready
         self.node._writer = SimpleNamespace(restore=lambda *_: None)
         self.node._topics = SimpleNamespace(events=lambda events: None, report=lambda *_: False)
 
     def _situation(self, now_ns: int, navigation: NavigationState, reason: str) -> Situation:
         known: Any = dict.fromkeys(Situation._fields)
         known |= {"slam_state": TrackingState.NOT_INITIALISED, "slam_reason": "", "T_odom_base": SE2(), "odom_epoch": 0}
+        known["blind_s"] = 0.0
         return Situation(**{**known, "navigation": navigation, "navigation_reason": reason})
 
     def _slowly(self, now_ns: int, situation: Situation) -> Decision:

@@ -26,13 +26,15 @@ CLAIMS = [lambda heard: heard._user_goals.sent(2, "/rviz-1"), lambda heard: hear
 class Exploring(HeardSituation):
     """What is heard, without subscribers; ``ranking`` happens during the first decision."""
 
+    has_seen = True
+
     def __init__(self, ranking: Any) -> None:
         self.grid = self.where = self._held = None
         self._user_goals, self._ranking = UserGoals("/explore-"), ranking
 
     def at(self, now_ns: int, navigation: NavigationState, navigation_reason: str) -> Situation:
         known: Any = dict.fromkeys(Situation._fields)
-        return Situation(**{**known, "held": self._held, "user_goal": self._user_goals.current})
+        return Situation(**{**known, "blind_s": 0.0, "held": self._held, "user_goal": self._user_goals.current})
 
     def decide(self, now_ns: int, situation: Situation) -> Any:
         if situation.held is not None or situation.user_goal is not None:
@@ -51,7 +53,6 @@ def exploring(heard: Any, mission: Any, state: Any, acts: list[Any]) -> Any:
     node: Any = ExploreNode.__new__(ExploreNode)
     node._heard, node._lock = heard, nullcontext()
     node._lease = SimpleNamespace(promise=lambda seconds: None)
-    node._slam = SimpleNamespace(is_known=lambda name: True, age_s=lambda name: 0.0)
     node._goals = SimpleNamespace(is_served=True, state=state, act=lambda now_ns, decision: acts.append(decision))
     node._mission = mission
     node._requests = SimpleNamespace(tell_next=lambda now_ns: None, unless_to_stand=lambda act: act())

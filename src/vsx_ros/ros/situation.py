@@ -23,6 +23,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry, OperatorHold
 from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import hear_odometry, hear_operator_hold, subscribe
+from vsx_ros.ros.driving import LeaseWatch
 from vsx_ros.ros.zones import ZonedMap
 
 LIVE_GOAL = GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING
@@ -67,13 +68,14 @@ class LocalizationSubscriber:
 
 
 class HeardSituation:
-    """Subscribers: map, zones, vslam/map_points, mobile_base/{hazards,operator_hold}, move_base/{goal,status}, and
-    those of ``LocalizationSubscriber``. grid: the newest map with the zones, if any."""
+    """Subscribers: map, zones, vslam/map_points, mobile_base/{hazards,operator_hold}, move_base/{goal,status},
+    follower/lease, and those of ``LocalizationSubscriber``. grid: the newest map with the zones, if any."""
 
     def __init__(self, config: Config) -> None:
         self._lock = threading.Lock()
         self.grid: OccupancyGrid | None = None
         self.where = LocalizationSubscriber()
+        self._leases = LeaseWatch(topics.FOLLOWER_LEASE)
         self._landmarks: Points3 = np.zeros((0, 3))
         self._hazards = 0
         self._held: OperatorHold | None = None
@@ -116,6 +118,11 @@ class HeardSituation:
         claims = (self._held, situation.held), (self._user_goals.current, situation.user_goal)
         return any(now is not None and now != then for now, then in claims)
 
+    @property
+    def has_seen(self) -> bool:
+        """Whether vslam has used an image yet."""
+        return self._leases.is_known("vslam")
+
     def at(self, now_ns: int, navigation: NavigationState, navigation_reason: str) -> Situation:
         """The situation, with the goal's state."""
         where = self.where.at(headers.now_ns())
@@ -126,4 +133,5 @@ class HeardSituation:
             hazard=convert.hazard_words(self._hazards) or where.stuck or None,
             landmarks_world=self._landmarks, odom_epoch=where.odom_epoch, held=self._held,
             user_goal=self._user_goals.current, user_goal_end=self._user_goals.last_end,
+            blind_s=self._leases.age_s("vslam") if self.has_seen else 0.0,
         )  # fmt: skip

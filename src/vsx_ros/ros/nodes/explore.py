@@ -24,7 +24,7 @@ from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.planner import Planner
 from vsx_ros.ros import energy_messages, headers, node, threads, topics
 from vsx_ros.ros.callbacks import subscribe
-from vsx_ros.ros.driving import PERIOD_S, Lease, LeaseWatch
+from vsx_ros.ros.driving import PERIOD_S, Lease
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.mission_output import GoalSender, MissionTopics, MissionWriter
 from vsx_ros.ros.mission_requests import MissionRequests
@@ -44,7 +44,6 @@ class ExploreNode:
         self._lock = threading.Lock()
         self._battery_empty = False
         self._heard = HeardSituation(config)
-        self._slam = LeaseWatch(topics.FOLLOWER_LEASE)
         self._diagnostics = Diagnostics()
         self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
         self._topics = MissionTopics(self._mission, config.exploration.stop_cost_m)
@@ -73,11 +72,11 @@ class ExploreNode:
         now_ns, navigation = headers.timer_ns(), self._goals.state()  # first: a pause that comes now ends the goal
         with self._lock:
             self._requests.tell_next(now_ns)
-        ready = self._slam.is_known("vslam") and self._goals.is_served
+        ready = self._heard.has_seen and self._goals.is_served
         if not ready and self._mission.outcome is None:
             self._diagnostics.set("mission", WARN, "waiting for vslam to see images and for move_base")
             return
-        situation = self._heard.at(now_ns, *navigation)._replace(blind_s=self._slam.age_s("vslam"))
+        situation = self._heard.at(now_ns, *navigation)
         with self._lock:
             self._writer.restore(now_ns, situation.T_odom_base)
             decision = self._mission.decide(now_ns, situation)
