@@ -26,7 +26,7 @@ from vsx_ros.io.bag_reader import messages
 from vsx_ros.io.bag_without_index import UnindexedBag
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.io.dock_file import load_dock
-from vsx_ros.io.image_encoding import SUPPORTED, decoded, gray_image
+from vsx_ros.io.image_encoding import SUPPORTED, GrayImages, gray_image
 from vsx_ros.io.map_export import read_ply
 from vsx_ros.io.map_file import load_map, load_plan
 from vsx_ros.io.room_file import load_rooms
@@ -92,8 +92,8 @@ def _counts(path: Path) -> None:
 
 
 def _image(path: Path) -> None:
-    decoded(path.read_bytes(), str(path))
-    decoded(path.read_bytes(), str(path), "bayer_rggb8; x")
+    GrayImages().of_file(path.read_bytes(), str(path))
+    GrayImages().of_file(path.read_bytes(), str(path), "bayer_rggb8; x")
 
 
 def _world(path: Path) -> None:

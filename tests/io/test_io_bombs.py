@@ -14,7 +14,7 @@ from vsx_ros.errors import InputError, VsxError
 from vsx_ros.experiments.rows import read_rows
 from vsx_ros.io.bag import open_recording
 from vsx_ros.io.calibration_file import read_calibration
-from vsx_ros.io.image_encoding import decoded, gray_image
+from vsx_ros.io.image_encoding import GrayImages, gray_image
 from vsx_ros.io.map_file import load_map, load_plan
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.io.trajectory_file import read_trajectory
@@ -119,8 +119,10 @@ PICTURES = {
 def test_pictures(tmp_path, kind):
     path = tmp_path / "x.pgm"
     path.write_bytes(PICTURES[kind]())
-    assert "cannot be used" in taken(path, lambda p: decoded(p.read_bytes(), f"image {p}"))
-    assert "cannot be used" in taken(path, lambda p: decoded(p.read_bytes(), f"image {p}", "bayer_rggb8; png"))
+    assert "cannot be used" in taken(path, lambda p: GrayImages().of_file(p.read_bytes(), f"image {p}"))
+    assert "cannot be used" in taken(
+        path, lambda p: GrayImages().of_file(p.read_bytes(), f"image {p}", "bayer_rggb8; png")
+    )
     assert str(path) in taken(path, load_plan)
     (tmp_path / "m.yaml").write_text(
         "image: x.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nfree_thresh: 0.2\noccupied_thresh: 0.6\nnegate: 0\n"

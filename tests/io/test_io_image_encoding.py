@@ -1,9 +1,13 @@
+import io
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from vsx_ros.errors import InputError
-from vsx_ros.io.image_encoding import GrayImages, decoded, gray_image, shift_for
+from vsx_ros.io.image_encoding import GrayImages, gray_image, shift_for
 
 COLOR = np.random.default_rng(1).integers(0, 256, (8, 12, 3), dtype=np.uint8)
 
@@ -74,16 +78,101 @@ def test_a_compressed_mosaic_is_told_by_its_format():
     mosaic = np.zeros((16, 16), np.uint8)
     mosaic[::2, ::2] = 200
     png = cv2.imencode(".png", mosaic)[1].tobytes()
-    gray = decoded(png, "x", "bayer_rggb8; png compressed ")
+    gray = GrayImages().of_file(png, "x", "bayer_rggb8; png compressed ")
     assert np.array_equal(gray, gray_image("bayer_rggb8", 16, 16, 16, mosaic.tobytes()))
     coloured = cv2.imencode(".png", COLOR)[1].tobytes()
     said = "bayer_rggb8; png compressed bgr8"
-    assert np.abs(decoded(coloured, "x", said).astype(int) - decoded(coloured, "x").astype(int)).max() <= 1
+    assert (
+        np.abs(
+            GrayImages().of_file(coloured, "x", said).astype(int) - GrayImages().of_file(coloured, "x").astype(int)
+        ).max()
+        <= 1
+    )
 
 
 def test_decoding_colour_files_gives_grey():
     png = cv2.imencode(".png", COLOR)[1].tobytes()
-    assert np.abs(decoded(png, "x").astype(int) - cv2.cvtColor(COLOR, cv2.COLOR_BGR2GRAY)).max() <= 1
+    assert np.abs(GrayImages().of_file(png, "x").astype(int) - cv2.cvtColor(COLOR, cv2.COLOR_BGR2GRAY)).max() <= 1
     for damaged in (b"", png[:30]):
         with pytest.raises(InputError, match="image 3"):
-            decoded(damaged, "image 3")
+            GrayImages().of_file(damaged, "image 3")
+
+
+def wide(bits: int) -> np.ndarray:
+    return ((cv2.cvtColor(COLOR, cv2.COLOR_BGR2GRAY).astype(np.uint32) * ((1 << bits) - 1)) // 255).astype(np.uint16)
+
+
+def saved(image: Image.Image, kind: str, **options: Any) -> bytes:
+    file = io.BytesIO()
+    image.save(file, kind, **options)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 16])
+@pytest.mark.parametrize("suffix", [".png", ".tiff", ".pgm"])
+def test_files_of_sixteen_bits_are_as_bright_as_those_of_eight(bits: int, suffix: str) -> None:
+    expected = wide(8).astype(int)
+    got = GrayImages().of_file(cv2.imencode(suffix, wide(bits))[1].tobytes(), "x")
+    assert (got.dtype, got.shape) == (np.uint8, expected.shape)
+    assert np.abs(got - expected).max() <= 1
+
+
+def test_the_files_of_one_camera_share_their_brightness() -> None:
+    images = GrayImages()
+    first, bright, dark = (cv2.imencode(".png", wide(12) // by)[1].tobytes() for by in (1, 1, 8))
+    assert np.array_equal(images.of_file(first, "x"), images.of_file(bright, "x"))
+    assert np.abs(images.of_file(dark, "x") - wide(8).astype(int) // 8).max() <= 1
+
+
+@pytest.mark.parametrize("encoding", ["rgb16", "bgr16", "rgba16", "bgra16", "16UC3", "16UC4"])
+def test_colour_of_sixteen_bits_is_that_of_eight(encoding: str) -> None:
+    channels = 4 if "4" in encoding or "a" in encoding else 3
+    small = np.random.default_rng(3).integers(0, 256, (8, 12, channels), dtype=np.uint8)
+    eight = gray_image(encoding.replace("16", "8"), 8, 12, 12 * channels, small.tobytes())
+    content = (small.astype("<u2") << 4).tobytes()
+    assert np.array_equal(GrayImages().of(encoding, 8, 12, 24 * channels, content), eight)
+
+
+def test_a_mosaic_in_a_file_of_sixteen_bits() -> None:
+    small = np.random.default_rng(2).integers(0, 256, (16, 16), dtype=np.uint8)
+    png = cv2.imencode(".png", small.astype(np.uint16) << 4)[1].tobytes()
+    expected = gray_image("bayer_rggb8", 16, 16, 16, small.tobytes())
+    assert np.array_equal(GrayImages().of_file(png, "x", "bayer_rggb16; png compressed"), expected)
+
+
+@pytest.mark.parametrize("kind", ["JPEG", "PNG"])
+def test_metadata_do_not_turn_the_camera(kind: str) -> None:
+    image, exif = Image.fromarray(COLOR), Image.Exif()
+    exif[0x112] = 6
+    turned = GrayImages().of_file(saved(image, kind, exif=exif), "x")
+    assert np.array_equal(turned, GrayImages().of_file(saved(image, kind), "x"))
+
+
+@pytest.mark.parametrize(("mode", "kind"), [("1", "PNG"), ("1", "TIFF"), ("P", "PNG"), ("LA", "PNG"), ("CMYK", "JPEG")])
+def test_other_files_are_as_grey_as_their_colours(mode: str, kind: str) -> None:
+    smooth = cv2.resize(COLOR, (64, 48), interpolation=cv2.INTER_CUBIC)
+    image = Image.fromarray(smooth).convert("RGB" if mode != "LA" else "L").convert(mode)
+    expected = np.asarray(image.convert("RGB").convert("L"), int)
+    assert np.abs(GrayImages().of_file(saved(image, kind), "x") - expected).mean() < 3
+
+
+def test_transparent_pixels_keep_their_colour() -> None:
+    image = Image.fromarray(COLOR).convert("RGBA")
+    opaque = GrayImages().of_file(saved(image, "PNG"), "x")
+    image.putalpha(0)
+    assert np.array_equal(GrayImages().of_file(saved(image, "PNG"), "x"), opaque)
+
+
+def test_what_cannot_be_right_is_refused_with_the_remedy() -> None:
+    image = Image.fromarray(COLOR)
+    refused = {
+        "turns it": saved(image, "TIFF", tiffinfo={274: 6}),
+        "alpha channel": saved(image.convert("RGBA"), "TIFF"),
+        "32 bits": cv2.imencode(".tiff", COLOR[..., 0].astype(np.float32))[1].tobytes(),
+        "int16": cv2.imencode(".tiff", COLOR[..., 0].astype(np.int16))[1].tobytes(),
+    }
+    for reason, content in refused.items():
+        with pytest.raises(InputError, match=rf"image 3 .*{reason}.*save it"):
+            GrayImages().of_file(content, "image 3")
+    with pytest.raises(InputError, match="image 3 .*32FC1.*mono16"):
+        GrayImages().of("32FC1", 8, 12, 48, bytes(8 * 48), name="image 3")

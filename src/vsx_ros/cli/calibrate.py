@@ -17,7 +17,7 @@ from vsx_ros.errors import CalibrationError, ConfigError, InputError, explained
 from vsx_ros.io.bag import open_recording
 from vsx_ros.io.bag_reader import METADATA
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
-from vsx_ros.io.image_encoding import decoded
+from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.runs.parameters import ros_home
 from vsx_ros.runs.process import DONE, FAILED
@@ -91,7 +91,8 @@ def _pictures(source: Path, image_topic: str | None) -> Iterator[tuple[str, Gray
                 yield f"image {number} of {source}", frame.image
         return
     files = [source] if source.is_file() else sorted(p for p in source.iterdir() if p.suffix.lower() in PICTURES)
+    gray = GrayImages()
     for file in files:
         with explained(InputError, f"picture {file} cannot be read", "give another one"):
             content = file_bytes(file, LOG_BYTES)
-        yield str(file), decoded(content, f"picture {file}")
+        yield str(file), gray.of_file(content, f"picture {file}")

@@ -13,7 +13,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.bag_reader import METADATA, Messages, messages
 from vsx_ros.io.calibration_file import camera_from_info, shutter_from_topic
-from vsx_ros.io.image_encoding import GrayImages, decoded
+from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.io.recording import Recording, open_folder, with_speeds
 from vsx_ros.robot import UNSURE_HEADING_RAD2, Frame, Odometry, OdometryEpochs
 
@@ -168,11 +168,9 @@ def _frames(path: Path, topic: str) -> Iterator[Frame]:
     gray = GrayImages()
     with messages(path) as bag:
         for number, (stamp_ns, message) in enumerate(bag.of(topic)):
+            name = f"image {number} of topic {topic}"
             if message.__msgtype__ == COMPRESSED:
-                name = f"image {number} of topic {topic}"
-                yield Frame(stamp_ns, decoded(bytes(message.data), name, message.format))
+                yield Frame(stamp_ns, gray.of_file(bytes(message.data), name, message.format))
                 continue
-            shape = message.height, message.width, message.step
-            yield Frame(
-                stamp_ns, gray.of(message.encoding, *shape, message.data, big_endian=bool(message.is_bigendian))
-            )
+            shape, big_endian = (message.height, message.width, message.step), bool(message.is_bigendian)
+            yield Frame(stamp_ns, gray.of(message.encoding, *shape, message.data, big_endian=big_endian, name=name))

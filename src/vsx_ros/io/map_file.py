@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.errors import MapFileError, explained, reason_of
 from vsx_ros.io.atomic import write_bytes, write_text
-from vsx_ros.io.image_encoding import picture
+from vsx_ros.io.image_file import picture
 from vsx_ros.limits import DAMAGE, LOG_BYTES, TEXT_BYTES, file_bytes, file_text, yaml_tree
 from vsx_ros.occupancy.grid import FREE, MAX_CELLS, MAX_EXTENT_M, OCCUPIED, UNKNOWN, OccupancyGrid
 

@@ -13,7 +13,7 @@ from vsx_ros.errors import CalibrationError, InputError, explained
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.calibration_file import read_calibration
-from vsx_ros.io.image_encoding import decoded
+from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.io.trajectory_file import parse_stamp, read_trajectory
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.robot import Frame, Odometry
@@ -106,12 +106,13 @@ def open_folder(folder: Path) -> Recording:
     listed = _listed_images(folder)
 
     def frames() -> Iterator[Frame]:
+        gray = GrayImages()
         for stamp_ns, name in listed:
             path = folder / name
             what = f"image {path} named in {folder / 'rgb.txt'} cannot be read"
             with explained(InputError, what, "copy the folder again or delete its line"):
                 content = file_bytes(path, LOG_BYTES)
-            yield Frame(stamp_ns, decoded(content, f"image {path}"))
+            yield Frame(stamp_ns, gray.of_file(content, f"image {path}"))
 
     truth = folder / "groundtruth.txt"
     calibration = next((folder / name for name in CALIBRATION_NAMES if (folder / name).exists()), None)

@@ -10,7 +10,7 @@ import numpy as np
 
 from vsx_ros.errors import MapFileError, explained, reason_of
 from vsx_ros.io.atomic import write_bytes, write_text
-from vsx_ros.io.image_encoding import picture
+from vsx_ros.io.image_file import picture
 from vsx_ros.limits import DAMAGE, TEXT_BYTES, file_bytes, file_text, json_tree
 from vsx_ros.occupancy.grid import MAX_CELLS, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.rooms import MOST_ROOMS, Room, RoomMap

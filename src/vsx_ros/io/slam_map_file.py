@@ -22,7 +22,7 @@ from vsx_ros.geometry.lens import PLUMB_BOB
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import replacing
-from vsx_ros.io.image_encoding import check_image_size, picture
+from vsx_ros.io.image_file import check_image_size, picture
 from vsx_ros.io.sealed_archive import array_bytes, array_of, seal_into, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check
 from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes, json_tree

@@ -2,7 +2,7 @@
 
 import numpy as np
 import rospy
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Float64MultiArray, Header
 
 from vsx_ros.arrays import ColorImage, GrayImage
@@ -20,11 +20,14 @@ class Frames:
     def __init__(self) -> None:
         self._gray = GrayImages()
 
-    def of(self, msg: Image) -> Frame:
-        """The grey image with its stamp. Raises InputError for an unknown encoding or a message with too few bytes."""
+    def of(self, msg: Image | CompressedImage, name: str = "image") -> Frame:
+        """The grey image with its stamp. name: for messages. Raises InputError for an unknown encoding or a message
+        with too few bytes."""
+        stamp_ns, data = msg.header.stamp.to_nsec(), bytes(msg.data)
+        if isinstance(msg, CompressedImage):
+            return Frame(stamp_ns, self._gray.of_file(data, name, msg.format))
         shape, big_endian = (msg.height, msg.width, msg.step), bool(msg.is_bigendian)
-        image = self._gray.of(msg.encoding, *shape, bytes(msg.data), big_endian=big_endian)
-        return Frame(msg.header.stamp.to_nsec(), image)
+        return Frame(stamp_ns, self._gray.of(msg.encoding, *shape, data, big_endian=big_endian, name=name))
 
 
 def image_msg(stamp_ns: int, image: GrayImage | ColorImage, encoding: str, frame_id: str) -> Image:

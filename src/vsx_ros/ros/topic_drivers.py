@@ -25,7 +25,6 @@ from vsx_hw.readings import BaseReading, BatteryReading, Hazard, ImageReading, L
 from vsx_ros.arrays import GrayImage
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.io.image_encoding import decoded
 from vsx_ros.robot import STOP, Odometry, VelocityCommand
 from vsx_ros.ros import convert, headers, images, logs, threads, topics
 from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, hear_odometry, subscribe
@@ -242,7 +241,5 @@ def image_of(kind: str, data: bytes, topic: str, frames: images.Frames) -> tuple
         msg.deserialize(data)
     except genpy.DeserializationError as error:
         raise InputError(f"a message of {topic} is damaged ({error}); it is left out") from error
-    if isinstance(msg, Image):
-        frame = frames.of(msg)
-        return frame.stamp_ns, frame.image
-    return msg.header.stamp.to_nsec(), decoded(bytes(msg.data), f"an image of {topic}", msg.format)
+    frame = frames.of(msg, f"an image of {topic}")
+    return frame.stamp_ns, frame.image

@@ -15,7 +15,7 @@ from vsx_ros.evaluation.summary import checked_summary
 from vsx_ros.exploration.decision import SECOND_NS, Outcome
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.atomic import write_text
-from vsx_ros.io.image_encoding import check_image_size
+from vsx_ros.io.image_file import check_image_size
 from vsx_ros.io.map_export import read_ply
 from vsx_ros.io.map_file import map_of_png
 from vsx_ros.io.room_file import load_rooms, room_file
