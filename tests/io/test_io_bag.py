@@ -1,5 +1,7 @@
 """What is found in a bag, by type and by name."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -54,10 +56,61 @@ def test_compressed_bags_and_images(tmp_path, compression):
     assert np.array_equal(frames[2].image, SCENE)
 
 
-def test_an_image_out_of_order_is_left_out(tmp_path):
+def read(path) -> tuple[list[int], list[str]]:
+    """The stamps of a recording's images, and what it tells."""
+    said: list[str] = []
+    frames = [f.stamp_ns for f in replace(open_recording(path), tell=said.append).frames()]
+    return frames, said
+
+
+def test_images_that_are_swapped_are_sorted_and_a_doubled_one_is_told(tmp_path):
     stamps = [10, 30, 20, 30, 40]
-    path = write(tmp_path / "o.bag", [("/image", image(s)) for s in stamps])
-    assert [f.stamp_ns for f in open_recording(path).frames()] == [10, 30, 40]
+    frames, said = read(write(tmp_path / "o.bag", [("/image", image(s)) for s in stamps]))
+    assert frames == [10, 20, 30, 40]
+    assert [text.partition(": ")[2] for text in said] == [
+        "1 of 5 images left out: their stamps are those of others or out of order"
+    ]
+    assert read(write(tmp_path / "good.bag", [("/image", image(s)) for s in (10, 30, 20)])) == ([10, 20, 30], [])
+
+
+def test_images_that_come_too_late_are_counted(tmp_path):
+    stamps = [*range(10, 30), 5, 6, *range(30, 40)]
+    frames, said = read(write(tmp_path / "l.bag", [("/image", image(s)) for s in stamps]))
+    assert frames == list(range(10, 40))
+    assert "2 of 32 images left out" in said[0]
+
+
+def test_one_image_from_the_past_costs_no_other(tmp_path):
+    stamps = [10**12 + k * 10**8 for k in range(12)]
+    for wrong in (1, 3, 8):
+        messages = [("/image", image(s - 10**11 * (k == wrong))) for k, s in enumerate(stamps)]
+        frames, said = read(write(tmp_path / f"{wrong}.bag", messages))
+        assert frames == [s for k, s in enumerate(stamps) if k != wrong]
+        assert "1 of 12 images left out" in said[0]
+
+
+def test_a_stamp_of_zero_among_good_ones_is_the_time_of_recording_without_the_delay(tmp_path):
+    frames, said = read(write(tmp_path / "z.bag", [("/i", image(s)) for s in (900, 901, 0, 903)]))
+    assert (frames, said) == ([900, 901, 902, 903], [])
+
+
+def test_odometry_is_sorted_and_what_is_left_out_told(tmp_path):
+    stamps = [10**12 + k * 10**8 for k in (0, 2, 1, 3, 3, 4)]
+    messages = [("/odom", odometry(s, 0.0)) for s in (*stamps[:3], 10**15, *stamps[3:])]
+    recording = open_recording(write(tmp_path / "d.bag", [*messages, ("/image", image(10**12))]))
+    assert [reading.stamp_ns for reading in recording.odometry] == sorted(set(stamps))
+    assert recording.damage == "2 readings of /odom left out: their stamps are those of others or out of order"
+
+
+def test_speeds_from_poses_are_those_of_the_order_of_stamps(tmp_path):
+    def pose(stamp_ns, x):
+        at = odometry(stamp_ns, x).pose.pose
+        return T["geometry_msgs/msg/PoseStamped"](header(stamp_ns), at)
+
+    messages = [("/pose", pose(10**9 + k * 10**8, 0.02 * k)) for k in (0, 2, 1, 3)]
+    path = write(tmp_path / "p.bag", [*messages, ("/image", image(10**9))])
+    readings = open_recording(path, odometry_topic="/pose").odometry
+    assert [reading.v for reading in readings[1:]] == pytest.approx([0.2] * 3)
 
 
 @pytest.mark.parametrize("wrong", [0, 2, 3])

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -58,3 +60,12 @@ def test_wrong_calibration_beside_the_images_is_named(folder):
     (folder / "camera.json").write_text('{"width":30}')
     with pytest.raises(CalibrationError, match=r"camera\.json.*'fx' is missing"):
         open_recording(folder)
+
+
+def test_lines_that_are_swapped_are_sorted_and_doubled_ones_told(folder):
+    lines = (folder / "rgb.txt").read_text().splitlines()
+    said: list[str] = []
+    (folder / "rgb.txt").write_text("\n".join([lines[1], lines[3], lines[2], lines[2], lines[4]]))
+    recording = replace(open_recording(folder), tell=said.append)
+    assert [f.stamp_ns for f in recording.frames()] == [i * 10**8 for i in range(4)]
+    assert said == [f"{folder}: 1 of 5 images left out: their stamps are those of others or out of order"]

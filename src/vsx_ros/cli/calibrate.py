@@ -21,6 +21,7 @@ from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.runs.parameters import ros_home
 from vsx_ros.runs.process import DONE, FAILED
+from vsx_ros.runs.start import told
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff")
 MAX_SEARCHED = 150  # pictures of a recording, to save time; the chooser keeps 40 at most
@@ -84,7 +85,7 @@ def _is_recording(source: Path) -> bool:
 def _pictures(source: Path, image_topic: str | None) -> Iterator[tuple[str, GrayImage]]:
     """Name and picture; at most ``MAX_SEARCHED`` of a recording, evenly spread."""
     if _is_recording(source) or not source.exists():
-        recording = open_recording(source, image_topic)
+        recording = told(open_recording(source, image_topic))
         step = -(-recording.frame_count // MAX_SEARCHED)
         for number, frame in enumerate(recording.frames()):
             if number % step == 0:

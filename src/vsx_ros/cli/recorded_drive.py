@@ -13,11 +13,12 @@ from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.recording import Recording
 from vsx_ros.runs.parameters import default_robot_file, load, update_robot_file
 from vsx_ros.runs.process import DONE, FAILED
+from vsx_ros.runs.start import told
 
 
 def recorded_drive(args: argparse.Namespace) -> Recording:
     """The drive, with a camera. Raises InputError without odometry, CalibrationError without calibration."""
-    recording = open_recording(args.input, args.image_topic, args.odometry_topic)
+    recording = told(open_recording(args.input, args.image_topic, args.odometry_topic))
     if len(recording.odometry) < 2:
         raise InputError(f"{args.input} has no odometry; record it with 'vsx record' while the base node runs")
     if args.calibration is not None:

@@ -14,7 +14,8 @@ from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.bag_reader import METADATA, Messages, messages
 from vsx_ros.io.calibration_file import camera_from_info, shutter_from_topic
 from vsx_ros.io.image_encoding import GrayImages
-from vsx_ros.io.recording import Recording, open_folder, with_speeds
+from vsx_ros.io.recording import LEFT_OUT, Recording, open_folder, with_speeds
+from vsx_ros.io.stamp_order import StampOrder
 from vsx_ros.robot import UNSURE_HEADING_RAD2, Frame, Odometry, OdometryEpochs
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
@@ -22,6 +23,7 @@ SHUTTER = "std_msgs/msg/Float64MultiArray"  # of the camera node
 ODOMETRY, CAMERA_INFO, POSE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
 _POSES = (POSE, "geometry_msgs/msg/PoseWithCovarianceStamped")
 _LONGEST_LISTING = 1000  # characters of topics in a message
+_HELD_READINGS = 64  # about a second
 GROUND_TRUTH_TOPIC = "ground_truth/camera"
 
 
@@ -49,7 +51,7 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
         odometry_from = _odometry_topic(path, counts, odometry_topic)
         truth_from = [t for t, (kind, _) in counts.items() if kind == POSE and t.endswith(GROUND_TRUTH_TOPIC)]
         camera, count = _camera(bag, images, counts), counts[images][1]
-        odometry = _odometry(bag, odometry_from) if odometry_from else []
+        odometry, doubt = _odometry(bag, odometry_from, counts[odometry_from][0]) if odometry_from else ([], "")
         truth = _ground_truth(bag, truth_from[0]) if truth_from else []
         frames = partial(_frames, path, images)
         return Recording(
@@ -61,7 +63,7 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
             odometry=odometry,
             ground_truth=truth,
             open_frames=frames,
-            damage=bag.damage,
+            damage="; ".join(text for text in (bag.damage, doubt) if text),
         )
 
 
@@ -132,20 +134,23 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
     return camera if times is None else replace(camera, shutter=shutter_from_topic(times.data, told))
 
 
-def _odometry(bag: Messages, topic: str) -> list[Odometry]:
-    readings: list[Odometry] = []
+def _odometry(bag: Messages, topic: str, kind: str) -> tuple[list[Odometry], str]:
+    """The readings by stamp, and in words how many are left out. Without a twist, speeds are differences."""
+    order, readings = StampOrder[Odometry](_HELD_READINGS), list[Odometry]()
+    for reading in order.of(_readings(bag, topic)):
+        readings.append(reading if kind == ODOMETRY or not readings else with_speeds(reading, readings[-1]))
+    return readings, f"{order.left_out} readings of {topic} {LEFT_OUT}" if order.left_out else ""
+
+
+def _readings(bag: Messages, topic: str) -> Iterator[Odometry]:
     for stamp_ns, message in bag.of(topic):
         with_twist = message.__msgtype__ == ODOMETRY
         pose = message.pose if message.__msgtype__ == POSE else message.pose.pose
         v, omega = (message.twist.twist.linear.x, message.twist.twist.angular.z) if with_twist else (0.0, 0.0)
         trusted = not with_twist or float(message.pose.covariance[35]) < UNSURE_HEADING_RAD2
-        reading = Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega, trusted=trusted)
-        if not with_twist and readings:
-            reading = with_speeds(reading, readings[-1])
-        if not np.isfinite(reading.v + reading.omega):
+        if not np.isfinite(v + omega):
             raise InputError(f"topic {topic} holds a speed that is not finite; record it again or choose another topic")
-        readings.append(reading)
-    return sorted(readings, key=lambda reading: reading.stamp_ns)
+        yield Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega, trusted=trusted)
 
 
 def _ground_truth(bag: Messages, topic: str) -> list[StampedPose]:

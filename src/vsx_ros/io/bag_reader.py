@@ -47,16 +47,19 @@ class Messages:
         return found
 
     def of(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """(stamp_ns, message): the header's stamp, or the time of recording if there is none."""
+        """(stamp_ns, message): the header's stamp. If there is none, the time of recording, earlier by the delay of the
+        last message that has both."""
         connections = [c for c in self._reader.connections if c.topic == topic]
         read = self._types.deserialize_cdr if self._ros2 else self._types.deserialize_ros1
+        delay_ns = 0
         for connection, recorded_ns, raw in self._reader.messages(connections):
             message: Any = read(raw, connection.msgtype)
             header = getattr(message, "header", None)
             if not isinstance(recorded_ns, int):  # a column of sqlite can hold any type
                 raise ValueError(f"a time of recording is {str(recorded_ns)[:40]!r}")
             stamp_ns = 0 if header is None else int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
-            yield stamp_ns or recorded_ns, message
+            delay_ns = recorded_ns - stamp_ns if stamp_ns else delay_ns
+            yield recorded_ns - delay_ns, message
 
 
 @contextmanager

@@ -14,12 +14,14 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.image_encoding import GrayImages
+from vsx_ros.io.stamp_order import StampOrder
 from vsx_ros.io.trajectory_file import parse_stamp, read_trajectory
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.robot import Frame, Odometry
 
 GRACE_NS = 500_000_000  # odometry has gaps, and images may begin before it
-AHEAD_NS = 1_000_000_000  # a stamp this far ahead of the next one is wrong
+_HELD_IMAGES = 5  # a recorder of several threads swaps neighbours; the largest images take 32 MB each
+LEFT_OUT = "left out: their stamps are those of others or out of order"
 _MOST_IMAGES = 2**20  # nine hours at 30 per second
 _LONGEST_NAME = 1000  # of a file; longer is invalid
 _STAMP = attrgetter("stamp_ns")
@@ -31,7 +33,8 @@ class Recording:
     """The recorded data and its source. source: file or folder. image_topic, odometry_topic: None for a folder or
     without odometry. frame_count: number of images. camera: its calibration, if found. odometry: all readings, by
     stamp. ground_truth: T_world_cam by stamp, empty if unknown. open_frames: starts reading the images, in order.
-    damage: what is wrong with a recording that can be used in part, in words; empty for a good one."""
+    damage: what is wrong with a recording that can be used in part, in words; empty for a good one. tell: hears, in
+    words, how many images were left out, each time that all were read."""
 
     source: Path
     image_topic: str | None
@@ -42,29 +45,17 @@ class Recording:
     ground_truth: Sequence[StampedPose]
     open_frames: Callable[[], Iterator[Frame]]
     damage: str = ""
+    tell: Callable[[str], object] = str
 
     def frames(self) -> Iterator[Frame]:
-        """The images, each later than the one before. Leaves out an image that is out of order or doubled, and one more
-        than a second ahead of the next image: after it all others would be out of order. Raises InputError where the
-        recording is damaged, CalibrationError if an image does not have the camera's size."""
-        last_ns, waiting, damage = -1, None, None
-        images = self.open_frames()
-        while True:
-            try:
-                frame = next(images, None)
-            except InputError as error:
-                frame, damage = None, error
-            if frame is None:
-                break
-            if waiting is None or last_ns < frame.stamp_ns < waiting.stamp_ns - AHEAD_NS:
-                waiting = frame
-            elif frame.stamp_ns > waiting.stamp_ns:
-                yield self._checked(waiting)
-                last_ns, waiting = waiting.stamp_ns, frame
-        if waiting is not None:
-            yield self._checked(waiting)
-        if damage is not None:
-            raise damage
+        """The images, each later than the one before, sorted within a few images; after the last one, tells how many
+        are left out (see ``StampOrder``). Raises InputError where the recording is damaged, CalibrationError if an
+        image does not have the camera's size."""
+        order = StampOrder[Frame](_HELD_IMAGES)
+        for frame in order.of(self.open_frames()):
+            yield self._checked(frame)
+        if order.left_out:
+            self.tell(f"{self.source}: {order.left_out} of {self.frame_count} images {LEFT_OUT}")
 
     def messages(self) -> Iterator[Frame | Odometry]:
         """Images and odometry in one stream, by stamp; odometry first if stamps are equal."""

@@ -4,6 +4,7 @@ import argparse
 import dataclasses
 import sys
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -141,15 +142,25 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
     return folder, parameters, world
 
 
+def told(recording: Recording) -> Recording:
+    """The recording, which tells on standard error what of it is damaged or left out."""
+
+    @cache  # it may be read several times
+    def tell(text: str) -> None:
+        print(f"vsx: {text}", file=sys.stderr)
+
+    if recording.damage:
+        tell(recording.damage)
+    return dataclasses.replace(recording, tell=tell)
+
+
 def opened_recording(args: argparse.Namespace) -> Recording:
     """The recording of the options, with a camera; damage is reported. Raises InputError if it cannot be used as
     requested, CalibrationError for an unreadable calibration, ConfigError if an input lies in the run folder."""
     RunFolder.check(args.out or dated(args.input.stem))
     if args.out is not None:
         keep_apart(args.out, args.load_map, args.input, args.calibration)
-    recording = open_recording(args.input, args.image_topic, args.odometry_topic)
-    if recording.damage:
-        print(f"vsx: {recording.damage}", file=sys.stderr)
+    recording = told(open_recording(args.input, args.image_topic, args.odometry_topic))
     if args.ros and args.map and not recording.odometry:
         raise InputError(f"{args.input} has no odometry, so the nodes know no floor; leave out --map or --ros")
     return dataclasses.replace(recording, camera=_calibration(recording, args.calibration))
