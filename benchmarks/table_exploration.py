@@ -44,6 +44,9 @@ def strategies(rows: Runs) -> list[str]:
         cells = []
         for strategy in asked:
             run = found.get((strategy, seed), {})
+            if "failed" in run:
+                cells += [f"failed: {run['failed']}", *3 * [""]]
+                continue
             ways = (shown(run.get("reached", {}).get(level, [None])[0], ".0f") for level in ("70", _UNTIL))
             cells += [*ways, shown(run.get("duration_s"), ".0f"), shown(run.get("collisions"), "d")]
         lines.append(f"| {seed} | " + " | ".join(cells) + " |")

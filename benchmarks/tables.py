@@ -11,7 +11,7 @@ import subprocess
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import table_docking
 import table_exploration
@@ -91,14 +91,33 @@ ROOMS: dict[str, tuple[str, ...]] = {
 """The code that the rows of a file judge: folders, and files without their .py."""
 
 
+_Made: TypeAlias = Callable[[Sequence[Row]], list[str]]
+
+
 class Table(NamedTuple):
     """document: the file with the table's marks. rows: the file of its rows. made: makes its lines. of: required values
     of the rows' questions."""
 
     document: str
     rows: str
-    made: Callable[[Sequence[Row]], list[str]]
+    made: _Made
     of: dict[str, Any] = {}
+
+
+def counted(made: _Made) -> _Made:
+    """A table that also has a line for the runs that failed."""
+
+    def lines(rows: Sequence[Row]) -> list[str]:
+        failed = [row for row in rows if "failed" in row.result]
+        done = [row for row in rows if "failed" not in row.result]
+        table = made(done) if done else table_exploration.header(("runs", "why"))
+        if failed:
+            why = "; ".join(f"{' '.join(map(str, row.asked.values()))}: {row.result['failed']}" for row in failed)
+            end, empty = [*table, ""].index(""), " |" * (table[0].count("|") - 3)
+            table.insert(end, f"| {len(failed)} of {len(rows)} runs failed | {why.replace('|', ' ')} |{empty}")
+        return table
+
+    return lines
 
 
 _LIMITS = {"until": 0.9, "time_s": 800.0, "way_m": 120.0}
@@ -106,18 +125,18 @@ _LAB = {"world": "lab", "strategy": "views", **_LIMITS}
 _LIVE = {**_LAB, "way_m": None}
 
 TABLES: dict[str, Table] = {
-    "nodes": Table("docs/reliability.md", "fault_nodes", table_faults.nodes),
-    "bases": Table("docs/reliability.md", "fault_bases", table_faults.bases),
-    "cameras": Table("docs/reliability.md", "fault_cameras", table_faults.cameras),
-    "robots": Table("docs/reliability.md", "fault_camera", table_faults.robots),
-    "masters": Table("docs/reliability.md", "fault_master", table_faults.masters),
-    "posts": Table("docs/reliability.md", "fault_obstacle", table_faults.posts),
-    "operators": Table("docs/reliability.md", "fault_operator", table_faults.operators),
-    "disks": Table("docs/reliability.md", "fault_disk", table_faults.disks),
-    "sensors": Table("docs/reliability.md", "fault_sensors", table_faults.sensors),
-    "files": Table("docs/reliability.md", "fuzz_files", table_faults.files),
-    "soaks": Table("docs/reliability.md", "soak_stack", table_faults.soaks),
-    "alarms": Table("docs/reliability.md", "fault_alarms", table_faults.alarms, {"minutes": 5.0}),
+    "nodes": Table("docs/reliability.md", "fault_nodes", counted(table_faults.nodes)),
+    "bases": Table("docs/reliability.md", "fault_bases", counted(table_faults.bases)),
+    "cameras": Table("docs/reliability.md", "fault_cameras", counted(table_faults.cameras)),
+    "robots": Table("docs/reliability.md", "fault_camera", counted(table_faults.robots)),
+    "masters": Table("docs/reliability.md", "fault_master", counted(table_faults.masters)),
+    "posts": Table("docs/reliability.md", "fault_obstacle", counted(table_faults.posts)),
+    "operators": Table("docs/reliability.md", "fault_operator", counted(table_faults.operators)),
+    "disks": Table("docs/reliability.md", "fault_disk", counted(table_faults.disks)),
+    "sensors": Table("docs/reliability.md", "fault_sensors", counted(table_faults.sensors)),
+    "files": Table("docs/reliability.md", "fuzz_files", counted(table_faults.files)),
+    "soaks": Table("docs/reliability.md", "soak_stack", counted(table_faults.soaks)),
+    "alarms": Table("docs/reliability.md", "fault_alarms", counted(table_faults.alarms), {"minutes": 5.0}),
     "table 1": Table("docs/results.md", "drives", table_paper.table1),
     "U2": Table("docs/paper.md", "drives", table_paper.u2),
     "totals": Table("README.md", "exploration", table_exploration.brief, _LAB),
@@ -129,9 +148,9 @@ TABLES: dict[str, Table] = {
     "growth": Table("docs/results.md", "exploration", table_exploration.growth, _LAB),
     "live": Table("docs/results.md", "exploration_live", table_exploration.runs, _LIVE),
     "live totals": Table("docs/results.md", "exploration_live", table_exploration.totals, _LIVE),
-    "docking": Table("docs/results.md", "docking", table_docking.docking),
-    "charging": Table("docs/results.md", "charging", table_docking.charging),
-    "zones": Table("docs/results.md", "zones", table_zones.zones, {"nearest_m": 0.15}),
+    "docking": Table("docs/results.md", "docking", counted(table_docking.docking)),
+    "charging": Table("docs/results.md", "charging", counted(table_docking.charging)),
+    "zones": Table("docs/results.md", "zones", counted(table_zones.zones), {"nearest_m": 0.15}),
     "resumed": Table("docs/results.md", "resume", table_exploration.resumed, {"time_s": 1200.0, "kills": 2}),
 }
 

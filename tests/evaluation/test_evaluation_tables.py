@@ -179,6 +179,22 @@ def test_hard_things_are_told_by_what_else_was_there_and_of_one_code_and_limits(
     assert lines[0].endswith("| 0, 0, 0 of 1 known |")
 
 
+COUNTED = [name for name, table in tables.TABLES.items() if table.document == "docs/reliability.md"]
+
+
+@pytest.mark.parametrize("name", [*COUNTED, "docking", "charging", "zones"])
+def test_runs_that_failed_are_counted(name: str) -> None:
+    table = tables.TABLES[name]
+    kept = tables.newest(read_rows(tables.RESULTS / f"{table.rows}.jsonl", str), table.of)
+    failed = told(row(**{"seed": 1, **(kept[-1].asked if kept else {})}), failed="the camera broke | off")
+    for rows in ([*kept, failed], [failed]):
+        lines = table.made(rows)
+        [line] = [line for line in lines if f"1 of {len(rows)} runs failed" in line]
+        assert "the camera broke   off" in line
+        assert line.count("|") == lines[0].count("|")
+    assert kept == [] or len(table.made([*kept, failed])) == len(table.made(kept)) + 1
+
+
 def test_labs_that_failed_are_told_beside_the_free_cells() -> None:
     bins = [0] * (len(tables.table_free_cells.EDGES) - 1)
     measured = {"things": {"thin": [1, 1, 0], "others": [0, 1, 1]}, "cells": bins, "told": bins, "wrong": bins}
@@ -244,6 +260,8 @@ def test_strategies_stand_side_by_side() -> None:
         "| 1 | - | 60 | 400 | 0 | - | 60 | 400 | 0 |",
         "| 2 | - | 60 | 400 | 0 | - | - | - | - |",
     ]
+    rows[0] = told(rows[0], failed="no world")
+    assert tables.TABLES["strategies"].made(rows)[3] == "| 2 | failed: no world |  |  |  | - | - | - | - |"
 
 
 def test_runs_that_know_nothing_have_a_dash_and_failures_their_reason() -> None:
