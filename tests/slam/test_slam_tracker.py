@@ -82,6 +82,20 @@ def test_points_in_one_corner_leave_the_position_open(sixtieth):
     assert "leave the position open" in track.reason
 
 
+def test_a_few_far_points_do_not_hide_that_the_position_is_open(sixtieth):
+    _, data, view, pose, rows = sixtieth
+    tracker = Tracker(TrackerConfig(max_sigma_ratio=0.0015), np.random.default_rng(0))
+    ray = (view.points[rows] - pose.translation) @ pose.rotation
+    aside = np.linalg.norm(ray[:, :2] / ray[:, 2:] - np.median(ray[:, :2] / ray[:, 2:], axis=0), axis=1)
+    near = rows[np.argsort(aside)[:48]]
+    far, points = near[::6], view.points.copy()
+    points[far] = pose.translation + 100.0 * (points[far] - pose.translation)
+    track = tracker.track(data, view._replace(points=points), pose, near, 0.0)
+    assert 0 < np.count_nonzero(np.isin(track.rows, far)) < 0.25 * len(track.rows)
+    assert track.state is TrackingState.DUBIOUS
+    assert "leave the position open" in track.reason
+
+
 def test_a_wide_search_does_not_throw_a_good_pose_away(sixtieth):
     tracker, data, view, pose, rows = sixtieth
     wide, near = (tracker.track(data, view, pose, rows, radius) for radius in (60.0, 0.0))

@@ -162,7 +162,7 @@ class Tracker:
             return f"found points miss their places by {fit.sigma_px:.1f} px"
         information = fit.information + np.diag(pull + TINY)
         x, y, z, *_ = np.linalg.inv(information).diagonal().tolist()
-        share = math.sqrt(x + y + z) / float(depth.mean())
+        share = math.sqrt(x + y + z) / float(np.median(depth))  # in a mean, few far points outweigh the rest
         if share > self._config.max_sigma_ratio:
             return f"found points leave the position open by {100.0 * share:.0f} % of their distance"
         return ""
