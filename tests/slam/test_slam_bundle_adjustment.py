@@ -111,6 +111,16 @@ def test_a_point_goes_with_the_observation_it_was_made_of():
     assert all(5 not in keyframe.observations.rows for keyframe in world.keyframes)
 
 
+def test_a_point_that_runs_away_along_its_rays_goes():
+    world, poses = driven_map()
+    world.points[5] = far = poses[0] @ np.array([0.0, 0.0, 1e3])
+    for keyframe, T in zip(world.keyframes, poses):
+        keyframe.observations.ideal[5] = CAMERA.project((T.inverse() @ far)[None])[0]
+    adjuster().adjust(world, list(range(8)), 20)
+    assert not world.alive[5]
+    assert np.count_nonzero(world.alive) > 70
+
+
 def test_only_the_given_keyframes_move():
     world, _ = driven_map()
     before = [k.T_world_cam.matrix() for k in world.keyframes]

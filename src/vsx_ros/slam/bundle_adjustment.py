@@ -20,6 +20,9 @@ from vsx_ros.slam.keyframe import Observations as Seen
 from vsx_ros.slam.map import Map
 
 SIGMA_MIN_PX = 0.4  # px at level 0, as in the tracker: precision of the patch search
+# Depth of a point in its source keyframe, in median depths there: beyond three times what new points may have, the
+# point has run away along its rays.
+DEPTH_RATIOS = (0.05, 24.0)
 SLICE_OBSERVATIONS = 160_000  # times steps in one call; the mapper can be interrupted between calls
 
 
@@ -86,6 +89,7 @@ class BundleAdjuster:
         carry_points(world, before, rows)
         if finished:
             _discard(world, np.array(frames)[observed.frame[bad]], rows[observed.point[bad]])
+            world.remove_points(_ran_away(world, rows[world.alive[rows]]))
         for k in free:
             world.update_depth(k)
         return finished
@@ -213,3 +217,12 @@ def _discard(world: Map, frames: IntArray, rows: IntArray) -> None:
     left = world.seen(touched)
     lost_source = rows[frames == world.source[rows]]
     world.remove_points(np.union1d(touched[left[touched] < 2], lost_source))
+
+
+def _ran_away(world: Map, rows: IntArray) -> IntArray:
+    """The points among ``rows`` behind their source keyframe, or at a depth there that no new point can have."""
+    view, source, (least, most) = world.live_view(), world.source[rows], DEPTH_RATIOS
+    depth = np.einsum("pi,pi->p", world.points[rows] - view.centres[source], view.R_world_cam[source, :, 2])
+    usual = view.depths[source]
+    away = (depth <= least * usual) | ((depth > most * usual) & (usual > 0.0))
+    return np.asarray(rows[away])
