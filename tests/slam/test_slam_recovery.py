@@ -89,3 +89,15 @@ def test_only_another_image_before_wheels_that_stood_was_carried_there(lost):
     assert [recovery.missed(other) for _ in range(25)].count(True) == 1
     assert recovery.carried
     assert not recovery.expected_pose(SE3.identity(), 0).is_firm
+
+
+@pytest.mark.parametrize("rate_hz", [5, 60])
+def test_a_second_map_begins_after_a_second_at_any_rate(lost, rate_hz):
+    recovery, frame = lost
+    for k in range(1, 2 * rate_hz):
+        other = frame(k % 40)._replace(stamp_ns=frame(40).stamp_ns + round(k * 1e9 / rate_hz))
+        recovery.missed(other)
+        recovery.second_map(other, has_odometry=False)
+        if recovery._initializer is not None:
+            break
+    assert (k - 1) / rate_hz == pytest.approx(1.0, abs=1.0 / rate_hz)

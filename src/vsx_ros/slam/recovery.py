@@ -21,7 +21,7 @@ REACH_PER_M, REACH_PER_RAD, PATIENCE_FRAMES = 0.1, 0.1, 120
 # The camera was carried away if so many frames show another scene (difference above this share of the contrast) while
 # the base stood still, within these limits.
 CARRIED_FRAMES, CARRIED_CHANGE, STOOD_M, STOOD_RAD = 20, 0.5, 0.05, 0.1
-SECOND_MAP_FRAMES = 30
+SECOND_MAP_S = 1.0  # lost for so long without odometry, a separate map begins
 GIVE_UP_S = 0.5  # lost for so long, a young map without odometry is worth less than another start
 ENOUGH_CORNERS = 150
 BRIDGE_GAP_FRAMES, BRIDGE_DISTANCE_M, BRIDGE_ANGLE_RAD = 2, 0.04, 0.07
@@ -42,7 +42,7 @@ class Recovery:
         """The camera is tracked in this frame; None before the first."""
         self._last_tracked = data
         self._way_m = self._turn_rad = 0.0
-        self.bad_frames = 0
+        self.bad_frames = self._lost_ns = 0
         self._unexplained = 0
         self.carried = False
         self._initializer: Initializer | None = None
@@ -75,6 +75,7 @@ class Recovery:
 
     def missed(self, data: FrameData) -> bool:
         """Count a frame in which the camera was not found; True when it just became clear that it was carried away."""
+        self._lost_ns = self._lost_ns or data.stamp_ns
         self.bad_frames += 1
         shows_something = len(data.corners.positions) >= ENOUGH_CORNERS
         if self.carried or not self._base_stood(data) or not shows_something or self._looks_the_same(data):
@@ -85,7 +86,8 @@ class Recovery:
 
     def second_map(self, data: FrameData, has_odometry: bool) -> InitialPair | None:
         """Two frames for a separate map if odometry does not bridge the gap; None while there are none."""
-        if data.frozen or self.bad_frames < SECOND_MAP_FRAMES or (has_odometry and not self.carried):
+        waits = (data.stamp_ns - self._lost_ns) * 1e-9 < SECOND_MAP_S
+        if data.frozen or waits or (has_odometry and not self.carried):
             return None
         if self._initializer is None:
             self._initializer = Initializer(self._T_base_cam, self._config.initialization)
