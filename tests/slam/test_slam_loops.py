@@ -10,6 +10,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
 from vsx_ros.slam import loop_correction
 from vsx_ros.slam.frontend import FrontEnd
+from vsx_ros.slam.initialization import Initializer
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.loop_closing import LoopDetector
 from vsx_ros.slam.loop_correction import LoopClosure, correct_loops, optimize_pose_graph
@@ -19,6 +20,7 @@ from vsx_ros.slam.recovery import Recovery
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.templates import NewTemplates
 from vsx_ros.slam.tracker import Tracker
+from vsx_ros.slam.two_view_reconstruction import InitialPair
 from vsx_ros.vision.corners import features_of
 from vsx_ros.vision.patch_search import Predictions
 
@@ -213,6 +215,42 @@ def test_maps_begun_apart_become_one_of_the_right_size_and_keep_their_indices():
     assert len(world.points) == count
     expected = [T @ np.array([0.0, 0.0, 2.0]) for T in true]
     assert np.allclose(world.points[rows], expected, atol=1e-9)
+
+
+def test_a_second_map_is_joined_while_the_camera_is_in_the_first(arc_drive):
+    slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, CONFIG, 1)
+    for frame, odometry, _ in arc_drive.frames[:60]:
+        slam.track(frame, odometry)
+    other = FrontEnd(arc_drive.camera, arc_drive.T_base_cam, CONFIG, 0)
+    initializer = Initializer(arc_drive.T_base_cam, CONFIG.initialization)
+    made = (initializer.add(other._preprocessor.take(*arc_drive.frames[k][:2])) for k in range(45, 80))
+    pair = next(pair for pair in made if isinstance(pair, InitialPair))
+    away = SE3.exp(np.array([3.0, -2.0, 0.0, 0.0, 0.0, 1.0]))
+    slam._view = slam._mapper.start(pair._replace(T_world_first=away, odom_segment=9))
+    slam._front.use(slam._view)
+    assert {keyframe.map_id for keyframe in slam._view.keyframes} == {0, 1}
+    before = slam._view.keyframes
+    for frame, odometry, _ in arc_drive.frames[60:]:
+        result = slam.track(frame, odometry)
+    assert [event.kind for event in slam.drain_events() if event.kind == "merged"] == ["merged"]
+    assert result.map_id == 0
+    after = slam._view.keyframes
+    assert {keyframe.map_id for keyframe in after} == {0}
+    first = before[0].T_world_cam.matrix() - after[0].T_world_cam.matrix()
+    assert np.abs(first).max() < 0.01, "the first map stays"
+    truth = {frame.stamp_ns: T for frame, _, T in arc_drive.frames}
+    for k in (k for k, keyframe in enumerate(before) if keyframe.map_id):
+        estimated = after[0].T_world_cam.inverse() @ after[k].T_world_cam
+        true = truth[after[0].data.stamp_ns].inverse() @ truth[after[k].data.stamp_ns]
+        assert estimated.is_near(true, 0.02, 0.01)
+
+
+def test_exchanged_parts_are_joined_in_the_same_way():
+    closure = LoopClosure(0, 1, SE3.exp(np.array([0.4, -0.2, 1.0, 0.1, 0.3, -0.2])), 2.0, 50)
+    point, other = np.array([0.3, 0.1, 2.0]), closure.exchanged()
+    there = closure.T_older_newer @ (closure.factor * point)
+    assert other.T_older_newer @ (other.factor * there) == pytest.approx(point)
+    assert other.exchanged().T_older_newer.matrix() == pytest.approx(closure.T_older_newer.matrix())
 
 
 def test_what_the_map_cannot_have_drifted_is_not_believed(arc_drive):

@@ -2,6 +2,7 @@
 detection counts when it is certain or a second keyframe agrees."""
 
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
@@ -27,7 +28,8 @@ AGREE_M, AGREE_RAD, AGREE_SCALE, AGREE_KEYFRAMES = 0.05, 0.03, 0.05, 6  # per me
 
 
 class LoopDetector:
-    """Call ``detect`` once for every new keyframe. tracked_loop: a message when tracking alone has closed a loop (the
+    """Call ``detect`` once for every new keyframe. Of two maps, the later one is to move into the earlier, whichever of
+    them the keyframe is in. tracked_loop: a message when tracking alone has closed a loop (the
     keyframe shares points with old keyframes, those just before it did not); else empty."""
 
     def __init__(self, camera: PinholeCamera, config: SlamConfig, rng: np.random.Generator) -> None:
@@ -40,10 +42,9 @@ class LoopDetector:
     def detect(self, world: Map, view: MapView, index: int) -> list[LoopClosure]:
         """The loop closures at keyframe ``index``: a certain one, or two that agree; empty when there are none."""
         self.tracked_loop = ""
-        among = self._candidates(world, view, index)
-        if not len(among):
-            return []
-        for seen in self._recognitions(world.keyframes[index], view, among):
+        groups = self._elsewhere(world, view, index), self._long_ago(world, view, index)
+        newest = world.keyframes[index]
+        for seen in chain.from_iterable(self._recognitions(newest, view, among) for among in groups if len(among)):
             if not seen.is_sure(self._recognition):
                 continue
             closure = self._closure(world, index, seen)
@@ -54,7 +55,8 @@ class LoopDetector:
             if before is not None and self._agree(world, before, closure):
                 found = [before, closure]
             self._last_loop = index if found else self._last_loop
-            return found
+            later = world.keyframes[seen.keyframe].map_id > newest.map_id
+            return [closure.exchanged() for closure in found] if later else found
         return []
 
     def _recognitions(self, newest: KeyFrame, view: MapView, among: IntArray) -> Iterator[Recognition]:
@@ -72,12 +74,17 @@ class LoopDetector:
         """Drop the unconfirmed closure after a correction."""
         self._unconfirmed = None
 
-    def _candidates(self, world: Map, view: MapView, index: int) -> IntArray:
-        """Keyframes that may show the same place but are not connected to it: of an earlier map, or old ones of this
-        map that are near enough for the drift since then."""
+    def _elsewhere(self, world: Map, view: MapView, index: int) -> IntArray:
+        """Keyframes of other maps, which may show the same place."""
+        here = world.keyframes[index].map_id
+        return np.array([k for k in view.living if world.keyframes[int(k)].map_id != here], np.int64)
+
+    def _long_ago(self, world: Map, view: MapView, index: int) -> IntArray:
+        """Keyframes of the first map that may show the same place but are not connected to it: old ones that are near
+        enough for the drift since then."""
         newest = world.keyframes[index]
         if newest.map_id:
-            return np.array([k for k in view.living if world.keyframes[int(k)].map_id < newest.map_id], np.int64)
+            return np.zeros(0, np.int64)
         way = path_lengths(view.centres)
         way = way[index] - way
         mine = view.part(newest.map_id).living

@@ -41,6 +41,11 @@ class LoopClosure(NamedTuple):
         """T_world_cam of ``newer`` by ``older``'s part of the map, in the frame of ``older``'s map."""
         return world.keyframes[self.older].T_world_cam @ self.T_older_newer
 
+    def exchanged(self) -> "LoopClosure":
+        """The same the other way round: by how much, and to where, the older part must move."""
+        T_newer_older, factor = self.T_older_newer.scaled(1.0 / self.factor).inverse(), 1.0 / self.factor
+        return LoopClosure(self.newer, self.older, T_newer_older, factor, self.points)
+
 
 class _Edge(NamedTuple):
     a: int
@@ -123,7 +128,7 @@ def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) ->
         kind, what = "merged", f"map {apart} into map {older.map_id}, {last.factor:.3f} times as large"
     fused = fuse(world, around, known)
     why = f"keyframe {last.newer} shows the place of {last.older}, {last.points} points"
-    return SlamEvent(newer.data.stamp_ns, kind, f"{what}: {why}; {fused} points fused")
+    return SlamEvent(max(older.data.stamp_ns, newer.data.stamp_ns), kind, f"{what}: {why}; {fused} points fused")
 
 
 def _join(world: Map, closure: LoopClosure) -> None:

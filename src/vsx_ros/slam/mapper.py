@@ -132,7 +132,9 @@ class Mapper:
             self._since_global = len(self.map.keyframes)
         if not closures:
             return
-        around, older = [index, *neighbours], closures[-1].older
+        older, newer = closures[-1].older, closures[-1].newer
+        beside = neighbours if newer == index else self.neighbours(newer, self._config.window_keyframes)
+        around = [newer, *beside]
         self.events.append(correct_loops(self.map, closures, around))
         self._loops.forget()
         there = [older, *self.neighbours(older, self._config.window_keyframes)]
