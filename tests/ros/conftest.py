@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import msgspec
 import pytest
@@ -16,16 +16,19 @@ import pytest
 pytest.importorskip("rospy")
 
 from chromium import Chromium
+from processes import StartedCopy
 from ros_ports import HOST, free_port
 from served_page import ServedPage
 from waiting import Lateness, wait_for
 
 from vsx_hw.bases import BASES, base_emulator
+from vsx_ros.cli.compiled import DRIVE
 from vsx_ros.config import RobotConfig
 from vsx_ros.ros import launch
 from vsx_ros.ros.emulated_base import BodyPlant, BodyState
 from vsx_ros.ros.emulation import RenderSettings, pose_row
 from vsx_ros.ros.environment import THREADS
+from vsx_ros.ros.fork_server import ForkServer, Request
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.world import open_world
@@ -61,7 +64,7 @@ class WatchedPlant(BodyPlant):
 
 
 class Stack:
-    """Nodes by name; ``kill`` is SIGKILL, ``start`` brings a node back."""
+    """Nodes by name, started as a live run does; ``kill`` is SIGKILL, ``start`` brings a node back."""
 
     def __init__(self, folder: Path) -> None:
         self.environment = {
@@ -74,7 +77,8 @@ class Stack:
         }
         self._folder = folder
         self.lateness = Lateness()
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._forks = ForkServer(*DRIVE)
+        self._processes: dict[str, subprocess.Popen[bytes] | StartedCopy] = {}
         world = open_world(WORLD, SEED)
         self.plant = WatchedPlant(world, SEED, RobotConfig(), self._on_step, BASES["kobuki"].wheel_base_m)
         self._base = base_emulator("kobuki", self.plant, str(folder / "base"), SEED)
@@ -114,7 +118,11 @@ class Stack:
         """At the address that all nodes know; another one knows nobody."""
         import rosgraph
 
-        self._spawn("rosmaster", ["rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]])
+        command = ["rosmaster", "--core", "-p", os.environ["ROS_MASTER_URI"].rsplit(":", 1)[1]]
+        with self._log("rosmaster") as log:
+            self._processes["rosmaster"] = subprocess.Popen(
+                command, env=self.environment, stdout=log, stderr=log, start_new_session=True
+            )
         self.wait(lambda: rosgraph.is_master_online(), "the master")
 
     def watch_steps(self, watcher: Callable[[BodyState], None]) -> None:
@@ -127,7 +135,11 @@ class Stack:
         node = self.nodes[name]
         for key, value in node.params.items():
             rospy.set_param(f"/{name}/{key}", value)
-        self._spawn(name, [sys.executable, str(CHECKOUT / "scripts" / name), f"__name:={name}"])
+        request = Request([str(CHECKOUT / "scripts" / name), f"__name:={name}"], self.environment, str(self._folder))
+        with self._log(name) as log:
+            copy = self._forks.start(request, [log.fileno(), log.fileno()])
+        assert copy is not None, f"the fork server started no {name}"
+        self._processes[name] = StartedCopy(copy)
 
     def kill(self, name: str, end: signal.Signals = signal.SIGKILL) -> None:
         self._processes.pop(name).send_signal(end)
@@ -176,6 +188,7 @@ class Stack:
                 process.wait(max(0.1, deadline_s - time.monotonic()))
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
+        self._forks.close()
 
     def wait(self, condition: Callable[[], object], what: str, within_s: float | None = None) -> None:
         """within_s: how soon it must come, on a machine that runs every thread at once."""
@@ -214,11 +227,8 @@ class Stack:
 
         self.wait(driving, "the robot to drive")
 
-    def _spawn(self, name: str, command: list[str]) -> None:
-        log = (self._folder / f"{name}.txt").open("ab")
-        self._processes[name] = subprocess.Popen(
-            command, env=self.environment, stdout=log, stderr=log, start_new_session=True
-        )
+    def _log(self, name: str) -> BinaryIO:
+        return (self._folder / f"{name}.txt").open("ab")
 
     def _on_step(self, state: BodyState) -> None:
         for watcher in self._watchers:

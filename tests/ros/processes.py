@@ -5,12 +5,14 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.ros.environment import THREADS
+from vsx_ros.ros.fork_server import Copy
 
 
 class Processes:
@@ -65,3 +67,22 @@ class Processes:
                 with contextlib.suppress(ProcessLookupError):
                     os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
+
+
+class StartedCopy:
+    """A node by the fork server, as that of a run; with what these tests use of subprocess.Popen."""
+
+    def __init__(self, copy: Copy) -> None:
+        self.pid, self.poll = copy.pid, copy.poll
+
+    def send_signal(self, number: int) -> None:
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def wait(self, timeout: float = PATIENCE_S) -> int:
+        until_s = time.monotonic() + timeout
+        while (code := self.poll()) is None:
+            if time.monotonic() > until_s:
+                raise subprocess.TimeoutExpired(str(self.pid), timeout)
+            time.sleep(0.01)
+        return code
