@@ -15,6 +15,7 @@ from vsx_ros.errors import VsxError
 from vsx_ros.ros import launch, logs
 from vsx_ros.ros.environment import DEFAULT_MASTER
 from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.left_behind import end_standing_time
 from vsx_ros.ros.node import AUTO
 from vsx_ros.runs.parameters import load, robot_file_here
 from vsx_ros.runs.process import DONE, FAILED
@@ -107,6 +108,8 @@ def main() -> None:
         if getattr(args, "run_dir", "") == AUTO:
             params["run_dir"] = new_run()
         os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
+        if name != "replay" and (said := end_standing_time()):
+            sys.stderr.write(f"{name}: {said}\n")
         parent = launch.start(launch.xml(nodes_of(name, args), config, params), sigint_s=_SIGINT_S)
         parent.spin()
     except VsxError as error:

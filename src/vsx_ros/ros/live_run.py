@@ -22,10 +22,10 @@ from std_srvs.srv import SetBool
 from vsx_ros.config import Config, to_dict
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import calls, launch, logs, node, topics
-from vsx_ros.ros.calls import answers_at
 from vsx_ros.ros.environment import DEFAULT_MASTER, package_environment
 from vsx_ros.ros.fork_server import ForkServer
 from vsx_ros.ros.launch import LaunchNode
+from vsx_ros.ros.left_behind import end_standing_time, living
 from vsx_ros.ros.master_guard import MasterGuard
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.ros.nodes.dashboard import prepare_view
@@ -95,6 +95,8 @@ class LiveRun:
         package_environment()
         choose_master()
         refuse_second_robot(self._names)
+        if not self._replayed and (said := end_standing_time()):
+            self.progress.say(said)
         self._silence()
         try:
             self._start()
@@ -231,17 +233,13 @@ def choose_master() -> None:
 def refuse_second_robot(names: Sequence[str]) -> None:
     """Raises ConfigError if one of these nodes already runs in this namespace: ROS would end it in favour of the new
     one, even while it drives. A node that died without unregistering does not count."""
-    master = rosgraph.Master("/vsx")
-    for name in names:
-        full_name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), name)
-        try:
-            address = master.lookupNode(full_name)
-        except (OSError, rosgraph.MasterException):
-            continue
-        if not answers_at(address):
-            continue
+    namespace = rosgraph.names.get_ros_namespace()
+    found = list[str]()
+    with contextlib.suppress(OSError):
+        found = living(rosgraph.names.ns_join(namespace, name) for name in names)
+    if found:
         raise ConfigError(
-            f"node {full_name} runs already at {rosgraph.get_master_uri()}, and a second one would end it; end that "
+            f"node {found[0]} runs already at {rosgraph.get_master_uri()}, and a second one would end it; end that "
             "run first, or give this one a name of its own (ROS_NAMESPACE=robot2) or a master "
             "of its own (ROS_MASTER_URI=http://localhost:11312)"
         )

@@ -16,6 +16,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.recording import Recording
 from vsx_ros.ros import logs, topics
 from vsx_ros.ros.launch import LaunchNode, vslam
+from vsx_ros.ros.left_behind import living
 from vsx_ros.ros.live_run import READY_WAIT_S, LiveRun
 from vsx_ros.ros.monitor import Monitor
 from vsx_ros.ros.player import Player
@@ -42,15 +43,16 @@ def replay(args: argparse.Namespace, config: Config, recording: Recording) -> in
 
 
 def _refuse_company() -> None:
-    """Raises ConfigError if a robot or another replay already publishes at the master."""
+    """Raises ConfigError if a robot or another replay already publishes at the master; one that was killed does not
+    count."""
     if not rosgraph.is_master_online():
         return
     published = dict(rosgraph.Master("/vsx_replay").getSystemState()[0])
     for topic in (topics.CLOCK, topics.IMAGE, topics.ODOM):
         name = rospy.resolve_name(topic)
-        if published.get(name):
+        if there := living(published.get(name, [])):
             raise ConfigError(
-                f"{published[name][0]} already publishes {name} at {rosgraph.get_master_uri()}; end it, or give the "
+                f"{there[0]} already publishes {name} at {rosgraph.get_master_uri()}; end it, or give the "
                 "replay a master of its own, e.g. ROS_MASTER_URI=http://localhost:11312"
             )
 
