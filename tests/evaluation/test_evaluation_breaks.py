@@ -83,6 +83,12 @@ def test_lost_for_good_is_one_break_where_it_began():
     assert [(b.stamp_ns, "for good" in b.reason) for b in found] == [(12 * 10**8, True)]
 
 
+def test_a_map_that_was_given_up_and_not_begun_again_is_lost_for_good():
+    found = find_breaks(results(drive(), [BEFORE] * 2 + [GOOD] * 5 + [LOST] * 3 + [BEFORE] * 10), drive())
+    assert [(b.stamp_ns, "for good" in b.reason) for b in found] == [(7 * 10**8, True)]
+    assert find_breaks(results(drive(), [GOOD] * 5 + [BEFORE] * 5 + [GOOD] * 10), drive()) == []
+
+
 def test_never_started_is_no_break():
     assert find_breaks(results([None] * 4, [BEFORE] * 4), drive(4)) == []
     assert find_breaks([], []) == []

@@ -8,7 +8,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.geometry.se3 import SE3, so3_log, stacked
-from vsx_ros.slam.state import TrackingResult, TrackingState
+from vsx_ros.slam.state import TrackingResult
 
 _MAX_JUMP_M, _MAX_JUMP_DEG = 0.15, 5.0  # between two frames, against odometry: more is a jump, not drift
 _ITS_OWN = 2.0  # odometry jumped if it leaves its own course this many times farther than the images leave theirs
@@ -31,17 +31,18 @@ class Continuity(NamedTuple):
 def continuity(
     results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int] = ()
 ) -> Continuity:
-    """Breaks: jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end. Odometry
-    jumps: such jumps where the images show a steady motion of the camera and odometry does not. results: frames in
-    order. reference: as many camera poses by odometry (or truth), None where unknown. epochs: of the odometry, if it
-    may have restarted. Only frames tracked from the map are compared, each with the tracked frame before it in its
-    epoch. A jump of the map at a loop closure does not count. Turns are compared by heading: odometry measures no
-    tilt, and a drone banks. Raises ValueError where the frames beside a jump have one stamp."""
+    """Breaks: jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end, also of a map
+    that was given up and not begun again. Odometry jumps: such jumps where the images show a steady motion of the
+    camera and odometry does not. results: frames in order. reference: as many camera poses by odometry (or truth), None
+    where unknown. epochs: of the odometry, if it may have restarted. Only frames tracked from the map are compared,
+    each with the tracked frame before it in its epoch. A jump of the map at a loop closure does not count. Turns are
+    compared by heading: odometry measures no tilt, and a drone banks. Raises ValueError where the frames beside a jump
+    have one stamp."""
     jumps = list(_jumps(results, reference, epochs or [0] * len(results)))
     breaks = [jump for jump, by_odometry in jumps if not by_odometry]
     tracked = any(result.state.tracked and result.T_world_cam is not None for result in results)
-    if tracked and results[-1].state is TrackingState.LOST:
-        since = list(itertools.takewhile(lambda result: result.state is TrackingState.LOST, reversed(results)))[-1]
+    if tracked and not results[-1].state.tracked:
+        since = list(itertools.takewhile(lambda result: not result.state.tracked, reversed(results)))[-1]
         breaks.append(Break(since.stamp_ns, f"lost for good: {since.reason}"))
     return Continuity(breaks, [jump for jump, by_odometry in jumps if by_odometry])
 
