@@ -1,6 +1,7 @@
 """Rows of results: none without its tree, none of another tree or configuration taken for one of now."""
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ from vsx_ros.registry import PLUGINS
 
 ASKED: dict[str, Any] = {"world": "lab", "seed": 7, "settings": ("a=1",)}
 OTHER = {**ASKED, "seed": 8}
+GAZEBO_ROOM = Path(__file__).parents[1] / "data/gazebo_room"
 KEYS = {"commit", "dirty", "code", "config", "versions", "machine", "when", "asked", "files", "result"}
 
 
@@ -144,6 +146,26 @@ def test_a_picture_of_a_map_is_a_file_of_its_world(tmp_path: Path) -> None:
     (tmp_path / "m.pgm").write_bytes(b"second")
     assert rows.files_hash({"world": str(tmp_path / "m.yaml")}) != first
     assert rows.files_hash({"world": "lab"}) == rows.files_hash({"seed": 1}) == ""
+
+
+def test_models_are_files_of_their_world(tmp_path: Path) -> None:
+    shutil.copytree(GAZEBO_ROOM, tmp_path / "room")
+    world, models = tmp_path / "room/worlds/room.world", sorted((tmp_path / "room/models").iterdir())
+    (tmp_path / "named.yaml").write_text("gazebo: room/worlds/room.world\n")
+    mesh = world.with_name("tub.obj")
+    mesh.write_text("mtllib tub.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    part = "<geometry><mesh><uri>tub.obj</uri></mesh></geometry>"
+    model = f'<model name="tub"><link name="l"><visual name="v">{part}</visual></link></model></world>'
+    world.write_text(world.read_text().replace("</world>", model))
+    asked = [{"world": str(world)}, {"world": str(tmp_path / "named.yaml")}]
+    known = [rows.files_hash(one) for one in asked]
+    assert "unreadable" not in known
+    assert [rows.files_hash(one) for one in asked] == known
+    texture = next(file for folder in models for file in folder.rglob("*.png"))
+    for changed in (models[0] / "model.sdf", next(models[0].rglob("*.DAE")), texture, mesh, mesh.with_suffix(".mtl")):
+        changed.write_bytes((changed.read_bytes() if changed.exists() else b"") + b" ")
+        before, known = known, [rows.files_hash(one) for one in asked]
+        assert not {*before} & {*known}, changed
 
 
 @pytest.mark.parametrize("package", [False, True])

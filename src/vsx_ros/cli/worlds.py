@@ -59,7 +59,7 @@ def world(args: argparse.Namespace) -> int:
 def _keep_what_is_read(args: argparse.Namespace) -> None:
     """Raises ConfigError if the command would write over a file that the world is read from."""
     check_world(args.name)
-    read = world_files(args.name)
+    read = world_files(args.name, args.models)
     maps = [args.map.with_suffix(suffix) for suffix in (".pgm", ".yaml")] if args.map is not None else []
     for file in (args.out, args.picture, *maps):
         if file is not None and file.exists() and any(one.exists() and file.samefile(one) for one in read):

@@ -91,7 +91,7 @@ def check_files(args: argparse.Namespace) -> None:
         args.zones = str(Path(args.zones).resolve())
         given_zones(Path(args.zones))
     if args.out is not None:
-        keep_apart(args.out, args.load_map, args.zones, *(world_files(args.world) if args.world else ()))
+        keep_apart(args.out, args.load_map, args.zones, *(world_files(args.world, args.models) if args.world else ()))
 
 
 def keep_apart(out: Path, *inputs: Path | str | None) -> None:

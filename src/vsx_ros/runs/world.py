@@ -15,7 +15,7 @@ from vsx_ros.sim.generate import GENERATORS, generate_world, world_from_grid
 from vsx_ros.sim.hard_things import named_things
 from vsx_ros.sim.lighting import light_named
 from vsx_ros.sim.truth import with_start
-from vsx_ros.sim.world_file import load_world, with_hard_things
+from vsx_ros.sim.world_file import load_world, named_files, with_hard_things
 
 _PICTURES = ".png", ".pgm"
 _SUFFIXES = *gazebo_world.SUFFIXES, *_PICTURES, ".yaml", ".yml"
@@ -76,10 +76,16 @@ def _map_yaml(path: Path) -> Path | None:
     return text if text.suffix in (".yaml", ".yml") and text.is_file() and is_map_file(text) else None
 
 
-def world_files(name: str) -> list[Path]:
-    """The files that this world is described in: none of a generator's; of a map, its YAML and its picture, too. Raises
-    MapFileError for a map that names no picture."""
+def world_files(name: str, models: Sequence[Path] = ()) -> list[Path]:
+    """The files that this world is described in: none of a generator's; of a map, its YAML and its picture, too; of a
+    Gazebo file, those of its models. Raises MapFileError for a map that names no picture, InputError or ConfigError for
+    a Gazebo file or world.yaml that cannot be read."""
+    path = Path(name)
     if name.partition(":")[0] in GENERATORS:
         return []
-    text = _map_yaml(Path(name))
-    return [Path(name)] if text is None else [Path(name), text, map_image(text)]
+    text = _map_yaml(path)
+    if text is not None:
+        return [path, text, map_image(text)]
+    if path.suffix in gazebo_world.SUFFIXES and path.is_file():
+        return gazebo_world.gazebo_files(path, model_folders(models))
+    return [path, *(named_files(path) if path.suffix in (".yaml", ".yml") and path.is_file() else ())]

@@ -24,9 +24,7 @@ def load_gazebo(path: Path, folders: Sequence[Path], start: Start | None = None)
     middle of its largest room. Raises InputError for files that cannot be read, ConfigError for a world without floor
     or without anything to see, and for a start where the robot does not fit."""
     path = path.resolve()
-    beside = (path.parent, path.parent / "models", path.parent.parent / "models", path.parent.parent)
-    search = ModelFolders([*folders, *beside])
-    budget = Budget()
+    search, budget = _search(path, folders), Budget()
     layout = read_layout(path, search, budget)
     parts = assemble(layout, search, budget)
     told = f" (its parts: {'; '.join(parts.remarks[:3])})" if parts.remarks else ""
@@ -54,6 +52,20 @@ def load_gazebo(path: Path, folders: Sequence[Path], start: Start | None = None)
         sky=layout.sky,
     )
     return world.starting_at(middle_of_largest_room(world)) if start is None else checked_start(world)
+
+
+def gazebo_files(path: Path, folders: Sequence[Path]) -> list[Path]:
+    """The SDF file, the files of its models, and of its meshes in no model with the textures beside them. Raises
+    InputError for an SDF file that cannot be read."""
+    path = path.resolve()
+    search = _search(path, folders)
+    read_layout(path, search, Budget())
+    return [path, *search.used()]
+
+
+def _search(path: Path, folders: Sequence[Path]) -> ModelFolders:
+    beside = (path.parent, path.parent / "models", path.parent.parent / "models", path.parent.parent)
+    return ModelFolders([*folders, *beside])
 
 
 def _lowered(parts: Parts, by_m: float) -> Parts:

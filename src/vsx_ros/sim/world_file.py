@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import msgspec
 import yaml
@@ -13,13 +13,14 @@ import yaml
 from vsx_ros.errors import ConfigError, reason_of
 from vsx_ros.limits import file_text, yaml_tree
 from vsx_ros.sim.emulated_world import EmulatedWorld
-from vsx_ros.sim.gazebo_world import load_gazebo
+from vsx_ros.sim.gazebo_world import gazebo_files, load_gazebo
 from vsx_ros.sim.hard_surfaces import changed
 from vsx_ros.sim.hard_things import HARD_THINGS, checked_things
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.truth import MAX_AREA_M2
 from vsx_ros.sim.world import Box, Outline, Poster, Start, Table, Wall, World
 
+T = TypeVar("T")
 MAX_PARTS, MAX_LIGHTS = 20_000, 2000  # a building of 40 x 25 m has some hundreds and a hundred
 
 
@@ -58,22 +59,44 @@ def save_world(world: EmulatedWorld, path: Path) -> None:
 def load_world(path: Path) -> EmulatedWorld:
     """Read world.yaml, and the Gazebo file if it names one. Raises ConfigError naming the entry that is wrong, and what
     ``load_gazebo`` raises."""
+    tree = _tree_of(path)
+    known = _reference(tree, path)
+    if known is not None:
+        gazebo = load_gazebo(Path(known.gazebo), [Path(folder) for folder in known.models], known.start)
+        return with_hard_things(gazebo, known.hard, f"world file {path}")
+    building = _converted(tree, World, path)
+    return with_hard_things(checked(building, str(path)), building.hard, f"world file {path}")
+
+
+def named_files(path: Path) -> list[Path]:
+    """The files of the Gazebo world that a world.yaml names; none for a building. Raises as ``load_world``."""
+    known = _reference(_tree_of(path), path)
+    return [] if known is None else gazebo_files(Path(known.gazebo), [Path(folder) for folder in known.models])
+
+
+def _tree_of(path: Path) -> Any:
     try:
-        tree = yaml_tree(file_text(path))
+        return yaml_tree(file_text(path))
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise ConfigError(f"world file {path} cannot be read ({reason_of(error)}); 'vsx world' writes one") from error
+
+
+def _reference(tree: Any, path: Path) -> GazeboReference | None:
+    """The reference to a Gazebo file, with its paths from here; None for a building."""
+    if not (isinstance(tree, dict) and "gazebo" in tree):
+        return None
+    known = _converted(tree, GazeboReference, path)
+    models = [str(path.parent / folder) for folder in known.models]
+    return msgspec.structs.replace(known, gazebo=str(path.parent / known.gazebo), models=models)
+
+
+def _converted(tree: Any, kind: type[T], path: Path) -> T:
     try:
-        if isinstance(tree, dict) and "gazebo" in tree:
-            known = msgspec.convert(tree, GazeboReference)
-            folders = [path.parent / folder for folder in known.models]
-            gazebo = load_gazebo(path.parent / known.gazebo, folders, known.start)
-            return with_hard_things(gazebo, known.hard, f"world file {path}")
-        building = msgspec.convert(tree, World)
+        return msgspec.convert(tree, kind)
     except msgspec.ValidationError as error:
         raise ConfigError(
             f"world file {path}: {error}; 'vsx world lab --seed 0 --out FILE' writes a valid one"
         ) from error
-    return with_hard_things(checked(building, str(path)), building.hard, f"world file {path}")
 
 
 def with_hard_things(world: EmulatedWorld, things: Mapping[str, float], where: str) -> EmulatedWorld:

@@ -29,6 +29,20 @@ class ModelFolders:
             self._found[uri, beside] = self._search(uri, beside)
         return self._found[uri, beside]
 
+    def used(self) -> list[Path]:
+        """The files found so far: of a model's folder, all; of another folder, those in it; beside a mesh, those of its
+        name, and textures in the usual folders."""
+        used: set[Path] = set()
+        for place in filter(None, self._found.values()):
+            if place.is_dir():
+                used.update(place.rglob("*") if (place / "model.config").is_file() else place.iterdir())
+                continue
+            used.update(file for file in place.parent.iterdir() if file.stem == place.stem)
+            for folder in _texture_folders(place.parent, place.parent.parent):
+                if folder != place.parent:
+                    used.update(folder.glob("*"))
+        return sorted(file for file in used if file.is_file())
+
     def _search(self, uri: str, beside: Path) -> Path | None:
         uri = uri.strip()
         if not uri or is_remote(uri):
