@@ -126,7 +126,7 @@ def found_odometry(path: Path) -> None:
     """A folder with what a run found of its wheels."""
     path.mkdir()
     values = {"linear_scale": 1.01234, "angular_scale": 0.98765}
-    update_robot_file(path / FILE, "robot.odometry", values, "found while driving: way x 1.0123 +- 0.20 %")
+    update_robot_file(path / FILE, "robot.odometry", values, "found while driving", {"linear_scale": 0.002})
 
 
 def renewed_camera_yaml(path: Path) -> None:

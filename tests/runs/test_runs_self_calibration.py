@@ -9,6 +9,7 @@ from vsx_ros.calibration.odometry import Factor
 from vsx_ros.calibration.self_calibration import Found
 from vsx_ros.cli.main import execute
 from vsx_ros.config import OdometryConfig
+from vsx_ros.errors import ConfigError
 from vsx_ros.runs.parameters import default_robot_file, load, update_robot_file
 from vsx_ros.runs.self_calibration import FILE, read_self_calibration, write_self_calibration
 
@@ -41,10 +42,26 @@ def test_what_was_refused_stays_as_it_was(tmp_path, monkeypatch, capsys):
     assert "usable: the turn is known to 0.9 % only" in said
 
 
-def test_a_run_of_an_older_version_stores_factors_that_it_did_not_find(tmp_path):
-    remark = "found while driving: turn x 0.9500 +- 0.90 %; not told: way: no floor"
-    update_robot_file(tmp_path / FILE, "robot.odometry", {"linear_scale": 0.9, "angular_scale": 0.95}, remark)
-    assert read_self_calibration(tmp_path) == (None, Factor(0.95, pytest.approx(0.009), 0.0))
+def test_how_well_the_factors_are_known_is_read_as_it_was_found(tmp_path):
+    found = Found(Factor(1.1, 0.012345678, 20.0), VAGUE, None, None, ())
+    write_self_calibration(tmp_path, SimpleNamespace(found=found), OdometryConfig(linear_scale=0.9))
+    text = (tmp_path / FILE).read_text()
+    (tmp_path / FILE).write_text(text.partition("\n")[2])  # its remark is for people
+    linear, angular = read_self_calibration(tmp_path)
+    assert linear == Factor(pytest.approx(0.99), pytest.approx(0.9 * 0.012345678, abs=1e-7), 0.0)
+    assert angular == Factor(0.95, pytest.approx(0.009), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "said"), [("", "as in older versions; drive again"), ("sigmas: 3\n", "sigmas are wrong"),
+                         ("sigmas: {robot.odometry: {linear_scale: -1}}\n", "sigmas are wrong"),
+                         ("sigmas: {robot.mount: {}}\n", "sigmas are wrong")]
+)  # fmt: skip
+def test_a_file_of_an_older_version_or_a_damaged_one_is_refused(tmp_path, sigmas, said):
+    remark = "# odometry: found while driving: turn x 0.9500 +- 0.90 %; not told: way: no floor\n"
+    (tmp_path / FILE).write_text(remark + sigmas + "robot: {odometry: {angular_scale: 0.95}}\n")
+    with pytest.raises(ConfigError, match=said):
+        read_self_calibration(tmp_path)
 
 
 @pytest.mark.parametrize(("option", "value"), [("--distance", "3"), ("--set", "robot.odometry.linear_scale=1.1")])

@@ -27,7 +27,7 @@ from vsx_ros.errors import ConfigError, did_you_mean
 __all__ = [
     "ComputingConfig", "Config", "DenseConfig", "DockingConfig", "ExplorationConfig", "FollowerConfig",
     "GroundMapConfig", "LimitsConfig", "MountConfig", "OdometryConfig", "PlannerConfig", "RobotConfig", "RoomsConfig",
-    "RunsConfig", "SelfCalibrationConfig", "SlamConfig", "from_dict", "overridden", "to_dict",
+    "RunsConfig", "SIGMAS", "SelfCalibrationConfig", "SlamConfig", "from_dict", "overridden", "to_dict",
 ]  # fmt: skip
 
 _MOST = 1e9  # of any number: more is a mistake, and overflows as a time in nanoseconds
@@ -186,10 +186,16 @@ class Config(Branch, frozen=True):
     computing: ComputingConfig = ComputingConfig()
 
 
+SIGMAS = "sigmas"
+
+
 def from_dict(tree: dict[str, Any]) -> Config:
-    """The configuration from a nested dict; missing entries take their default.
+    """The configuration from a nested dict; missing entries take their default. ``SIGMAS``, which calibrations write
+    beside their results, are no parameters.
 
     Raises ConfigError naming the entry, e.g. ``Expected `float` > 0.0 - at `$.planner.phi_rad_m`, not -1``."""
+    if isinstance(tree, dict):
+        tree = {name: part for name, part in tree.items() if name != SIGMAS}
     try:
         config: Config = msgspec.convert(tree, Config)
     except msgspec.ValidationError as error:

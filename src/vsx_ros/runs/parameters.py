@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import yaml
 
-from vsx_ros.config import Config, from_dict, overridden
+from vsx_ros.config import SIGMAS, Config, from_dict, overridden
 from vsx_ros.errors import ConfigError, explained
 from vsx_ros.io.atomic import write_text
 from vsx_ros.limits import file_text, yaml_tree
@@ -99,9 +99,12 @@ def robot_file_here() -> Path | None:
     return file
 
 
-def update_robot_file(path: Path, branch: str, values: dict[str, float], remark: str) -> None:
+def update_robot_file(
+    path: Path, branch: str, values: dict[str, float], remark: str, sigmas: dict[str, float] | None = None
+) -> None:
     """Replace entries of a branch (as ``robot.mount``) in the file and keep the rest; each branch has its remark at the
-    top. Raises ConfigError when the file holds no valid parameters, or cannot be written."""
+    top. sigmas: standard errors of the values. Raises ConfigError when the file holds no valid parameters, or cannot be
+    written."""
     with explained(ConfigError, f"{path} cannot be read", "give another file with --out"):
         known = file_text(path) if path.exists() else ""
         tree = yaml_tree(known) or {}
@@ -109,6 +112,8 @@ def update_robot_file(path: Path, branch: str, values: dict[str, float], remark:
     above, _, name = branch.rpartition(".")
     room = tree.setdefault(above, {})
     room[name] = {**room.get(name, {}), **values}
+    if sigmas:
+        tree[SIGMAS] = {branch: sigmas}
     from_dict(tree)
     replaced = f"# {name}: "
     remarks = [line for line in known.splitlines() if line.startswith("# ") and not line.startswith(replaced)]
