@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from vsx_ros.cli import main
+from vsx_ros.errors import MapFileError
 from vsx_ros.geometry.camera import kernel_camera, nominal_camera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import replacing, write_bytes
 from vsx_ros.io.calibration_file import write_calibration
 from vsx_ros.io.dock_file import save_dock
-from vsx_ros.io.room_file import save_rooms
+from vsx_ros.io.map_file import load_map, save_map
+from vsx_ros.io.room_file import load_rooms, save_rooms
 from vsx_ros.io.slam_map_file import save_slam_map
 from vsx_ros.io.zone_file import save_zones
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -46,6 +48,55 @@ def test_a_failed_write_leaves_what_was_there_and_nothing_beside_it(tmp_path):
     assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(file))
     assert file.read_bytes() == b"before"
     assert list(tmp_path.iterdir()) == [file]
+
+
+GRID = OccupancyGrid(np.zeros((4, 5), np.int8), 0.05, 0.0, 0.0)
+ROOMS = RoomMap(GRID, np.zeros((4, 5), np.int32), ())
+PAIRS = {
+    "map.yaml": (lambda path: save_map(GRID, path), load_map),
+    "map_rooms.json": (lambda path: save_rooms(ROOMS, path), load_rooms),
+}
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_of_two_files_the_one_that_names_the_other_is_never_of_another_time(name, tmp_path, monkeypatch):
+    """Killed before any renaming: both old, or the first file gone."""
+    save, load = PAIRS[name]
+    file, replace = tmp_path / name, os.replace
+    for renamed in range(3):
+        file.write_text("old")
+        file.with_suffix(".pgm").write_text("old")
+        left = [replace] * renamed + [None]
+
+        def killed(source, target, left=left):
+            if left[0] is None:
+                raise KeyboardInterrupt
+            left.pop(0)(source, target)
+
+        monkeypatch.setattr(os, "replace", killed)
+        if renamed < 2:
+            with pytest.raises(KeyboardInterrupt):
+                save(file)
+            assert not file.exists()
+        else:
+            save(file)
+            assert load(file) is not None
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted({file.with_suffix(".pgm").name, name})
+
+
+@pytest.mark.parametrize(
+    ("name", "full"),
+    [("map.yaml", ".yaml"), ("map.yaml", ".pgm"), ("map_rooms.json", ".json"), ("map_rooms.json", ".pgm")],
+)
+def test_on_a_full_disk_both_files_stay(name, full, tmp_path):
+    file = tmp_path / name
+    pair = [file, file.with_suffix(".pgm")]
+    for path in pair:
+        path.write_text("old")
+    (tmp_path / f".{file.with_suffix(full).name}.part").symlink_to(FULL)
+    with pytest.raises(MapFileError, match="cannot be written"):
+        PAIRS[name][0](file)
+    assert [path.read_text() for path in pair] == ["old", "old"]
 
 
 def test_a_device_or_a_pipe_is_never_replaced(tmp_path):

@@ -2,8 +2,8 @@
 
 import errno
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
@@ -34,6 +34,19 @@ def replacing(path: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
         if isinstance(error, OSError):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
+
+
+def write_together(contents: Mapping[Path, bytes], *, durable: bool = False) -> None:
+    """The same with files of which the last one names the others. It is removed before these change, so that whenever
+    this is interrupted, it is there with what it names, or absent. Raises OSError; all old files stay if the disk is
+    full."""
+    *_, index = contents
+    with ExitStack() as stack:
+        for path, content in reversed([*contents.items()]):  # renamed in the opposite order
+            file = stack.enter_context(replacing(path, durable=durable))
+            file.write(content)
+            file.flush()
+        index.unlink(missing_ok=True)
 
 
 def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:

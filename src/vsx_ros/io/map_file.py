@@ -9,7 +9,7 @@ import yaml
 from numpy.typing import NDArray
 
 from vsx_ros.errors import MapFileError, explained, reason_of
-from vsx_ros.io.atomic import write_bytes, write_text
+from vsx_ros.io.atomic import write_together
 from vsx_ros.io.image_file import picture
 from vsx_ros.limits import DAMAGE, LOG_BYTES, TEXT_BYTES, file_bytes, file_text, yaml_tree
 from vsx_ros.occupancy.grid import FREE, MAX_CELLS, MAX_EXTENT_M, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -38,8 +38,9 @@ def save_map(grid: OccupancyGrid, path: Path) -> None:
     tree = {"image": image.name, "resolution": grid.resolution, "origin": origin, "negate": 0}
     tree |= {"occupied_thresh": _OCCUPIED_THRESHOLD, "free_thresh": _FREE_THRESHOLD}
     with explained(MapFileError, f"map {path} cannot be written", "choose another folder", OSError):
-        write_bytes(image, f"P5\n{columns} {rows}\n255\n".encode() + _gray(grid, free).tobytes())
-        write_text(text, yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
+        picture_of = f"P5\n{columns} {rows}\n255\n".encode() + _gray(grid, free).tobytes()
+        yaml_of = yaml.safe_dump(tree, sort_keys=False, default_flow_style=None)
+        write_together({image: picture_of, text: yaml_of.encode()})
 
 
 def map_png(grid: OccupancyGrid) -> bytes:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from vsx_ros.errors import MapFileError, explained, reason_of
-from vsx_ros.io.atomic import write_bytes, write_text
+from vsx_ros.io.atomic import write_together
 from vsx_ros.io.image_file import picture
 from vsx_ros.limits import DAMAGE, TEXT_BYTES, file_bytes, file_text, json_tree
 from vsx_ros.occupancy.grid import MAX_CELLS, UNKNOWN, OccupancyGrid
@@ -44,8 +44,8 @@ def save_rooms(rooms: RoomMap | None, path: Path) -> None:
     grey = rooms.labels.astype(np.uint8)
     with explained(MapFileError, f"rooms {path} cannot be written", "choose another folder", OSError):
         picture_of = f"P5\n{columns} {rows}\n255\n".encode() + grey[::-1].tobytes()
-        write_bytes(path.with_suffix(".pgm"), picture_of, durable=True)
-        write_text(path, json.dumps(room_tree(rooms), indent=1, ensure_ascii=False) + "\n", durable=True)
+        text = json.dumps(room_tree(rooms), indent=1, ensure_ascii=False) + "\n"
+        write_together({path.with_suffix(".pgm"): picture_of, path: text.encode()}, durable=True)
 
 
 def load_rooms(path: Path) -> RoomMap | None:
