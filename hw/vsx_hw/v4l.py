@@ -165,13 +165,20 @@ class V4lCamera(ConnectionThread):
 def unlock(capture: Any) -> None:
     """Automatic exposure and white balance, where the camera has them. A camera keeps what was locked, also after a
     crash."""
-    any(capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, automatic) for automatic in AUTOMATIC_EXPOSURES)
+    _expose_automatically(capture)
     capture.set(cv2.CAP_PROP_AUTO_WB, 1)
 
 
+def _expose_automatically(capture: Any) -> None:
+    any(capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, automatic) for automatic in AUTOMATIC_EXPOSURES)
+
+
 def lock(capture: Any) -> str:
-    """Lock exposure and white balance. Returns the result as words to append to "streaming"."""
+    """Lock exposure and white balance; exposure that cannot be locked as it is stays automatic. Returns the result as
+    words to append to "streaming"."""
     exposure = capture.get(cv2.CAP_PROP_EXPOSURE)
     kept = capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL_EXPOSURE) and capture.set(cv2.CAP_PROP_EXPOSURE, exposure)
+    if not kept:
+        _expose_automatically(capture)
     capture.set(cv2.CAP_PROP_AUTO_WB, 0)  # many cameras have none
     return ", exposure locked" if kept else ", exposure cannot be locked"

@@ -194,3 +194,13 @@ def test_the_exposure_is_kept_as_it_is_or_said_not_to():
     assert (capture.values[cv2.CAP_PROP_EXPOSURE], capture.values[cv2.CAP_PROP_AUTO_WB]) == (157.0, 0)
     capture.refused = {cv2.CAP_PROP_AUTO_EXPOSURE}
     assert "cannot" in lock(capture)
+
+
+@pytest.mark.parametrize("automatic", [3, 0])
+def test_exposure_that_is_refused_stays_automatic(automatic):
+    """Manual, but with another exposure, the images may be black."""
+    capture = ScriptedCapture([])
+    capture.values[cv2.CAP_PROP_AUTO_EXPOSURE] = automatic
+    capture.refused = {cv2.CAP_PROP_EXPOSURE, (cv2.CAP_PROP_AUTO_EXPOSURE, 3 - automatic)}
+    assert "cannot" in lock(capture)
+    assert capture.values[cv2.CAP_PROP_AUTO_EXPOSURE] == automatic
