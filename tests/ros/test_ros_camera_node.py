@@ -14,9 +14,9 @@ import rospy
 from vsx_hw.readings import ImageReading
 from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.camera import PinholeCamera
-from vsx_ros.ros import headers, topic_drivers
+from vsx_ros.ros import headers, topic_camera
 from vsx_ros.ros.cameras import CameraCalibration, nominal, open_camera
-from vsx_ros.ros.topic_drivers import TopicCamera
+from vsx_ros.ros.topic_camera import TopicCamera
 
 DEVICE = "ros:/cam/image_raw"
 MEASURED = PinholeCamera(640, 480, 511.0, 512.0, 321.0, 243.0)
@@ -101,8 +101,8 @@ def test_the_first_images_of_a_driver_wait_for_their_calibration(monkeypatch: py
     now_s, seen, rng = [50.0], list[ImageReading](), np.random.default_rng(0)
     monkeypatch.setattr(rospy, "resolve_name", lambda name: name)
     monkeypatch.setattr(headers, "refuse_future", lambda _: None)
-    monkeypatch.setattr(topic_drivers, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
-    monkeypatch.setattr(topic_drivers, "image_of", lambda *_: (1, rng.integers(0, 256, (48, 64)).astype(np.uint8)))
+    monkeypatch.setattr(topic_camera, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    monkeypatch.setattr(topic_camera, "image_of", lambda *_: (1, rng.integers(0, 256, (48, 64)).astype(np.uint8)))
     msg = SimpleNamespace(_connection_header={"type": "sensor_msgs/Image"}, _buff=b"")
     quick, never = (TopicCamera("/cam/image_raw", seen.append) for _ in range(2))
     quick._on_any(msg)

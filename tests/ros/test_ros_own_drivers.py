@@ -21,8 +21,9 @@ from vsx_hw.readings import BaseReading
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import base_drivers, images, logs, topic_drivers
-from vsx_ros.ros.topic_drivers import image_of, info_topic, topic_names
+from vsx_ros.ros import base_drivers, images, logs, topic_base
+from vsx_ros.ros.topic_base import topic_names
+from vsx_ros.ros.topic_camera import image_of, info_topic
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -125,11 +126,11 @@ class TopicRig:
         self.links: list[bool] = []
         self.readings: list[int] = []
         clock = SimpleNamespace(monotonic=lambda: self.now_s, monotonic_ns=lambda: round(self.now_s * 1e9))
-        monkeypatch.setattr(topic_drivers, "time", clock)
+        monkeypatch.setattr(topic_base, "time", clock)
         monkeypatch.setattr(rospy, "Publisher", lambda *_, **__: self)
         monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
-        self.base = topic_drivers.TopicBase(
-            topic_drivers.TopicNames(), self._on_reading, lambda connected, _: self.links.append(connected), 0.25
+        self.base = topic_base.TopicBase(
+            topic_base.TopicNames(), self._on_reading, lambda connected, _: self.links.append(connected), 0.25
         )
 
     def publish(self, twist: Twist) -> None:
@@ -203,7 +204,7 @@ def test_factors_that_nobody_would_apply_are_refused(
     monkeypatch.setattr(rospy, "Publisher", lambda *_, **__: None)
     hears = base_drivers.Listeners(lambda _: None, lambda *_: None, lambda _: None)
     settings = base_drivers.BaseSettings("ros:/robot/odom,/robot/cmd_vel", "")
-    assert isinstance(base_drivers.base_driver(settings, hears), topic_drivers.TopicBase)
+    assert isinstance(base_drivers.base_driver(settings, hears), topic_base.TopicBase)
     with pytest.raises(ConfigError, match="give them to that driver"):
         base_drivers.base_driver(settings._replace(linear_scale=factors[0], angular_scale=factors[1]), hears)
 

@@ -17,7 +17,7 @@ from vsx_ros.errors import ConfigError
 from vsx_ros.registry import Registry
 from vsx_ros.ros import logs, threads
 from vsx_ros.ros.logs import ERROR, Diagnostics
-from vsx_ros.ros.topic_drivers import TopicBase, TopicNames, topic_names
+from vsx_ros.ros.topic_base import TopicBase, TopicNames, topic_names
 
 
 class Base(Protocol):

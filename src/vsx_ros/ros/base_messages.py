@@ -24,7 +24,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry, OperatorHold
 from vsx_ros.ros import convert, energy_messages, headers, topics
 from vsx_ros.ros.logs import ERROR, OK, WARN, Diagnostics
-from vsx_ros.ros.topic_drivers import topic_names
+from vsx_ros.ros.topic_base import topic_names
 
 # Variances of the TurtleBot's own driver (kobuki_node).
 _POSITION_M2, _HEADING_RAD2 = 0.1, 0.05

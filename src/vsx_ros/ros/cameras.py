@@ -19,7 +19,7 @@ from vsx_ros.errors import CalibrationError, ConfigError
 from vsx_ros.geometry.camera import KINECT_SHUTTER, PinholeCamera, nominal_camera
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.registry import Registry
-from vsx_ros.ros.topic_drivers import TopicCamera
+from vsx_ros.ros.topic_camera import TopicCamera
 from vsx_ros.runs.parameters import ros_home
 
 

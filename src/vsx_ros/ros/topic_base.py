@@ -1,4 +1,4 @@
-"""Bases and cameras that have their own ROS drivers, used through their topics.
+"""A base that has its own ROS driver, used through its topics.
 
 Such a base publishes odometry on one topic and obeys a Twist on another. As for every base, commands first pass the
 mux, limits, time-outs and emergency stop of ``mobile_base``, and the wheels turn only after a row of readings whose
@@ -11,32 +11,24 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import genpy
 import rospy
 from geometry_msgs.msg import Twist
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from vsx_hw.base_driver import ROW
-from vsx_hw.cameras import FROZEN, FrozenImageDetector
 from vsx_hw.errors import DeviceError
-from vsx_hw.readings import BaseReading, BatteryReading, Hazard, ImageReading, LinkStatus, OdometryReading, Signal
-from vsx_ros.arrays import GrayImage
-from vsx_ros.errors import ConfigError, InputError
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_hw.readings import BaseReading, BatteryReading, Hazard, LinkStatus, OdometryReading, Signal
+from vsx_ros.errors import ConfigError
 from vsx_ros.robot import STOP, Odometry, VelocityCommand
-from vsx_ros.ros import convert, headers, images, logs, threads, topics
-from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, hear_odometry, subscribe
+from vsx_ros.ros import convert, logs, threads, topics
+from vsx_ros.ros.callbacks import hear_odometry
 
 _PERIOD_S = 0.05  # commands are repeated: a base stops without new ones
 _ZERO_FOR_S = 0.5  # after that, other nodes may use the topic
 _ODOMETRY_WITHIN_S = 0.5  # Slow drivers publish odometry ten times a second
-_IMAGE_WITHIN_S = 1.0  # longer gaps are reported
-_INFO_WITHIN_S = 1.0  # so long the first images wait for their calibration, which drivers send after them
 _TELL_AGAIN_S = 30.0
 _UNKNOWN_BATTERY = BatteryReading(float("nan"), float("nan"), False, "unknown")
-_TYPES: dict[str, Any] = {kind._type: kind for kind in (Image, CompressedImage)}
 
 
 class TopicNames(NamedTuple):
@@ -171,75 +163,3 @@ class TopicBase:
                 return
         if not threads.is_ending():
             self._command_pub.publish(convert.twist(command))
-
-
-class TopicCamera:
-    """Passes images of ``topic`` to ``on_image``, grey, with their driver's stamps. calibration: the newest one from
-    the topic camera_info beside the images; None before."""
-
-    def __init__(self, topic: str, on_image: Callable[[ImageReading], None]) -> None:
-        """Raises ConfigError if the topic is empty or is that of our own camera node."""
-        if not topic or rospy.resolve_name(topic) == rospy.resolve_name(topics.IMAGE):
-            raise ConfigError(
-                f"camera 'ros:{topic}': give the topic of another driver, e.g. ros:/usb_cam/image_raw; images that "
-                f"come as {topics.IMAGE} already need no node camera (vsx explore --camera ros)"
-            )
-        self.serial = topic.strip("/").replace("/", "_")
-        self.calibration: PinholeCamera | None = None
-        self._topic, self._on_image, self._frames = topic, on_image, images.Frames()
-        self._counters = {"frames": 0, "frozen_frames": 0}
-        self._heard_s = self._first_s = 0.0
-        self._frozen, self._watch = False, FrozenImageDetector()
-
-    def start(self) -> None:
-        """Subscribe."""
-        subscribe(info_topic(self._topic), CameraInfo, self._on_info, queue_size=1)
-        subscribe(self._topic, rospy.AnyMsg, self._on_any, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
-
-    def status(self) -> LinkStatus:
-        """Health for diagnostics."""
-        topic = rospy.resolve_name(self._topic)
-        message = "streaming"
-        if time.monotonic() - self._heard_s > _IMAGE_WITHIN_S:
-            message = f"no image comes on {topic}; start the camera's own driver, or name its topic"
-        elif self._frozen:
-            message = f"{topic}: {FROZEN}"
-        return LinkStatus(message == "streaming", message, topic, dict(self._counters))
-
-    def close(self) -> None:
-        """Nothing to release."""
-
-    def _on_info(self, msg: CameraInfo) -> None:
-        self.calibration = images.camera(msg)
-
-    def _on_any(self, msg: Any) -> None:
-        stamp_ns, image = image_of(msg._connection_header["type"], msg._buff, self._topic, self._frames)
-        headers.refuse_future(stamp_ns)
-        self._heard_s = time.monotonic()
-        self._first_s = self._first_s or self._heard_s
-        self._counters["frames"] += 1
-        if self.calibration is None and self._heard_s - self._first_s < _INFO_WITHIN_S:
-            return
-        self._frozen = self._watch.is_frozen(image)
-        if self._frozen:
-            self._counters["frozen_frames"] += 1
-            return
-        self._on_image(ImageReading(stamp_ns, image, "mono8"))
-
-
-def info_topic(image_topic: str) -> str:
-    """The topic on which drivers publish the calibration of their images (image_transport's convention)."""
-    return f"{image_topic.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
-
-
-def image_of(kind: str, data: bytes, topic: str, frames: images.Frames) -> tuple[int, GrayImage]:
-    """Stamp [ns] and (H, W) uint8 of a serialized message. Raises InputError for another type or a damaged message."""
-    if kind not in _TYPES:
-        raise InputError(f"{topic} carries {kind}; give a topic of {' or '.join(_TYPES)}")
-    msg = _TYPES[kind]()
-    try:
-        msg.deserialize(data)
-    except genpy.DeserializationError as error:
-        raise InputError(f"a message of {topic} is damaged ({error}); it is left out") from error
-    frame = frames.of(msg, f"an image of {topic}")
-    return frame.stamp_ns, frame.image
