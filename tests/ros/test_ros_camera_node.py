@@ -12,6 +12,7 @@ pytest.importorskip("rospy")
 import rospy
 
 from vsx_hw.readings import ImageReading
+from vsx_ros.arrays import GrayImage
 from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.ros import headers, topic_camera
@@ -95,6 +96,38 @@ def test_the_users_own_calibration_comes_before_that_of_the_driver_and_the_store
     assert [later.of(source, 640, 480).fx for _ in range(3)] == [540.0] * 3
     assert later.known
     assert warned == ["calibration is of 1280x720, images are 640x480"]
+
+
+class TopicRig:
+    """A TopicCamera without a master, on clocks of its own; ROS time is 1000 s more. seen: what it passed on."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_s, self.seen = 50.0, list[ImageReading]()
+        self._next = (0, np.zeros((48, 64), np.uint8))
+        monkeypatch.setattr(rospy, "resolve_name", lambda name: name)
+        monkeypatch.setattr(headers, "now_ns", lambda: round(1e9 * (1000.0 + self.now_s)))
+        monkeypatch.setattr(topic_camera, "time", SimpleNamespace(monotonic=lambda: self.now_s))
+        monkeypatch.setattr(topic_camera, "image_of", lambda *_: self._next)
+        self.camera = TopicCamera("/cam/image_raw", self.seen.append)
+        self.camera.calibration = MEASURED
+
+    def send(self, image: GrayImage, age_s: float = 0.0) -> str:
+        """An image whose stamp is age_s old, 0.1 s after the last; returns what the status says."""
+        self.now_s += 0.1
+        self._next = (round(1e9 * (1000.0 + self.now_s - age_s)), image)
+        self.camera._on_any(SimpleNamespace(_connection_header={"type": "sensor_msgs/Image"}, _buff=b""))
+        return self.camera.status().message
+
+
+def test_a_simulated_camera_without_noise_is_used_while_the_robot_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Withheld, they would keep the robot standing, and so equal for ever; ``vslam`` ends a drive on equal images."""
+    rig, image = TopicRig(monkeypatch), np.full((48, 64), 7, np.uint8)
+    told = [rig.send(image) for _ in range(30)]
+    assert (len(rig.seen), told[0]) == (30, "streaming")
+    assert "shows the same picture again and again" in told[-1]
+    assert not rig.camera.status().connected
+    assert rig.camera.status().counters["frozen_frames"] == 25
+    assert rig.send(image + 1) == "streaming"
 
 
 def test_the_first_images_of_a_driver_wait_for_their_calibration(monkeypatch: pytest.MonkeyPatch) -> None:

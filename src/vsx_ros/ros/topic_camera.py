@@ -24,8 +24,9 @@ _TYPES: dict[str, Any] = {kind._type: kind for kind in (Image, CompressedImage)}
 
 
 class TopicCamera:
-    """Passes images of ``topic`` to ``on_image``, grey, with their driver's stamps. calibration: the newest one from
-    the topic camera_info beside the images; None before."""
+    """Passes images of ``topic`` to ``on_image``, grey, with their driver's stamps. Repeated images are told but passed
+    on: a simulated camera without noise repeats its image while the robot stands, and ``vslam`` ends a drive on them.
+    calibration: the newest one from the topic camera_info beside the images; None before."""
 
     def __init__(self, topic: str, on_image: Callable[[ImageReading], None]) -> None:
         """Raises ConfigError if the topic is empty or is that of our own camera node."""
@@ -71,9 +72,7 @@ class TopicCamera:
         if self.calibration is None and self._heard_s - self._first_s < _INFO_WITHIN_S:
             return
         self._frozen = self._watch.is_frozen(image)
-        if self._frozen:
-            self._counters["frozen_frames"] += 1
-            return
+        self._counters["frozen_frames"] += self._frozen
         self._on_image(ImageReading(stamp_ns, image, "mono8"))
 
 
