@@ -5,7 +5,7 @@ import math
 import pytest
 
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.robot import DrivenDistance, Odometry, OdometryEpochs, odometry_at
+from vsx_ros.robot import DrivenDistance, Odometry, OdometryEpochs, PoseSpeeds, odometry_at
 
 SECOND = 1_000_000_000
 
@@ -69,3 +69,22 @@ def test_the_way_adds_up_small_steps_but_not_the_noise_of_a_standing_base() -> N
     assert driven.distance_m == pytest.approx(1.0, abs=0.003)
     driven.add(Odometry(5000, SE2(), odom_epoch=1))
     assert driven.distance_m == pytest.approx(1.0, abs=0.003)  # a restarted base has not moved
+
+
+def speeds(*poses: tuple[int, float, float]) -> list[tuple[float, float]]:
+    """(v [m/s], omega [rad/s]) for (ms, x [m], heading [rad]) of a driver that leaves the speeds 0."""
+    given, readings = PoseSpeeds(), [Odometry(SECOND + ms * 1_000_000, SE2(x, 0.0, turn)) for ms, x, turn in poses]
+    return [(round(moved.v, 3), round(moved.omega, 3)) for moved in map(given.of, readings)]
+
+
+def test_speeds_that_a_driver_leaves_0_come_from_its_poses() -> None:
+    assert speeds((0, 1.0, 0.0), (100, 1.03, 0.0), (200, 1.03, 0.05)) == [(0.0, 0.0), (0.3, 0.0), (0.0, 0.5)]
+    encoder_steps = [(20 * k, 0.001 * (k // 2), 0.0) for k in range(20)]  # 0.025 m/s in steps of 1 mm
+    assert set(speeds(*encoder_steps)[6:]) == {(0.02, 0.0), (0.03, 0.0)}
+    assert speeds((0, 1.0, 0.0), (20, 0.0, 0.0), (40, 0.0, 0.0), (20, 0.001, 0.0)) == [(0.0, 0.0)] * 4
+
+
+def test_a_driver_that_told_a_speed_once_is_believed() -> None:
+    given = PoseSpeeds()
+    told = [Odometry(k * SECOND, SE2(0.1 * k, 0.0, 0.0), 0.3 if k == 1 else 0.0) for k in range(5)]
+    assert [given.of(reading) for reading in told] == told

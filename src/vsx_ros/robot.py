@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ _ORIGIN_M, _ORIGIN_RAD = 0.001, 0.001  # a restarted base reports 0; rounding in
 UNSURE_HEADING_RAD2 = 1.0  # in odometry messages: from this variance on, the heading counts as unknown
 EMERGENCY_STOP = "emergency stop"
 _JITTER_M = 0.002  # between two poses
+_SPEED_OVER_NS = 100_000_000  # in a shorter time a step of 1 mm, as encoders have, looks like a speed
 _CARRIED_NS = 200_000_000  # 10 readings: at full speed, changes of speed cause an error of 1 cm in that time
 
 
@@ -172,6 +174,38 @@ def odometry_at(readings: Sequence[Odometry], stamp_ns: int) -> Odometry | None:
     seconds = (stamp_ns - before.stamp_ns) * 1e-9
     step = SE2.exp(before.v * seconds, before.omega * seconds)
     return before._replace(stamp_ns=stamp_ns, T_odom_base=before.T_odom_base @ step)
+
+
+def with_speeds(reading: Odometry, before: Odometry) -> Odometry:
+    """A reading that has only a pose, with speeds from the difference to the one before."""
+    moved, seconds = before.T_odom_base.inverse() @ reading.T_odom_base, (reading.stamp_ns - before.stamp_ns) * 1e-9
+    if seconds <= 0.0:
+        return reading._replace(v=before.v, omega=before.omega)
+    return reading._replace(v=moved.x / seconds, omega=moved.wrapped().theta / seconds)
+
+
+class PoseSpeeds:
+    """The speeds of odometry whose driver leaves them 0: from its poses. A driver that told a speed once is believed
+    from then on."""
+
+    def __init__(self) -> None:
+        self._told = False
+        self._recent: deque[Odometry] = deque(maxlen=100)
+
+    def of(self, reading: Odometry) -> Odometry:
+        """The next reading, with speeds over the last 0.1 s if it moved and has none."""
+        self._told = self._told or reading.v != 0.0 or reading.omega != 0.0
+        if self._told:
+            return reading
+        if self._recent and reading.stamp_ns < self._recent[-1].stamp_ns:
+            self._recent.clear()
+        self._recent.append(reading)
+        while len(self._recent) > 1 and reading.stamp_ns - self._recent[1].stamp_ns >= _SPEED_OVER_NS:
+            self._recent.popleft()
+        moved = with_speeds(reading, self._recent[0])
+        if moved.impossible:  # the pose was set
+            self._recent.clear()
+        return reading if moved.stands or moved.impossible else moved
 
 
 class VelocityCommand(NamedTuple):

@@ -113,6 +113,15 @@ def test_speeds_from_poses_are_those_of_the_order_of_stamps(tmp_path):
     assert [reading.v for reading in readings[1:]] == pytest.approx([0.2] * 3)
 
 
+def test_odometry_whose_driver_tells_no_speeds_has_those_of_its_poses(tmp_path):
+    readings = [odometry(10**9 + k * 10**8, 0.02 * k) for k in range(4)]
+    for reading in readings:
+        reading.twist.twist.linear.x = reading.twist.twist.angular.z = 0.0
+    messages = [("/odom", reading) for reading in readings]
+    path = write(tmp_path / "n.bag", [*messages, ("/image", image(10**9))])
+    assert [reading.v for reading in open_recording(path).odometry] == pytest.approx([0.0, 0.2, 0.2, 0.2])
+
+
 @pytest.mark.parametrize("wrong", [0, 2, 3])
 def test_one_image_from_the_future_costs_no_other(tmp_path, wrong):
     stamps = [10**9 + k * 10**8 for k in range(5)]

@@ -23,7 +23,7 @@ class Graph:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.joins_s = self.answers_s = self.now_s = 0.0
-        self.heard: list[float] = [0.0]
+        self.heard: list[float] = [0.0, 0.0]
         self.subscribers: list[Callable[[Odometry], None]] = []
         self.subscribed = threading.Event()
         monkeypatch.setattr(operator_command.logs, "quiet_failures", lambda: None)
@@ -94,9 +94,25 @@ def test_odometry_has_time_to_be_connected(graph: Graph, monkeypatch: pytest.Mon
     stopping = threading.Thread(target=lambda: codes.append(operator_command.stop(release=False)), daemon=True)
     stopping.start()
     assert graph.subscribed.wait(PATIENCE_S)
-    graph.subscribers[0](odometry(0.0))
+    for _ in range(2):
+        graph.subscribers[0](odometry(0.0))
     stopping.join(PATIENCE_S)
     assert codes == [DONE]
+
+
+def test_a_base_that_tells_no_speeds_stands_when_its_pose_does(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> None:
+    def hears(step_m: float) -> None:
+        messages = [odometry(0.0) for _ in range(3)]
+        for k, msg in enumerate(messages):
+            msg.header.stamp, msg.pose.pose.position.x = rospy.Time(1, 100_000_000 * k), step_m * k
+        monkeypatch.setattr(rospy, "Subscriber", lambda _, __, hear, **___: [hear(msg) for msg in messages])
+
+    monkeypatch.setattr(operator_command, "_STAND_S", 0.1)
+    hears(0.0)
+    assert operator_command.stop(release=False) == DONE
+    hears(0.03)
+    with pytest.raises(DeviceError, match=r"its odometry says 0\.30 m/s"):
+        operator_command.stop(release=False)
 
 
 def test_a_base_that_rolls_on_or_says_nothing_is_no_success(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +13,7 @@ pytest.importorskip("rospy")
 import rosgraph
 import rospy
 from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry as OdometryMsg
 from processes import Processes
 from ros_ports import HOST, free_port
 from sensor_msgs.msg import CompressedImage, Image
@@ -21,7 +22,7 @@ from vsx_hw.readings import BaseReading
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import base_drivers, images, logs, topic_base
+from vsx_ros.ros import base_drivers, callbacks, convert, headers, images, logs, topic_base, topics
 from vsx_ros.ros.topic_base import topic_names
 from vsx_ros.ros.topic_camera import image_of, info_topic
 
@@ -161,6 +162,20 @@ def test_a_base_on_topics_stands_until_three_stamps_in_a_row_have_risen(
     assert any(rig.tell(1000, 1050, 1100))
     assert rig.base.status().connected
     assert rig.links == [True]
+
+
+def test_odometry_without_a_twist_has_the_speeds_of_its_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard, takes, told = list[Odometry](), list[Callable[[OdometryMsg], None]](), list[object]()
+    monkeypatch.setattr(callbacks, "subscribe", lambda _, __, take, **___: takes.append(take))
+    monkeypatch.setattr(headers, "refuse_future", lambda _: None)
+    monkeypatch.setattr(logs, "_said_s", {})
+    monkeypatch.setattr(rospy, "logwarn", lambda *words: told.append(words[1:]))
+    callbacks.hear_odometry(heard.append, "odom")
+    for k in range(10):
+        moved = Odometry(10**9 + k * 10**8, SE2(0.03 * k, 0.0, 0.0))
+        takes[0](convert.odometry_msg(moved, topics.ODOM_FRAME, topics.BASE_FRAME))
+    assert [reading.v for reading in heard] == pytest.approx([0.0] + [0.3] * 9)
+    assert told == [("odom",)]
 
 
 def test_stamps_that_stand_are_a_silence_after_which_a_row_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:

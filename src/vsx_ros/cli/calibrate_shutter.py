@@ -21,8 +21,8 @@ from vsx_ros.config import Config
 from vsx_ros.config.maps import ShutterConfig
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se3 import StampedPose
-from vsx_ros.io.recording import Recording, with_speeds
-from vsx_ros.robot import Odometry
+from vsx_ros.io.recording import Recording
+from vsx_ros.robot import Odometry, with_speeds
 from vsx_ros.runs.process import Progress
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.preprocessing import camera_twist, middle_s, shutter_of

@@ -14,9 +14,9 @@ from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.bag_reader import METADATA, Messages, messages
 from vsx_ros.io.calibration_file import camera_from_info, shutter_from_topic
 from vsx_ros.io.image_encoding import GrayImages
-from vsx_ros.io.recording import LEFT_OUT, Recording, open_folder, with_speeds
+from vsx_ros.io.recording import LEFT_OUT, Recording, open_folder
 from vsx_ros.io.stamp_order import StampOrder
-from vsx_ros.robot import UNSURE_HEADING_RAD2, Frame, Odometry, OdometryEpochs
+from vsx_ros.robot import UNSURE_HEADING_RAD2, Frame, Odometry, OdometryEpochs, PoseSpeeds, with_speeds
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 SHUTTER = "std_msgs/msg/Float64MultiArray"  # of the camera node
@@ -136,9 +136,10 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
 
 def _odometry(bag: Messages, topic: str, kind: str) -> tuple[list[Odometry], str]:
     """The readings by stamp, and in words how many are left out. Without a twist, speeds are differences."""
-    order, readings = StampOrder[Odometry](_HELD_READINGS), list[Odometry]()
+    order, readings, speeds = StampOrder[Odometry](_HELD_READINGS), list[Odometry](), PoseSpeeds()
     for reading in order.of(_readings(bag, topic)):
-        readings.append(reading if kind == ODOMETRY or not readings else with_speeds(reading, readings[-1]))
+        lacks_twist = kind != ODOMETRY and readings
+        readings.append(with_speeds(reading, readings[-1]) if lacks_twist else speeds.of(reading))
     return readings, f"{order.left_out} readings of {topic} {LEFT_OUT}" if order.left_out else ""
 
 

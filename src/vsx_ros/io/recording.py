@@ -17,7 +17,7 @@ from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.io.stamp_order import StampOrder
 from vsx_ros.io.trajectory_file import parse_stamp, read_trajectory
 from vsx_ros.limits import LOG_BYTES, file_bytes
-from vsx_ros.robot import Frame, Odometry
+from vsx_ros.robot import Frame, Odometry, with_speeds
 
 GRACE_NS = 500_000_000  # odometry has gaps, and images may begin before it
 _HELD_IMAGES = 5  # a recorder of several threads swaps neighbours; the largest images take 32 MB each
@@ -81,14 +81,6 @@ class Recording:
                 f"{self.camera.width}x{self.camera.height}; give the right one with --calibration FILE"
             )
         return frame
-
-
-def with_speeds(reading: Odometry, before: Odometry) -> Odometry:
-    """A reading that has only a pose, with speeds from the difference to the one before."""
-    moved, seconds = before.T_odom_base.inverse() @ reading.T_odom_base, (reading.stamp_ns - before.stamp_ns) * 1e-9
-    if seconds <= 0.0:
-        return reading._replace(v=before.v, omega=before.omega)
-    return reading._replace(v=moved.x / seconds, omega=moved.wrapped().theta / seconds)
 
 
 def open_folder(folder: Path) -> Recording:

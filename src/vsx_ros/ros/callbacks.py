@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 from vsx_hw.errors import DeviceError
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.limits import json_tree
-from vsx_ros.robot import Odometry, OdometryEpochs, OperatorHold
+from vsx_ros.robot import Odometry, OdometryEpochs, OperatorHold, PoseSpeeds
 from vsx_ros.ros import convert, headers, logs, threads, topics
 
 # Larger than any image: with rospy's default of 64 kB, a slow callback gets images one second late (ros_comm #536).
@@ -23,6 +23,7 @@ IMAGE_BUFFER_BYTES = 2**24
 # Two seconds of odometry. A gap of one second looks like a restarted base, even if only this process was asleep.
 ODOMETRY_QUEUE = 100
 
+_ONCE_S = 1e9
 _REPEAT_S = 5.0  # minimum time between equal complaints
 
 
@@ -71,12 +72,16 @@ def image_subscriber(callback: Callable[[Image], None]) -> rospy.Subscriber:
 def hear_odometry(callback: Callable[[Odometry], None], topic: str = topics.ODOM, first_epoch: int = 0) -> None:
     """Subscribe so that every reading arrives, with its epoch, even on a machine that was busy for a moment.
     first_epoch: the first epoch number. Messages hold no epoch: each process counts its own, by the same rule from the
-    same readings, and never compares it with others. So a process may start late."""
-    epochs = OdometryEpochs(first_epoch)
+    same readings, and never compares it with others. So a process may start late. Speeds that the driver leaves 0 are
+    those of its poses."""
+    epochs, speeds = OdometryEpochs(first_epoch), PoseSpeeds()
 
     def take(msg: OdometryMsg) -> None:
-        odometry = convert.odometry(msg)
-        headers.refuse_future(odometry.stamp_ns)
+        told = convert.odometry(msg)
+        headers.refuse_future(told.stamp_ns)
+        odometry = speeds.of(told)
+        if odometry != told and logs.due(f"speeds of {topic}", _ONCE_S):
+            rospy.logwarn("%s moves but tells no speeds: those of its poses are used; let its driver fill twist", topic)
         callback(epochs.enter(odometry))
 
     subscribe(topic, OdometryMsg, take, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)

@@ -7,8 +7,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry as OdometryMsg
 from std_msgs.msg import Float32, UInt32
 
-from vsx_ros.io.recording import with_speeds
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import Odometry, with_speeds
 from vsx_ros.ros import convert, topics
 from vsx_ros.ros.emulated_base import BodyPlant
 from vsx_ros.runs.journal import unflat

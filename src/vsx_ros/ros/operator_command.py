@@ -17,6 +17,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from vsx_hw.errors import DeviceError, DeviceTimeout
 from vsx_ros.errors import ConfigError, InputError
+from vsx_ros.robot import PoseSpeeds
 from vsx_ros.ros import calls, convert, logs, topics
 from vsx_ros.ros.callbacks import ODOMETRY_QUEUE
 from vsx_ros.ros.environment import DEFAULT_MASTER, export_ros_address
@@ -103,9 +104,11 @@ def _see_it_stand() -> None:
     """Wait until odometry reports standstill. Raises DeviceError if the wheels still turn or no odometry comes."""
     said, heard = "it sends no odometry", SimpleQueue[OdometryMsg]()
     rospy.Subscriber(topics.ODOM, OdometryMsg, heard.put, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)
+    speeds = PoseSpeeds()
     with contextlib.suppress(Empty):  # what has come counts, however late this thread is
+        _why_not_standing(heard.get(timeout=_STOP_S), speeds)  # one pose alone tells no speed
         msg, deadline_s = heard.get(timeout=_STOP_S), time.monotonic() + _STAND_S
-        while said := _why_not_standing(msg):
+        while said := _why_not_standing(msg, speeds):
             msg = heard.get(timeout=max(0.0, deadline_s - time.monotonic()))
     if said:
         raise DeviceError(
@@ -113,10 +116,10 @@ def _see_it_stand() -> None:
         )
 
 
-def _why_not_standing(msg: OdometryMsg) -> str:
-    """An empty string if it stands."""
+def _why_not_standing(msg: OdometryMsg, speeds: PoseSpeeds) -> str:
+    """An empty string if it stands. speeds: have seen the messages before this one."""
     try:
-        seen = convert.odometry(msg)
+        seen = speeds.of(convert.odometry(msg))
     except InputError as error:
         return str(error)
     return "" if seen.stands else f"its odometry says {seen.v:.2f} m/s, {seen.omega:.2f} rad/s"
