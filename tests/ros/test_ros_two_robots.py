@@ -134,7 +134,7 @@ def test_two_explorations_share_a_master_and_a_third_of_the_same_name_is_refused
     uri = processes.environment["ROS_MASTER_URI"]
     processes.start("roscore", "roscore", "-p", uri.rsplit(":", 1)[1])
     processes.wait(lambda: knows_its_run(uri), "roscore")
-    words = "explore --world lab --headless --time 300 --rate 5"  # images that two robots have time for
+    words = "explore --world lab --base create2 --headless --time 300 --rate 5"  # images that two robots have time for
     explore = (sys.executable, "-m", "vsx_ros.cli.main", *words.split())
     runs = {
         robot: processes.start(robot, *explore, "--out", str(tmp_path / robot), ROS_NAMESPACE=robot) for robot in ROBOTS
