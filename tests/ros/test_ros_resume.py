@@ -45,7 +45,7 @@ def test_killed_and_resumed(tmp_path: Path) -> None:
             assert run.poll() is None, "the run ended by itself"
             return folder.checkpoint.exists and len(folder.checkpoint.read().slam_map.view.living) >= 8
 
-        wait_for(maps, "a map", pause_s=0.2)
+        wait_for(maps, "a map", pause_s=1.0)
         kill_everything(out, port)
         run.wait()
     assert not (out / "summary.json").exists()
