@@ -103,19 +103,20 @@ class TrajectoryTracker:
 
     def command(
         self, now_ns: int, pose: SE2 | None, pose_age_s: float, tracking_ok: bool, speed_factor: float = 1.0,
-        waits_for: str = "",
+        waits_for: str = "", older_s: float = 0.0,
     ) -> FollowResult:  # fmt: skip
         """The command for now.
 
         pose: T_world_base, None if unknown. pose_age_s: age of the SLAM pose that it is based on. tracking_ok: whether
         SLAM tracks. Without a fresh pose the base slows to a stop along the path and resumes with a fresh one.
         waits_for: why the base shall come to rest on the path, and go on when this is empty again. speed_factor in
-        [0, 1] slows the drive. Raises InputError for a pose that is not finite."""
+        [0, 1] slows the drive. older_s: by how much a pose may be older than the configuration says. Raises
+        InputError for a pose that is not finite."""
         if pose is not None and not pose.is_finite():
             raise InputError(f"the pose to follow from is not finite: {pose}; pass None when it is unknown")
         if not self._active:
             return FollowResult(STOP, FollowStatus.IDLE, "nothing to follow")
-        stale = self._why_stale(pose, pose_age_s, tracking_ok) or waits_for
+        stale = self._why_stale(pose, pose_age_s, tracking_ok, older_s) or waits_for
         dt = min(max((now_ns - self._last_ns) * 1e-9, 0.0), _LONGEST_STEP_S)
         self._last_ns = now_ns
         wanted = 0.0 if stale or self._braking else min(max(speed_factor, 0.0), 1.0)
@@ -143,13 +144,14 @@ class TrajectoryTracker:
         status = FollowStatus.STALE if stale else FollowStatus.FOLLOWING
         return FollowResult(self._limited(*self._law(v, omega, error), dt), status, stale, error)
 
-    def _why_stale(self, pose: SE2 | None, pose_age_s: float, tracking_ok: bool) -> str:
+    def _why_stale(self, pose: SE2 | None, pose_age_s: float, tracking_ok: bool, older_s: float) -> str:
+        limit_s = self._config.pose_timeout_s + older_s
         if pose is None:
             return "there is no pose"
         if not tracking_ok:
             return "SLAM tracking is lost"
-        if not pose_age_s <= self._config.pose_timeout_s:
-            return f"the last SLAM pose is {pose_age_s:.2f} s old (limit {self._config.pose_timeout_s:g} s)"
+        if not pose_age_s <= limit_s:
+            return f"the last SLAM pose is {pose_age_s:.2f} s old (limit {limit_s:.3g} s)"
         return ""
 
     def _why_diverged(self, error: SE2) -> str:

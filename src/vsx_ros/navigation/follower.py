@@ -141,13 +141,14 @@ class Follower:
 
     def _followed(self, now_ns: int, where: LocalizationState, stale: str, is_hidden: bool) -> FollowResult:
         blind = self._frame == ODOM_FRAME
-        age_s = 0.0 if blind else where.slam_age_s - (self._images.length_s - LEASE_S)
+        age_s, older_s = 0.0 if blind else where.slam_age_s, self._images.length_s - LEASE_S
         tracking_ok = not stale and (blind or where.slam_state.tracked)
         factor = self._images.speed_share * (1.0 if blind else self._speed_factor(now_ns, where.slam_state))
         waits_for = f"waiting: {where.ahead}" if is_hidden and not blind else ""
         if self._images.is_late:
             waits_for = "waiting for the next image"
-        result = self._tracker.command(now_ns, where.pose(self._frame), age_s, tracking_ok, factor, waits_for)
+        pose = where.pose(self._frame)
+        result = self._tracker.command(now_ns, pose, age_s, tracking_ok, factor, waits_for, older_s)
         if stale:
             self._tracker.halted()
             return result._replace(command=STOP, reason=stale)
