@@ -24,14 +24,7 @@ from planes import Score, faces_of, judged
 
 from vsx_ros.config import Config, DenseConfig
 from vsx_ros.dense.densify import Densifier
-from vsx_ros.evaluation.map_quality import (
-    ObstacleQuality,
-    map_quality,
-    observable_cells,
-    obstacle_quality,
-    seen_faces,
-    viewing_cells,
-)
+from vsx_ros.evaluation.map_quality import ObstacleQuality, obstacle_quality, seen_faces
 from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -39,6 +32,7 @@ from vsx_ros.kernels.occupancy.ground_map import Surfaces
 from vsx_ros.occupancy.driven_ground import DriveHistory
 from vsx_ros.occupancy.ground_map import GroundMap
 from vsx_ros.robot import STOP
+from vsx_ros.runs.judge import MapJudge
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig
 from vsx_ros.sim.truth import ground_truth_grid
@@ -97,9 +91,7 @@ def explored(name: str, world: World, seed: int, seconds: float, sparse: bool = 
         floor_m2.append(floor_phantom_m2(grid, truth, world, snapshot, poses, robot.camera_given))
     cpu = densifier.cpu_s or [0.0]
     planes = judged(densifier.update(snapshot).planes, snapshot, faces_of(world), robot.camera_given.fx)
-    viewers = viewing_cells(truth, world.start_pose, config.robot.radius_m)
-    observable = observable_cells(truth, viewers, config.exploration.sensor_range_m)
-    covered = map_quality(grid, truth, observable, world.start_pose).coverage_correct or 0.0
+    covered = MapJudge(world, config).quality(grid).coverage_correct or 0.0
     about = (
         f"{name} {seed}: {len(snapshot.keyframe_ids)} keyframes, {np.count_nonzero(faces)} cells of faces seen, "
         f"{robot.truth.path_length_m:.0f} m, {robot.truth.collisions} collisions, mission {system.mission.outcome}, "
