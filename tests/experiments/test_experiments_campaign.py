@@ -15,8 +15,9 @@ from free_ports import free_port
 from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.errors import ConfigError, InputError
-from vsx_ros.experiments.campaign import Engine, run_campaign, world_of
+from vsx_ros.experiments.campaign import Engine, run_campaign
 from vsx_ros.experiments.rows import Store
+from vsx_ros.runs.world import world_of
 
 
 class Square(NamedTuple):

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple, Protocol
 
 from vsx_ros.errors import ConfigError, VsxError, disk_trouble
 from vsx_ros.experiments.rows import Store, tell
-from vsx_ros.runs.world import open_world
-from vsx_ros.sim.emulated_world import EmulatedWorld
+from vsx_ros.runs.world import WorldError
 
 Result = dict[str, Any]
 CONNECT_S = 10.0  # to a dask scheduler
@@ -75,18 +74,6 @@ def run_campaign(tasks: Sequence[Task], work: Work, store: Store, engine: Engine
     if again:
         tell(f"{len(again)} of the failures may pass; the same command tries them again")
     return [again[task] if task in again else store[task._asdict()] for task in tasks]
-
-
-class WorldError(VsxError):
-    """A task's world cannot be opened; another time its files may be there, or mended."""
-
-
-def world_of(name: str, seed: int) -> EmulatedWorld:
-    """The world of a task. Raises WorldError."""
-    try:
-        return open_world(name, seed)
-    except VsxError as error:
-        raise WorldError(str(error)) from error
 
 
 def guarded(work: Work, task: Task) -> Done:

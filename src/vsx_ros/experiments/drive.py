@@ -14,7 +14,6 @@ import numpy as np
 from vsx_ros.config import Config, LimitsConfig, overridden
 from vsx_ros.control.trajectory_tracker import FollowStatus, TrajectoryTracker
 from vsx_ros.errors import InputError
-from vsx_ros.experiments.campaign import world_of
 from vsx_ros.experiments.trackers import Tracked, both_trackers
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
@@ -24,6 +23,7 @@ from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import STOP
+from vsx_ros.runs.world import world_of
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.truth import ground_truth_grid

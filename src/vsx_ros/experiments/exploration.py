@@ -11,13 +11,13 @@ from vsx_ros.config import Config
 from vsx_ros.evaluation.page import Section, csv_text, figures, interval, paragraph, table
 from vsx_ros.evaluation.paired import mean_interval, share_interval
 from vsx_ros.evaluation.svg import FIGURE_PX, map_view, plot, window_of
-from vsx_ros.experiments.campaign import Result, world_of
+from vsx_ros.experiments.campaign import Result
 from vsx_ros.exploration.decision import Outcome
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.registry import load_plugins
 from vsx_ros.runs.lockstep import STOPPED_BY_OPERATOR, FastRun
 from vsx_ros.runs.parameters import load
-from vsx_ros.runs.world import open_world
+from vsx_ros.runs.world import open_world, world_of
 
 Look = Callable[[int, OccupancyGrid], None]
 _LOOK_EVERY_NS = 2_000_000_000  # in emulated time: resolution of the distance to a share of coverage

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from vsx_ros.errors import ConfigError, did_you_mean
+from vsx_ros.errors import ConfigError, VsxError, did_you_mean
 from vsx_ros.io.map_file import is_map_file, load_map, load_plan, map_image
 from vsx_ros.sim import gazebo_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
@@ -54,6 +54,18 @@ def open_world(
     words NAME=AMOUNT of hard things that the world gets; where: what named these."""
     check_world(name)
     return with_hard_things(_opened(name, seed, models), named_things(hard, where), where)
+
+
+class WorldError(VsxError):
+    """A world cannot be opened; another time its files may be there, or mended."""
+
+
+def world_of(name: str, seed: int) -> EmulatedWorld:
+    """The world of a task among many, as ``open_world``. Raises WorldError whatever is wrong with it."""
+    try:
+        return open_world(name, seed)
+    except VsxError as error:
+        raise WorldError(str(error)) from error
 
 
 def _opened(name: str, seed: int, models: Sequence[Path]) -> EmulatedWorld:
