@@ -8,10 +8,10 @@ from functools import partial
 from typing import NamedTuple
 
 from vsx_hw.base_driver import BaseDriver, Dialect
-from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS, is_plausible
+from vsx_hw.create.dialect import QUESTION, is_plausible
 from vsx_hw.create.driver import Create1Dialect, Create2Dialect
 from vsx_hw.create.emulator import CreateBoard
-from vsx_hw.create.protocol import CREATE_1, CREATE_2, Opcode, decode_packets, encode_query, packets_bytes
+from vsx_hw.create.protocol import CREATE_1, CREATE_2, Model, Opcode, decode_packets, encode_query, packets_bytes
 from vsx_hw.errors import DeviceError, DeviceNotFound
 from vsx_hw.kobuki.driver import KobukiDialect
 from vsx_hw.kobuki.emulator import KobukiBoard
@@ -25,7 +25,6 @@ from vsx_hw.watchdog import StopBytes, take_over
 
 LISTEN_S, ANSWER_S = 0.3, 0.3  # a Kobuki sends every 20 ms; a Create answers in tens of ms
 ENOUGH_FRAMES = 2  # with correct checksums; one may be chance
-QUESTIONS = SAFETY_PACKETS + BATTERY_PACKETS
 
 
 class Base(NamedTuple):
@@ -79,14 +78,15 @@ def base_emulator(kind: str, plant: Plant, link: str, seed: int = 0, battery_pac
 
 def detect_base(port: str) -> str:
     """Returns kobuki, create or create2. Listens, then asks; no byte that is sent can turn a wheel. A Kobuki sends
-    unasked. The Creates answer questions, each at its own baud rate. Raises DeviceNotFound when the port cannot be
-    opened or no base answers."""
+    unasked. The Creates answer questions, each at its own baud rate; the bytes are no commands to drive at the other
+    one's either. Raises DeviceNotFound when the port cannot be opened, no base answers, or a Create answers strangely.
+    """
     with closing(SerialTransport(port, KOBUKI_BAUD)) as transport:
         if _speaks_like_a_kobuki(transport):
             return "kobuki"
     for model in (CREATE_2, CREATE_1):
         with closing(SerialTransport(port, model.baud)) as transport:
-            if _answers_like_a_create(transport):
+            if _answers_like_a_create(transport, port, model):
                 return model.name
     raise DeviceNotFound(
         f"{port}: no base answers, neither a Kobuki or Create 2 at {KOBUKI_BAUD} baud nor a Create 1 at "
@@ -102,24 +102,32 @@ def _speaks_like_a_kobuki(transport: SerialTransport) -> bool:
     return parser.frames >= ENOUGH_FRAMES
 
 
-def _answers_like_a_create(transport: SerialTransport) -> bool:
+def _answers_like_a_create(transport: SerialTransport, port: str, model: Model) -> bool:
     """Asks up to three times: an answer may be lost or mixed with the robot's start-up text. Pauses a stream that
-    another program has left running."""
+    another program has left running. After a plausible answer nothing is sent at another rate.
+    Raises DeviceNotFound if its mode or battery is none that is known."""
     transport.write(bytes((Opcode.START, Opcode.PAUSE_STREAM, 0)))
     time.sleep(0.1)
+    strange = ""
     for _ in range(3):
         flushed_s = time.monotonic() + ANSWER_S
         while transport.read(0.02) and time.monotonic() < flushed_s:
             continue
-        transport.write(encode_query(QUESTIONS))
+        transport.write(encode_query(QUESTION))
         answer = b""
         deadline_s = time.monotonic() + ANSWER_S
         while time.monotonic() < deadline_s:
             answer += transport.read(0.05)
-        if len(answer) == packets_bytes(QUESTIONS):
-            values = decode_packets(answer, QUESTIONS)
-            if is_plausible(values) and values[35] in (1, 2, 3) and values[26] > 0:
-                return True
+        if len(answer) == packets_bytes(QUESTION):
+            values = decode_packets(answer, QUESTION)
+            if is_plausible(values):
+                if values[35] in (1, 2, 3) and values[26] > 0:
+                    return True
+                strange = f"mode {values[35]}, capacity {values[26]} mAh"
+    if strange:
+        raise DeviceNotFound(
+            f"{port}: a {model.name} answers, but strangely: {strange}; switch it off and on, or give ~robot_type"
+        )
     return False
 
 

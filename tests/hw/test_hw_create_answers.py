@@ -5,10 +5,9 @@ import struct
 
 import pytest
 
-from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS
 from vsx_hw.create.driver import Create1Dialect, Create2Dialect
 from vsx_hw.create.odometry import BoardGyro, counts_of
-from vsx_hw.create.protocol import Mode, Opcode, encode_packets
+from vsx_hw.create.protocol import Mode, Opcode, encode_packets, single_packets
 
 MS = 1_000_000
 
@@ -17,14 +16,20 @@ def answer(
     question: bytes, distance_mm: int = 0, angle_deg: int = 0, bump: int = 0, gyro: int = 512, mode: Mode = Mode.SAFE
 ) -> bytes:
     """What the robot says to the query at the end of these bytes."""
-    count = question[question.index(Opcode.QUERY_LIST) + 1]
-    values = dict.fromkeys([*SAFETY_PACKETS, *BATTERY_PACKETS, 17], 0)
+    values = dict.fromkeys(range(7, 36), 0)
     values |= {7: bump, 22: 16000, 25: 2000, 26: 2700, 35: mode, 33: gyro, 19: distance_mm, 20: angle_deg}
-    return encode_packets({p: values[p] for p in question[-count:]})
+    return encode_packets({p: values[p] for p in asked(question)})
+
+
+def asked(question: bytes) -> list[int]:
+    """The single packets in the query at the end of these bytes."""
+    at = question.index(Opcode.QUERY_LIST) + 2
+    assert len(question) == at + question[at - 1]
+    return single_packets(question[at:])
 
 
 def asks_motion(question: bytes) -> bool:
-    return bytes(question[-2:]) == bytes((19, 20))
+    return {19, 20} <= set(asked(question))
 
 
 def converse(dialect: Create1Dialect, cycles: int, now_ns: int = 0, **values: int) -> list:

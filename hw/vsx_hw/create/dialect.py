@@ -20,6 +20,8 @@ from vsx_hw.readings import (
 
 SAFETY_PACKETS = [7, 9, 10, 11, 12, 14, 18, 35]  # bumps and drops, cliffs, overcurrents, buttons, mode (Open Interface)
 BATTERY_PACKETS = [21, 22, 23, 25, 26, 34]  # charging state, voltage, current, charge, capacity, chargers
+QUESTION = [1, 18, 3, 34, 35]
+"""Both of them within groups: a Create at twice the baud rate hears the id 9 or 25 as the command to clean."""
 
 CYCLES_TO_RETRY_MODE = 25  # half a second at 20 ms each
 CYCLES_TO_STAY_AWAKE = 3000  # a minute: in Passive a robot without commands falls asleep after five
@@ -41,7 +43,8 @@ _HAZARDS = (
 """Packet, bit, and what it means."""
 
 _COLORS = {Signal.READY: 0, Signal.HELD: 128, Signal.ALARM: 255}  # of the power lamp: green 0 to red 255
-ALARM_SONG, ALARM_NOTES = 0, [(84, 0.125), (72, 0.25)]  # its number; MIDI notes and seconds
+ALARM_SONG, ALARM_NOTES = 0, [(79, 0.125), (67, 0.25)]
+"""Its number; MIDI notes and seconds, whose bytes drive no Create that listens at half the baud rate."""
 
 
 class CreateDialect(Dialect):

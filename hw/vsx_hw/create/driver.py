@@ -3,15 +3,17 @@
 from collections.abc import Iterable
 
 from vsx_hw.create import protocol
-from vsx_hw.create.dialect import BATTERY_PACKETS, SAFETY_PACKETS, CreateDialect
+from vsx_hw.create.dialect import BATTERY_PACKETS, QUESTION, SAFETY_PACKETS, CreateDialect
 from vsx_hw.create.odometry import BoardGyro, DistanceOdometry, EncoderOdometry
 from vsx_hw.readings import BaseReading
 
 ENCODER_PACKETS = [43, 44]  # counts of the left and the right wheel
 INFRARED_PACKETS = [17, 52, 53]  # characters: from all sides, left, right
 STREAM_PACKETS = SAFETY_PACKETS + BATTERY_PACKETS + INFRARED_PACKETS + ENCODER_PACKETS
-MOTION_PACKETS = [19, 20]  # distance and angle since the last request
 GYRO_PACKET = 33  # the analogue input of the cargo bay
+STILL_QUESTION = [*QUESTION, INFRARED_PACKETS[0], GYRO_PACKET]
+MOTION_QUESTION = [1, 2, 3, 34, 35, GYRO_PACKET]
+"""The same, and in group 2 packets 19 and 20: distance and angle since the last request."""
 
 QUERIES_PER_MOTION = 25
 """Every half second: each reading of distance and angle may lose almost a millimetre and a degree."""
@@ -126,9 +128,7 @@ class Create1Dialect(CreateDialect):
         if self.deaf:
             return command
         self._buffer.clear()
-        self._asked = [*SAFETY_PACKETS, *BATTERY_PACKETS, INFRARED_PACKETS[0], GYRO_PACKET]
-        if self._queries % QUERIES_PER_MOTION == 0:
-            self._asked = self._asked + MOTION_PACKETS
+        self._asked = STILL_QUESTION if self._queries % QUERIES_PER_MOTION else MOTION_QUESTION
         self._queries += 1
         return command + protocol.encode_query(self._asked)
 
@@ -136,7 +136,7 @@ class Create1Dialect(CreateDialect):
         """The answer is lost. If it was to hold the motion, ask again: what the robot has sent is lost, what it has not
         sent still counts up inside the robot."""
         self._lost += 1
-        if 19 in self._asked:
+        if self._asked is MOTION_QUESTION:
             self.odometry.lose()
             self._queries = 0
         self._asked = []

@@ -8,6 +8,7 @@ from vsx_hw.battery_emulator import CREATE_CELLS, EmulatedBattery
 from vsx_hw.create.odometry import counts_of
 from vsx_hw.create.protocol import (
     CREATE_1,
+    GROUPS,
     LAYOUT,
     METRES_PER_TICK,
     STREAM_PERIOD_NS,
@@ -17,6 +18,7 @@ from vsx_hw.create.protocol import (
     encode_dock_character,
     encode_packets,
     encode_stream_frame,
+    single_packets,
 )
 from vsx_hw.dock_emulator import CREATE_1_RECEIVERS, CREATE_2_RECEIVERS, HOME_BASE, is_seated, light
 from vsx_hw.readings import DockBeam, Hazard
@@ -106,8 +108,9 @@ class CreateBoard:
             self._stream = []
         elif opcode == Opcode.QUERY_LIST and self.mode is not Mode.OFF:
             values = self._values(self._plant.read())
-            self._reply += encode_packets({p: values.get(p, 0) for p in arguments[1:] if p in LAYOUT})
-            if 19 in arguments[1:]:
+            asked = single_packets(p for p in arguments[1:] if p in LAYOUT or p in GROUPS)
+            self._reply += encode_packets({p: values.get(p, 0) for p in asked})
+            if 19 in asked:
                 self._read_mark = self._travelled(self._plant.read())
 
     def _set_mode(self, mode: Mode, time_ns: int) -> None:

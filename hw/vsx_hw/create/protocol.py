@@ -5,7 +5,7 @@ Source: iRobot, "Create Open Interface" and "Create 2 Open Interface Specificati
 import enum
 import math
 import struct
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from vsx_hw.errors import ProtocolError
@@ -78,17 +78,24 @@ def _layout(packets: Iterable[int]) -> str:
     return ">" + "".join(LAYOUT[packet] for packet in packets)
 
 
+def single_packets(packets: Iterable[int]) -> list[int]:
+    """The packets that these packets and groups stand for. Raises ProtocolError for an unknown id."""
+    singles = [single for packet in packets for single in GROUPS.get(packet, [packet])]
+    if unknown := set(singles) - LAYOUT.keys():
+        raise ProtocolError(f"Open Interface: there is no packet {min(unknown)}")
+    return singles
+
+
 def packets_bytes(packets: Iterable[int]) -> int:
     """Length of packets and groups sent one after the other. Raises ProtocolError for an unknown id."""
-    members = [member for packet in packets for member in GROUPS.get(packet, [packet])]
-    if unknown := set(members) - LAYOUT.keys():
-        raise ProtocolError(f"Open Interface: there is no packet {min(unknown)}")
-    return struct.calcsize(_layout(members))
+    return struct.calcsize(_layout(single_packets(packets)))
 
 
-def decode_packets(data: bytes, packets: Collection[int]) -> dict[int, int]:
-    """Packet id -> value of packets sent one after the other; data must be exactly as long as they are."""
-    return dict(zip(packets, struct.unpack(_layout(packets), data)))
+def decode_packets(data: bytes, packets: Iterable[int]) -> dict[int, int]:
+    """Single packet id -> value of packets and groups sent one after the other; data must be exactly as long as they
+    are."""
+    singles = single_packets(packets)
+    return dict(zip(singles, struct.unpack(_layout(singles), data)))
 
 
 def encode_packets(values: Mapping[int, int]) -> bytes:
