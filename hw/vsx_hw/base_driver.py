@@ -83,6 +83,13 @@ class TurnErrorFeedback:
         return command
 
 
+def within_limit(v_m_s: float, omega_rad_s: float, wheel_base_m: float, limit_m_s: float) -> tuple[float, float]:
+    """(v, omega) scaled down alike, so that no wheel exceeds its limit; this keeps the curve."""
+    wheel_m_s = abs(v_m_s) + 0.5 * wheel_base_m * abs(omega_rad_s)
+    share = min(1.0, limit_m_s / wheel_m_s) if wheel_m_s else 1.0
+    return share * v_m_s, share * omega_rad_s
+
+
 class _Command(NamedTuple):
     v_m_s: float
     omega_rad_s: float

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from vsx_hw.base_driver import Dialect, TurnErrorFeedback
+from vsx_hw.base_driver import Dialect, TurnErrorFeedback, within_limit
 from vsx_hw.kobuki import protocol
 from vsx_hw.kobuki.feedback import CHARGER_STATES, STEADY_GYRO, Core, Feedback, Version, battery_of, objection
 from vsx_hw.kobuki.odometry import KobukiOdometry, gyro_reading
@@ -78,6 +78,7 @@ class KobukiDialect(Dialect):
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """Base control. Also requests the versions until known ones are reported, at most VERSION_REQUESTS times."""
+        v_m_s, omega_rad_s = within_limit(v_m_s, omega_rad_s, protocol.WHEEL_BASE_M, protocol.SPEED_LIMIT_M_S)
         self.odometry.command(v_m_s, omega_rad_s)
         payloads = [protocol.drive_payload(self._rounding.command(v_m_s, omega_rad_s, _encoded))]
         requests, remainder = divmod(self._commands_sent, FRAMES_PER_REQUEST)

@@ -17,6 +17,7 @@ HEADER = b"\xaa\x55"
 LONGEST_PAYLOAD = 128
 """The longest legal payload is 124 bytes; a larger LEN is a false header and would swallow good frames."""
 WHEEL_BASE_M = 0.230  # as the maker gives it
+SPEED_LIMIT_M_S = 0.7  # of a wheel (Kobuki user guide)
 RADIUS_LIMIT_MM = 32767  # 16 bits
 ERROR_MELODY = 4  # of the base's seven sounds
 
