@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from functools import reduce
 from operator import or_
 
-from vsx_hw.base_driver import Dialect, TurnErrorFeedback
+from vsx_hw.base_driver import Dialect, TurnErrorFeedback, within_limit
 from vsx_hw.create import protocol
 from vsx_hw.create.protocol import CREATE_1, CREATE_2, Mode, Model, Opcode
 from vsx_hw.readings import (
@@ -75,6 +75,8 @@ class CreateDialect(Dialect):
         """See Dialect. Changes the mode first, if it is not the one to drive, or to charge, in."""
         if self._docked and (v_m_s >= 0.0 or omega_rad_s != 0.0):
             v_m_s = omega_rad_s = 0.0
+        limit_m_s = 0.001 * protocol.SPEED_LIMIT_MM_S
+        v_m_s, omega_rad_s = within_limit(v_m_s, omega_rad_s, self._model.wheel_base_m, limit_m_s)
         self.odometry.command(*((v_m_s, omega_rad_s) if self.obeys else (0.0, 0.0)))
         wanted = v_m_s != 0.0 or omega_rad_s != 0.0
         self.deaf = False
