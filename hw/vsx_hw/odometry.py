@@ -22,6 +22,15 @@ class PlanarPose:
         self.y_m += chord * math.sin(self.heading_rad + half)
         self.heading_rad += turn_rad
 
+    def seen_from(self, origin: PlanarPose) -> PlanarPose:
+        """The same pose in the frame whose origin is this other pose."""
+        dx, dy = self.x_m - origin.x_m, self.y_m - origin.y_m
+        cos, sin = math.cos(origin.heading_rad), math.sin(origin.heading_rad)
+        seen = PlanarPose()
+        seen.x_m, seen.y_m = cos * dx + sin * dy, cos * dy - sin * dx
+        seen.heading_rad = self.heading_rad - origin.heading_rad
+        return seen
+
     def apart_m(self, other: PlanarPose, wheel_base_m: float) -> float:
         """How far a wheel has to roll at least to come from this pose to another one."""
         turn_rad = other.heading_rad - self.heading_rad

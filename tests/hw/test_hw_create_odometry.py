@@ -147,3 +147,26 @@ def test_create_1_junk_is_a_gap(junk):
     odometry.measure(10, 0, 500 * MS)
     assert not odometry.reading(1499 * MS).trusted
     assert odometry.reading(1501 * MS).trusted
+
+
+@pytest.mark.parametrize("omega_rad_s", [0.0, 0.8])
+def test_a_reset_of_a_create_1_also_ends_the_motion_that_the_robot_still_counts(omega_rad_s):
+    """Its next distance and angle begin before the reset."""
+    odometry = DistanceOdometry()
+    odometry.begin(HOUR)
+    way_m = turn_rad = 0.0
+    told = [0.0, 0.0]
+    for k in range(1, 176):
+        driven = k < 122
+        odometry.command(*(0.3, omega_rad_s) if driven else (0.0, 0.0))
+        way_m, turn_rad = way_m + 0.006 * driven, turn_rad + 0.02 * omega_rad_s * driven
+        now_ns = HOUR + k * 20 * MS
+        reading = odometry.reading(now_ns)
+        if k == 124:
+            odometry.reset()
+        if k % 25 == 0:
+            counts = [round(1000 * (way_m - told[0])), round(math.degrees(turn_rad - told[1]))]
+            odometry.measure(*counts, now_ns)
+            told = [told[0] + 0.001 * counts[0], told[1] + math.radians(counts[1])]
+    assert math.hypot(reading.x_m, reading.y_m) < 0.01
+    assert abs(reading.heading_rad) < math.radians(1.0)

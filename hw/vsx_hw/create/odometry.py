@@ -102,7 +102,7 @@ class DistanceOdometry(WheelOdometry):
         self._lost_turn = 0.0  # the gyro's until then
         self._then_ns = self._measured_ns = 0
         self._speeds = (0.0, 0.0)
-        self._known = True
+        self._known, self._resets = True, False
         self._gyro_turn: float | None = 0.0  # since the last reading of the distance; None when the gyro was silent
         self._strange_ns = self._unsure_ns = -WINDOW_NS
 
@@ -112,9 +112,15 @@ class DistanceOdometry(WheelOdometry):
         return super().gyro_trusted and self._strange_ns != self._then_ns
 
     def reset(self) -> None:
-        """Start again at the origin."""
-        self._measured, self._best, self._pose = PlanarPose(), PlanarPose(), PlanarPose()
-        self._lost = None
+        """See WheelOdometry; with the next reading, as this is another thread."""
+        self._resets = True
+
+    def _restart(self) -> None:
+        """The best pose becomes the origin. The robot's next distance still counts from the measured one."""
+        self._resets = False
+        self._measured = self._measured.seen_from(self._best)
+        self._lost = None if self._lost is None else self._lost.seen_from(self._best)
+        self._best, self._pose = PlanarPose(), PlanarPose()
 
     def command(self, v_m_s: float, omega_rad_s: float) -> None:
         """Record the latest command to the robot."""
@@ -163,6 +169,8 @@ class DistanceOdometry(WheelOdometry):
 
     def reading(self, now_ns: int, gyro_rad_s: float | None = None) -> OdometryReading:
         """The pose now; gyro_rad_s is the measured rate where there is one."""
+        if self._resets:
+            self._restart()
         dt_s = _since(self._then_ns, now_ns)
         self._then_ns = now_ns
         self._check.listen(now_ns)
