@@ -33,6 +33,8 @@ class Dialect(Protocol):
     """The protocol of one kind of base. Objects live as long as the driver; ``hello`` starts a new connection."""
 
     odometry: WheelOdometry
+    deaf: bool = False
+    """Whether the base does not hear for a moment after what was sent last: nothing is sent for KEEP_ALIVE_NS."""
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """Opening bytes, each with the pause [s] that the base needs afterwards."""
@@ -181,7 +183,8 @@ class BaseDriver(ConnectionThread):
 
     def _period_ns(self, answered: bool) -> int:
         """Time from one command to the next."""
-        return KEEP_ALIVE_NS if self._dialect.waits() and not answered else SHORTEST_PERIOD_NS
+        waits = self._dialect.deaf or (self._dialect.waits() and not answered)
+        return KEEP_ALIVE_NS if waits else SHORTEST_PERIOD_NS
 
     def _show(self, transport: SerialTransport) -> None:
         signal = self._signal

@@ -81,7 +81,7 @@ class CreateDialect(Dialect):
         wanted = v_m_s != 0.0 or omega_rad_s != 0.0
         self.deaf = False
         self.driving = wanted and self.obeys
-        still = self.halt() if self._mode is Mode.UNKNOWN else b""
+        still = self.halt() if self._mode in (Mode.UNKNOWN, Mode.FULL) else b""
         if change := self._change_of_mode(wanted, v_m_s):
             self.deaf = True
             return still + change
@@ -113,7 +113,7 @@ class CreateDialect(Dialect):
 
     def show(self, signal: Signal) -> bytes:
         """See Dialect. The power lamp, and in an alarm the song of ``hello``: only in Safe and Full."""
-        if not self.obeys:
+        if not self.obeys or self.deaf:
             return b""
         sound = bytes((Opcode.PLAY, ALARM_SONG)) if signal is Signal.ALARM else b""
         return protocol.encode_lamps(0, _COLORS[signal], 255) + sound

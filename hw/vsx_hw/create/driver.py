@@ -112,8 +112,8 @@ class Create1Dialect(CreateDialect):
         return [self.base_reading(values, odometry, gyro)]
 
     def waits(self) -> bool:
-        """See Dialect. After a change of mode the robot is deaf for a moment."""
-        return bool(self._asked) or self.deaf
+        """See Dialect."""
+        return bool(self._asked)
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """The command, the camera's supply (digital output 0 of a TurtleBot 1, cleared whenever Safe is left), and the
