@@ -16,7 +16,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry as OdometryMsg
 from processes import Processes
 from ros_ports import HOST, free_port
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from vsx_hw.readings import BaseReading
 from vsx_ros.errors import ConfigError, InputError
@@ -24,7 +24,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
 from vsx_ros.ros import base_drivers, callbacks, convert, headers, images, logs, topic_base, topics
 from vsx_ros.ros.topic_base import topic_names
-from vsx_ros.ros.topic_camera import image_of, info_topic
+from vsx_ros.ros.topic_camera import TopicCamera, image_of, info_topic
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -236,6 +236,30 @@ def test_topics_of_a_base_are_two_or_the_usual_ones() -> None:
 def test_the_calibration_is_looked_for_beside_the_images() -> None:
     assert info_topic("/usb_cam/image_raw") == "/usb_cam/camera_info"
     assert info_topic("/cam/rgb/image_raw/compressed") == "/cam/rgb/camera_info"
+
+
+@pytest.mark.parametrize(
+    ("topic", "rectified"),
+    [("/cam/image_rect_color", True), ("/cam/image_rect/compressed", True), ("/rect/image_raw", False)],
+)
+def test_rectified_images_are_not_undistorted_again(
+    topic: str, rectified: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: name)
+    info = CameraInfo(width=640, height=480, distortion_model="plumb_bob", D=[-0.3, 0.1, 0.0, 0.0, 0.0])
+    info.K = [600.0, 0.0, 320.0, 0.0, 601.0, 240.0, 0.0, 0.0, 1.0]
+    info.P = [520.0, 0.0, 310.0, 0.0, 0.0, 540.0, 235.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+    camera = TopicCamera(topic, lambda _: None)
+    camera._on_info(info)
+    seen = camera.calibration
+    assert seen is not None
+    expected = (520.0, 540.0, 310.0, 235.0) if rectified else (600.0, 601.0, 320.0, 240.0)
+    assert (seen.fx, seen.fy, seen.cx, seen.cy) == expected
+    assert any(seen.distortion) is not rectified
+    info.P = [0.0] * 12
+    camera._on_info(info)
+    assert camera.calibration is not None
+    assert camera.calibration.fx == 600.0, "nobody has told P"
 
 
 def test_a_topic_of_another_kind_or_a_damaged_message_is_named() -> None:

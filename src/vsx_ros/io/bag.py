@@ -12,7 +12,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.bag_reader import METADATA, Messages, messages
-from vsx_ros.io.calibration_file import camera_from_info, shutter_from_topic
+from vsx_ros.io.calibration_file import camera_from_topic, shutter_from_topic
 from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.io.recording import LEFT_OUT, Recording, open_folder
 from vsx_ros.io.stamp_order import StampOrder
@@ -113,7 +113,7 @@ def _wanted(path: Path, counts: dict[str, tuple[str, int]], found: list[str], wa
 
 def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]]) -> PinholeCamera | None:
     infos = [t for t, (kind, count) in counts.items() if kind == CAMERA_INFO and count]
-    namespace, _, name = image_topic.removesuffix("/compressed").rpartition("/")
+    namespace = image_topic.removesuffix("/compressed").rpartition("/")[0]
     beside = f"{namespace}/camera_info"
     topic = beside if beside in infos else infos[0] if len(infos) == 1 else None
     _, info = next(bag.of(topic), (0, None)) if topic else (0, None)
@@ -123,10 +123,7 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
     K, D, P = (getattr(info, letter, None) for letter in "KDP")
     if K is None or D is None or P is None:  # ROS 2 has lower-case names
         K, D, P = info.k, info.d, info.p
-    if "rect" in name and any(P):
-        camera = camera_from_info(*size, P.reshape(3, 4)[:, :3].ravel(), (), "", source)
-    else:
-        camera = camera_from_info(*size, K, D, info.distortion_model, source)
+    camera = camera_from_topic(image_topic, size, K, D, P, info.distortion_model, source)
     told = f"{namespace}/shutter"
     if camera is None or counts.get(told, ("", 0))[0] != SHUTTER:
         return camera

@@ -20,6 +20,17 @@ _MODELS |= dict.fromkeys(("equidistant", "fisheye", "kannala_brandt"), lens.EQUI
 _FORMATS = "a ROS camera_info YAML or a camera.json"
 
 
+def camera_from_topic(
+    image_topic: str, size: tuple[int, int], K: Sequence[float], D: Sequence[float], P: Sequence[float], model: str,
+    name: str,
+) -> PinholeCamera | None:  # fmt: skip
+    """The camera of the images of a topic, from the sensor_msgs/CameraInfo beside them. Where ROS calls the images
+    rectified (image_rect, image_rect_color), it is a pinhole with P, 12 numbers; otherwise see ``camera_from_info``."""
+    if "rect" in image_topic.removesuffix("/compressed").rpartition("/")[2] and any(P):
+        K, D, model = [*P[:3], *P[4:7], *P[8:11]], (), ""
+    return camera_from_info(*size, K, D, model, name)
+
+
 def camera_from_info(
     width: int, height: int, K: Sequence[float], D: Sequence[float], model: str, name: str
 ) -> PinholeCamera | None:

@@ -8,7 +8,7 @@ from std_msgs.msg import Float64MultiArray, Header
 from vsx_ros.arrays import ColorImage, GrayImage
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera, Shutter
-from vsx_ros.io.calibration_file import camera_from_info, shutter_from_topic
+from vsx_ros.io.calibration_file import camera_from_topic, shutter_from_topic
 from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.robot import Frame
 from vsx_ros.ros import topics
@@ -37,12 +37,13 @@ def image_msg(stamp_ns: int, image: GrayImage | ColorImage, encoding: str, frame
     return Image(header, height, width, encoding, 0, image.size // height, np.ascontiguousarray(image).tobytes())
 
 
-def camera(msg: CameraInfo) -> PinholeCamera:
-    """The calibration of the message. Raises CalibrationError for an uncalibrated camera, an unsupported lens model, or
-    binned images."""
+def camera(msg: CameraInfo, image_topic: str = topics.IMAGE) -> PinholeCamera:
+    """The calibration of the images of a topic. Raises CalibrationError for an uncalibrated camera, an unsupported lens
+    model, or binned images."""
     if max(msg.binning_x, 1) != 1 or max(msg.binning_y, 1) != 1:
         raise CalibrationError(f"camera_info says binning {msg.binning_x}x{msg.binning_y}; publish unbinned images")
-    found = camera_from_info(msg.width, msg.height, msg.K, msg.D, msg.distortion_model, "camera_info")
+    size = msg.width, msg.height
+    found = camera_from_topic(image_topic, size, msg.K, msg.D, msg.P, msg.distortion_model, "camera_info")
     if found is None:
         raise CalibrationError(
             "camera_info holds no calibration (K is zero); run 'vsx calibrate camera --live', or give a file to the "

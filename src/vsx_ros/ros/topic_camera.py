@@ -61,7 +61,7 @@ class TopicCamera:
         """Nothing to release."""
 
     def _on_info(self, msg: CameraInfo) -> None:
-        self.calibration = images.camera(msg)
+        self.calibration = images.camera(msg, self._topic)
 
     def _on_any(self, msg: Any) -> None:
         stamp_ns, image = image_of(msg._connection_header["type"], msg._buff, self._topic, self._frames)
