@@ -20,6 +20,7 @@ from vsx_hw.readings import ImageReading, LinkStatus
 GRBG, YUYV, MJPG = (cv2.VideoWriter.fourcc(*name) for name in ("GRBG", "YUYV", "MJPG"))
 FORMATS = {"": GRBG, "bayer": GRBG, "yuyv": YUYV, "mjpeg": MJPG}
 BACKOFF_S = (0.5, 2.0)  # between tries to open it
+NEW_WITHIN_S = 5.0  # else the device is opened again, which may wake a camera that hangs
 OLDEST_S = 5.0  # no buffer waits so long: a larger age means another clock
 LOCK_AFTER_S = 2.0  # automatic exposure has settled by then
 MANUAL_EXPOSURE = 1  # V4L2_EXPOSURE_MANUAL
@@ -99,10 +100,11 @@ def grey(image: NDArray[np.uint8], mode: V4lMode) -> tuple[NDArray[np.uint8], st
 
 
 class V4lCamera(ConnectionThread):
-    """Passes images to ``on_image`` on its own thread, but no repeated ones; reopens the device when it fails. Stamps
-    are the kernel's buffer times, or the read time if the driver has none. latency_s, from the start of exposure until
-    then, is subtracted. lock_exposure: exposure and white balance are locked after two seconds, until the device is
-    released. With gspca_kinect it also reads a Kinect, without the Kinect's clock."""
+    """Passes images to ``on_image`` on its own thread, but no repeated ones; reopens the device when it fails or
+    gives no new image for five seconds. Stamps are the kernel's buffer times, or the read time if the driver has none.
+    latency_s, from the start of exposure until then, is subtracted. lock_exposure: exposure and white balance are
+    locked after two seconds, until the device is released. With gspca_kinect it also reads a Kinect, without the
+    Kinect's clock."""
 
     def __init__(
         self,
@@ -131,7 +133,7 @@ class V4lCamera(ConnectionThread):
 
     def _serve(self, capture: Any) -> None:
         lock_at_s = time.monotonic() + LOCK_AFTER_S if self._lock_exposure else float("inf")
-        locked = ""
+        locked, new_s = "", time.monotonic()
         while not self.closing.is_set():
             ok, image = capture.read()
             if not ok:
@@ -141,8 +143,11 @@ class V4lCamera(ConnectionThread):
             if self._frozen_detector.is_frozen(image):
                 self._frozen_frames += 1
                 self.report(False, f"{self._name}: {FROZEN}")
+                if time.monotonic() - new_s > NEW_WITHIN_S:
+                    raise DeviceError(f"{self._name}: no new image for {NEW_WITHIN_S:g} s; opening it again")
                 continue
-            if time.monotonic() >= lock_at_s:
+            new_s = time.monotonic()
+            if new_s >= lock_at_s:
                 lock_at_s, locked = float("inf"), lock(capture)
             self.report(True, f"streaming{locked}")
             self._on_image(ImageReading(stamp_ns, *grey(image, self._mode)))

@@ -6,7 +6,7 @@ import time
 import cv2
 import numpy as np
 import pytest
-from waiting import PATIENCE_S
+from waiting import PATIENCE_S, wait_for
 
 from vsx_hw import v4l
 from vsx_hw.errors import DeviceError, DeviceNotFound
@@ -83,6 +83,27 @@ def test_a_picture_that_repeats_itself_is_not_delivered():
     camera.close()
     assert delivered == [7, 7, 7, 7, 7, 8]
     assert camera.status().counters["frozen_frames"] == 4
+
+
+def test_a_camera_that_hangs_is_opened_again(monkeypatch):
+    monkeypatch.setattr(v4l, "NEW_WITHIN_S", 0.2)
+    monkeypatch.setattr(v4l, "BACKOFF_S", (0.01,))
+    opened, images = [], queue.Queue()
+
+    class Hanging(ScriptedCapture):
+        def read(self):
+            time.sleep(0.01)
+            return True, self.images[0]
+
+    def opens(number):
+        opened.append(Hanging([np.full((48, 64), len(opened) // 2, np.uint8)]))
+        return opened[-1]
+
+    with V4lCamera(3, images.put, opens, mode=V4lMode(64, 48)) as camera:
+        wait_for(lambda: len(opened) == 3)
+        wait_for(lambda: camera.status().connected)
+        assert opened[1].released
+    assert images.queue[-1].image[0, 0] == 1
 
 
 @pytest.mark.parametrize(
