@@ -20,6 +20,7 @@ from vsx_hw.readings import ImageReading, LinkStatus
 GRBG, YUYV, MJPG = (cv2.VideoWriter.fourcc(*name) for name in ("GRBG", "YUYV", "MJPG"))
 FORMATS = {"": GRBG, "bayer": GRBG, "yuyv": YUYV, "mjpeg": MJPG}
 BACKOFF_S = (0.5, 2.0)  # between tries to open it
+MOST_BAD = 10  # failed reads in a row: the device is lost; a damaged JPEG makes a few
 NEW_WITHIN_S = 5.0  # else the device is opened again, which may wake a camera that hangs
 OLDEST_S = 5.0  # no buffer waits so long: a larger age means another clock
 LOCK_AFTER_S = 2.0  # automatic exposure has settled by then
@@ -121,23 +122,29 @@ class V4lCamera(ConnectionThread):
         self.serial = f"video{number}"
         self._on_image, self._mode = on_image, mode
         self._lock_exposure, self._latency_ns = lock_exposure, round(1e9 * latency_s)
-        self._frames = self._frozen_frames = self._unstamped_frames = self._waited_us = 0
+        self._frames = self._bad_frames = self._frozen_frames = self._unstamped_frames = self._waited_us = 0
         self._frozen_detector = FrozenImageDetector()
 
     def status(self) -> LinkStatus:
-        """Health for diagnostics. waited_us: time from the last buffer's stamp until it was read."""
-        told = {"frames": self._frames, "frozen_frames": self._frozen_frames}
+        """Health for diagnostics. bad_frames: failed reads, such as a damaged JPEG. waited_us: time from the last
+        buffer's stamp until it was read."""
+        told = {"frames": self._frames, "bad_frames": self._bad_frames, "frozen_frames": self._frozen_frames}
         return self._status(
             self.serial, told | {"unstamped_frames": self._unstamped_frames, "waited_us": self._waited_us}
         )
 
     def _serve(self, capture: Any) -> None:
         lock_at_s = time.monotonic() + LOCK_AFTER_S if self._lock_exposure else float("inf")
-        locked, new_s = "", time.monotonic()
+        locked, new_s, failed = "", time.monotonic(), 0
         while not self.closing.is_set():
             ok, image = capture.read()
             if not ok:
-                raise DeviceError(f"{self._name}: no image; check the cable")
+                failed += 1
+                self._bad_frames += 1
+                if failed == MOST_BAD or time.monotonic() - new_s > NEW_WITHIN_S:
+                    raise DeviceError(f"{self._name}: no image; check the cable")
+                continue
+            failed = 0
             stamp_ns = self._stamp_ns(capture.get(cv2.CAP_PROP_POS_MSEC))
             self._frames += 1
             if self._frozen_detector.is_frozen(image):

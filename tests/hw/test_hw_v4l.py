@@ -85,6 +85,26 @@ def test_a_picture_that_repeats_itself_is_not_delivered():
     assert camera.status().counters["frozen_frames"] == 4
 
 
+def test_a_few_images_that_cannot_be_read_cost_only_themselves(monkeypatch):
+    monkeypatch.setattr(v4l, "BACKOFF_S", (0.01,))
+    opened, images = [], queue.Queue()
+
+    class Flawed(ScriptedCapture):
+        def read(self):
+            image = self.images.pop(0) if self.images else None
+            return image is not None, image
+
+    def opens(number):
+        new = [np.full((48, 64), 10 * len(opened) + k, np.uint8) for k in range(3)]
+        opened.append(Flawed([new[0], *[None] * 9, new[1], None, new[2]]))
+        return opened[-1]
+
+    with V4lCamera(3, images.put, opens, mode=V4lMode(64, 48)) as camera:
+        seen = [int(images.get(timeout=PATIENCE_S).image[0, 0]) for _ in range(4)]
+        wait_for(lambda: camera.status().counters["bad_frames"] >= 20)
+    assert seen == [0, 1, 2, 10], "after the tenth failed read in a row it is opened again"
+
+
 def test_a_camera_that_hangs_is_opened_again(monkeypatch):
     monkeypatch.setattr(v4l, "NEW_WITHIN_S", 0.2)
     monkeypatch.setattr(v4l, "BACKOFF_S", (0.01,))
