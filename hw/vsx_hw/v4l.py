@@ -3,6 +3,7 @@ locked exposure.
 
 Sources: Linux media documentation, "Buffers" (timestamps) and "Camera control reference"; OpenCV, cap_v4l.cpp."""
 
+import os
 import re
 import time
 from collections.abc import Callable
@@ -21,6 +22,7 @@ GRBG, YUYV, MJPG = (cv2.VideoWriter.fourcc(*name) for name in ("GRBG", "YUYV", "
 FORMATS = {"": GRBG, "bayer": GRBG, "yuyv": YUYV, "mjpeg": MJPG}
 BACKOFF_S = (0.5, 2.0)  # between tries to open it
 MOST_BAD = 10  # failed reads in a row: the device is lost; a damaged JPEG makes a few
+SILENT_S = 1.0  # without a new image: is told
 NEW_WITHIN_S = 5.0  # else the device is opened again, which may wake a camera that hangs
 OLDEST_S = 5.0  # no buffer waits so long: a larger age means another clock
 LOCK_AFTER_S = 2.0  # automatic exposure has settled by then
@@ -48,6 +50,7 @@ class V4lMode(NamedTuple):
 def open_video(number: int, mode: V4lMode = V4lMode()) -> Any:  # noqa: B008 (immutable)
     """The capture device in that mode. Raises DeviceNotFound, or DeviceError when it gives another size, both with the
     remedy."""
+    os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")  # [s]; read at the first image, and 10 if not set
     capture = cv2.VideoCapture(number, cv2.CAP_V4L2)
     if not capture.isOpened():
         raise DeviceNotFound(f"/dev/video{number} cannot be opened; check 'ls /dev/video*' and the group video")
@@ -123,25 +126,28 @@ class V4lCamera(ConnectionThread):
         self._on_image, self._mode = on_image, mode
         self._lock_exposure, self._latency_ns = lock_exposure, round(1e9 * latency_s)
         self._frames = self._bad_frames = self._frozen_frames = self._unstamped_frames = self._waited_us = 0
-        self._frozen_detector = FrozenImageDetector()
+        self._frozen_detector, self._new_s = FrozenImageDetector(), 0.0
 
     def status(self) -> LinkStatus:
         """Health for diagnostics. bad_frames: failed reads, such as a damaged JPEG. waited_us: time from the last
         buffer's stamp until it was read."""
         told = {"frames": self._frames, "bad_frames": self._bad_frames, "frozen_frames": self._frozen_frames}
-        return self._status(
-            self.serial, told | {"unstamped_frames": self._unstamped_frames, "waited_us": self._waited_us}
-        )
+        told |= {"unstamped_frames": self._unstamped_frames, "waited_us": self._waited_us}
+        status, silent_s = self._status(self.serial, told), time.monotonic() - self._new_s
+        if not status.connected or silent_s <= SILENT_S:
+            return status
+        return status._replace(connected=False, message=f"{self._name}: no image for {silent_s:.1f} s")
 
     def _serve(self, capture: Any) -> None:
         lock_at_s = time.monotonic() + LOCK_AFTER_S if self._lock_exposure else float("inf")
-        locked, new_s, failed = "", time.monotonic(), 0
+        locked, failed = "", 0
+        self._new_s = time.monotonic()
         while not self.closing.is_set():
             ok, image = capture.read()
             if not ok:
                 failed += 1
                 self._bad_frames += 1
-                if failed == MOST_BAD or time.monotonic() - new_s > NEW_WITHIN_S:
+                if failed == MOST_BAD or time.monotonic() - self._new_s > NEW_WITHIN_S:
                     raise DeviceError(f"{self._name}: no image; check the cable")
                 continue
             failed = 0
@@ -150,11 +156,11 @@ class V4lCamera(ConnectionThread):
             if self._frozen_detector.is_frozen(image):
                 self._frozen_frames += 1
                 self.report(False, f"{self._name}: {FROZEN}")
-                if time.monotonic() - new_s > NEW_WITHIN_S:
+                if time.monotonic() - self._new_s > NEW_WITHIN_S:
                     raise DeviceError(f"{self._name}: no new image for {NEW_WITHIN_S:g} s; opening it again")
                 continue
-            new_s = time.monotonic()
-            if new_s >= lock_at_s:
+            self._new_s = time.monotonic()
+            if self._new_s >= lock_at_s:
                 lock_at_s, locked = float("inf"), lock(capture)
             self.report(True, f"streaming{locked}")
             self._on_image(ImageReading(stamp_ns, *grey(image, self._mode)))

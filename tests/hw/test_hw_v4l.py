@@ -1,6 +1,8 @@
 """Kernel cameras, with a capture device that the test scripts."""
 
+import os
 import queue
+import threading
 import time
 
 import cv2
@@ -103,6 +105,34 @@ def test_a_few_images_that_cannot_be_read_cost_only_themselves(monkeypatch):
         seen = [int(images.get(timeout=PATIENCE_S).image[0, 0]) for _ in range(4)]
         wait_for(lambda: camera.status().counters["bad_frames"] >= 20)
     assert seen == [0, 1, 2, 10], "after the tenth failed read in a row it is opened again"
+
+
+def test_a_camera_that_gives_no_image_is_told_while_its_driver_waits(monkeypatch):
+    monkeypatch.setattr(v4l, "SILENT_S", 0.2)
+    waits = threading.Event()
+
+    class Waiting(ScriptedCapture):
+        def read(self):
+            if not self.images:
+                waits.wait(PATIENCE_S)
+            return super().read()
+
+    with V4lCamera(3, lambda _: None, lambda _: Waiting([np.zeros((48, 64), np.uint8)]), mode=V4lMode(64, 48)) as cam:
+        wait_for(lambda: "/dev/video3: no image for 0." in cam.status().message)
+        assert not cam.status().connected
+        waits.set()
+
+
+def test_opencv_does_not_wait_ten_seconds_for_an_image(monkeypatch):
+    """Its driver could not be closed meanwhile."""
+    monkeypatch.delenv("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", raising=False)
+    with pytest.raises(DeviceNotFound):
+        open_video(97)
+    assert os.environ["OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT"] == "1"
+    monkeypatch.setenv("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "3")
+    with pytest.raises(DeviceNotFound):
+        open_video(97)
+    assert os.environ["OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT"] == "3", "the user's own"
 
 
 def test_a_camera_that_hangs_is_opened_again(monkeypatch):
