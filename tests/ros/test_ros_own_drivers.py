@@ -152,7 +152,7 @@ class TopicRig:
         return [v for _, v in self.sent]
 
 
-@pytest.mark.parametrize("stamps_ms", [(50,), (50, 100), (50, 50, 50, 50), (150, 100, 50), (50, 100, 100, 150, 200)])
+@pytest.mark.parametrize("stamps_ms", [(50,), (50, 100), (50, 50, 50, 50), (150, 100, 50), (50, 100, 100, 50, 100)])
 def test_a_base_on_topics_stands_until_three_stamps_in_a_row_have_risen(
     stamps_ms: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -188,6 +188,14 @@ def test_stamps_that_stand_are_a_silence_after_which_a_row_begins_anew(monkeypat
     assert not any(rig.tell(250, 300))
     assert rig.tell(350)[-1] == 0.2
     assert rig.links == [True, False, True]
+
+
+def test_a_driver_that_publishes_each_reading_twice_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = TopicRig(monkeypatch)
+    assert not any(rig.tell(50, 50, 100, 100))
+    assert set(rig.tell(150, 150, 200, 200, 250)) == {0.2}
+    assert rig.base.status().connected
+    assert rig.base.status().counters == {"readings": 5, "repeated": 4, "late": 0}
 
 
 def test_one_repeated_reading_does_not_stop_a_base_on_topics(monkeypatch: pytest.MonkeyPatch) -> None:

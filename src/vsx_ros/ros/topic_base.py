@@ -117,11 +117,12 @@ class TopicBase:
         return time.monotonic() - self._heard_s >= _ODOMETRY_WITHIN_S
 
     def _is_new(self, stamp_ns: int) -> bool:
-        """Count readings in a row after a silence, as drivers of serial bases do (``base_driver.ROW``)."""
-        rises, self._stamp_ns = stamp_ns > self._stamp_ns, stamp_ns
-        if self._is_stale() or not (rises or self._row == ROW):
+        """Count readings in a row after a silence, as drivers of serial bases do (``base_driver.ROW``). Some drivers
+        publish each reading twice: an equal stamp counts for nothing."""
+        before_ns, self._stamp_ns = self._stamp_ns, stamp_ns
+        if self._is_stale() or (stamp_ns < before_ns and self._row < ROW):
             self._row = 0
-        if not rises:
+        if stamp_ns <= before_ns:
             self._repeated += 1
             return False
         gap_s, self._heard_s = time.monotonic() - self._heard_s, time.monotonic()
