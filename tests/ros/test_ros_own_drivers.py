@@ -2,6 +2,7 @@
 
 import json
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from nav_msgs.msg import Odometry as OdometryMsg
 from processes import Processes
 from ros_ports import HOST, free_port
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from waiting import PATIENCE_S
 
 from vsx_hw.readings import BaseReading
 from vsx_ros.errors import ConfigError, InputError
@@ -203,6 +205,37 @@ def test_one_repeated_reading_does_not_stop_a_base_on_topics(monkeypatch: pytest
     rig.tell(50, 100, 150)
     assert set(rig.tell(150, 200, 250, 250, 300)) == {0.2}
     assert rig.readings == [stamp_ms * 1_000_000 for stamp_ms in (50, 100, 150, 200, 250, 300)]
+
+
+def test_nothing_is_sent_to_a_base_on_topics_after_the_zero_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command on its way when the node ends would be the last that the base hears."""
+    rig = TopicRig(monkeypatch)
+    rig.tell(50, 100, 150)
+    sending, may_send, publish = threading.Event(), threading.Event(), rig.publish
+
+    def slowly(twist: Twist) -> None:
+        if twist.linear.x:
+            sending.set()
+            may_send.wait(0.3)
+        publish(twist)
+
+    monkeypatch.setattr(rig, "publish", slowly)
+    driving = threading.Thread(target=lambda: rig.base.drive(0.2, 0.0))
+    driving.start()
+    assert sending.wait(PATIENCE_S)
+    rig.base.close()
+    may_send.set()
+    driving.join()
+    rig.base.drive(0.2, 0.0)
+    assert rig.sent[-1][1] == 0.0
+
+
+def test_odometry_that_its_driver_does_not_trust_is_passed_on_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig, readings = TopicRig(monkeypatch), list[BaseReading]()
+    monkeypatch.setattr(rig.base, "_on_reading", readings.append)
+    for k in range(2):
+        rig.base._on_odometry(Odometry(k + 1, SE2(), trusted=k == 0))
+    assert [reading.odometry.trusted for reading in readings] == [True, False]
 
 
 @pytest.mark.parametrize(("gap_s", "late"), [(0.2, 0), (0.3, 4)])

@@ -100,7 +100,7 @@ class TopicBase:
         """Send zero; returns True, although nothing confirms that the wheels stand."""
         with self._lock:
             self._closed = True
-        self._command_pub.publish(Twist())
+            self._command_pub.publish(Twist())
         return True
 
     def _silence(self) -> str:
@@ -141,7 +141,13 @@ class TopicBase:
         self._link(self._silence())
         T = moved.T_odom_base
         odometry = OdometryReading(
-            moved.stamp_ns, x_m=T.x, y_m=T.y, heading_rad=T.theta, v_m_s=moved.v, omega_rad_s=moved.omega
+            moved.stamp_ns,
+            x_m=T.x,
+            y_m=T.y,
+            heading_rad=T.theta,
+            v_m_s=moved.v,
+            omega_rad_s=moved.omega,
+            trusted=moved.trusted,
         )
         self._on_reading(BaseReading(moved.stamp_ns, odometry, Hazard.NONE, _UNKNOWN_BATTERY))
 
@@ -162,5 +168,5 @@ class TopicBase:
                 self._zero_until_s = now_s + _ZERO_FOR_S
             elif now_s > self._zero_until_s:
                 return
-        if not threads.is_ending():
-            self._command_pub.publish(convert.twist(command))
+            if not threads.is_ending():
+                self._command_pub.publish(convert.twist(command))
