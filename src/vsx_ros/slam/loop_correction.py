@@ -44,7 +44,9 @@ class LoopClosure(NamedTuple):
     def exchanged(self) -> "LoopClosure":
         """The same the other way round: by how much, and to where, the older part must move."""
         T_newer_older, factor = self.T_older_newer.scaled(1.0 / self.factor).inverse(), 1.0 / self.factor
-        return LoopClosure(self.newer, self.older, T_newer_older, factor, self.points)
+        return LoopClosure(
+            older=self.newer, newer=self.older, T_older_newer=T_newer_older, factor=factor, points=self.points
+        )
 
 
 class _Edge(NamedTuple):
