@@ -22,6 +22,15 @@ class _SharedCache(FunctionCache):  # type: ignore[misc]  # numba is untyped
     """Machine code on disk that several processes add to at once. Numba's own cache reads a kernel's list of types and
     writes it back: of two processes one would lose its entry, or get the other's code."""
 
+    def load_overload(self, sig: object, target_context: object) -> object:
+        """As numba's; code whose types have other names now is forgotten. Numba would fail before it sees that the
+        source has changed."""
+        try:
+            return super().load_overload(sig, target_context)
+        except (AttributeError, ImportError):
+            self.flush()
+            return None
+
     def save_overload(self, sig: object, data: object) -> None:
         """As numba's, one process after the other."""
         self._impl.locator.ensure_cache_path()
