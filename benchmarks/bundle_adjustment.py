@@ -24,7 +24,7 @@ from vsx_ros.config.maps import OdometryNoiseConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.slam import bundle
 from vsx_ros.kernels.slam.factors import no_factors, no_floor
-from vsx_ros.kernels.slam.schur import Observations
+from vsx_ros.kernels.slam.schur import BundleObservations
 from vsx_ros.slam import bundle_adjustment
 from vsx_ros.slam.bundle_adjustment import BundleAdjuster
 from vsx_ros.slam.map import Map
@@ -62,7 +62,7 @@ def ours(problem: Problem, sigma_min_px: float = bundle_adjustment.SIGMA_MIN_PX)
     R, t = (np.array([getattr(T, name) for T in problem.poses]) for name in ("rotation", "translation"))
     start = np.searchsorted(problem.point, np.arange(len(problem.points) + 1))
     free = np.maximum(np.arange(len(R)) - 2, -1)
-    seen = Observations(start, problem.point, problem.frame, problem.xy, np.ones(len(problem.xy)))
+    seen = BundleObservations(start, problem.point, problem.frame, problem.xy, np.ones(len(problem.xy)))
     begun = time.process_time()
     solution = bundle.adjust(
         K, R, t, free, problem.points, seen, no_factors(), no_floor(), 50, sigma_min_px, bundle.START

@@ -24,7 +24,6 @@ from tables import RESULTS, rooms_of
 from vsx_hw.battery_emulator import KOBUKI_CELLS, EmulatedBattery
 from vsx_hw.dock_emulator import KOBUKI_DOCK, KOBUKI_RECEIVERS, BaseAtDock, is_seated, light
 from vsx_ros.config import Config, DockingConfig
-from vsx_ros.control.localization import MAP_FRAME
 from vsx_ros.experiments.campaign import Engine, run_campaign
 from vsx_ros.experiments.rows import Store
 from vsx_ros.exploration.decision import NavigationState
@@ -34,7 +33,7 @@ from vsx_ros.navigation.docking import Docking
 from vsx_ros.navigation.docking_state import DockingSeen, DockingState
 from vsx_ros.navigation.energy import ChargeKeeper, Errand
 from vsx_ros.navigation.navigator import ComputingTime, Navigator
-from vsx_ros.robot import Frame, Odometry, VelocityCommand
+from vsx_ros.robot import MAP_FRAME, Frame, Odometry, VelocityCommand
 from vsx_ros.runs.lockstep import STOPPED_BY_OPERATOR, FastRun
 from vsx_ros.runs.world import open_world
 from vsx_ros.sim.body import Body, BodySettings

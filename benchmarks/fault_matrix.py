@@ -60,7 +60,7 @@ class Wheels:
         return PlantState(left, right, turn, rate, Hazard.NONE)
 
 
-class Base:
+class DrivenBase:
     """Emulated base, real driver, real mux; ``commanding`` sends 0.2 m/s twenty times a second."""
 
     def __init__(self, kind: str, folder: str) -> None:
@@ -119,7 +119,7 @@ def until(condition: Callable[[], bool], seconds: float) -> bool:
 
 def base_fault(kind: str, fault: str, folder: str) -> tuple[float | None, str]:
     """(seconds until the wheels stood, None if they drove on; the driver's message)."""
-    base = Base(kind, folder)
+    base = DrivenBase(kind, folder)
     with base.emulator, base.driver:
         base.commander.start()
         if not until(lambda: base.wheels.speeds[0] > 0.1, 10.0):

@@ -17,7 +17,7 @@ import threading
 import time
 
 import numpy as np
-from fault_matrix import Base, until
+from fault_matrix import DrivenBase, until
 
 from vsx_hw.kinect.driver import KinectCamera
 from vsx_hw.kinect.emulator import KinectEmulator
@@ -43,7 +43,7 @@ class Told(logging.Handler):
             self.exceptions.append(record.getMessage())
 
 
-def command_squares(base: Base) -> None:
+def command_squares(base: DrivenBase) -> None:
     """0.2 m/s along the sides, 0.5 rad/s at the corners, without end."""
     begin_s = time.monotonic()
     while not base.closing.wait(0.05):
@@ -52,7 +52,7 @@ def command_squares(base: Base) -> None:
         base.supervisor.command("navi", v, omega, time.monotonic_ns())
 
 
-def base_fault(base: Base, rng: random.Random) -> None:
+def base_fault(base: DrivenBase, rng: random.Random) -> None:
     """One fault of one or two seconds; only unplugging and power cycles may lose motion."""
     emulator = base.emulator
     kind = rng.randrange(4)
@@ -93,7 +93,7 @@ def stream(emulator: KinectEmulator, closing: threading.Event, rng: random.Rando
 
 def run(kind: str, minutes: float, faulty: bool, folder: str) -> dict[str, float]:
     rng = random.Random(1)
-    base = Base(kind, folder)
+    base = DrivenBase(kind, folder)
     readings: list[object] = [None]
     inner = base.driver._on_reading
 
@@ -131,7 +131,7 @@ def run(kind: str, minutes: float, faulty: bool, folder: str) -> dict[str, float
     return {**error, "images": images[0], "memory_growth_mb": round(memory_mb() - warm_mb, 2), **counters}
 
 
-def pose_error(base: Base, reading: object) -> dict[str, float]:
+def pose_error(base: DrivenBase, reading: object) -> dict[str, float]:
     """Path and turn of the odometry compared with the emulated wheels."""
     left, right = base.wheels.travel
     way, turn = 0.5 * (left + right), (right - left) / base.wheels.wheel_base_m

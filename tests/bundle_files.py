@@ -9,7 +9,7 @@ import numpy as np
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.slam import bundle
 from vsx_ros.kernels.slam.factors import no_factors, no_floor
-from vsx_ros.kernels.slam.schur import Observations
+from vsx_ros.kernels.slam.schur import BundleObservations
 
 
 class BundleFile(NamedTuple):
@@ -39,7 +39,7 @@ class BundleFile(NamedTuple):
             np.array([T.translation for T in self.poses]),
             np.arange(-1, len(self.poses) - 1),
             self.points,
-            Observations(start, self.point, self.frame, self.xy, self.weight),
+            BundleObservations(start, self.point, self.frame, self.xy, self.weight),
             no_factors(),
             no_floor(),
             iterations,

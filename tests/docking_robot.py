@@ -10,7 +10,7 @@ from vsx_hw.bases import BASES
 from vsx_hw.readings import Hazard
 from vsx_hw.safety import SpeedLimits, Supervisor
 from vsx_ros.config import Config
-from vsx_ros.control.localization import MAP_FRAME, Localization
+from vsx_ros.control.localization import Localization
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.dock_light import DockSight
@@ -18,7 +18,7 @@ from vsx_ros.navigation.docking import Docking
 from vsx_ros.navigation.docking_state import DockingSeen, DockingState
 from vsx_ros.navigation.navigator import ComputingTime, GoalPlanner, Navigator
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
-from vsx_ros.robot import STOP, VelocityCommand
+from vsx_ros.robot import MAP_FRAME, STOP, VelocityCommand
 from vsx_ros.ros.base_messages import odometry
 from vsx_ros.ros.emulated_base import BodyPlant, housing
 from vsx_ros.slam.state import TrackingState

@@ -46,7 +46,7 @@ class Scene(NamedTuple):
         return TrackingState.LOST if self.lost[0] <= seconds < self.lost[1] else TrackingState.GOOD
 
 
-class Base:
+class LaggingBase:
     """Wheels that do what they are told 60 ms later, with a lag of 80 ms. rows: time [s], x, y [m], speed [m/s]."""
 
     def __init__(self) -> None:
@@ -83,7 +83,7 @@ class LockStep:
     """The navigator above such a base, told where it is by odometry and by a camera that is late."""
 
     def __init__(self, config: Config = CONFIG) -> None:
-        self.base, self.localization = Base(), Localization()
+        self.base, self.localization = LaggingBase(), Localization()
         self.planner = GoalPlanner(config, "fov", 0)
         self.planner.take_grid(open_floor(), 0)
         self.navigator = Navigator(config, self.planner, ComputingTime(config.computing))

@@ -27,7 +27,7 @@ LISTEN_S, ANSWER_S = 0.3, 0.3  # a Kobuki sends every 20 ms; a Create answers in
 ENOUGH_FRAMES = 2  # with correct checksums; one may be chance
 
 
-class Base(NamedTuple):
+class BaseKind(NamedTuple):
     """One kind. dialect: makes its protocol from the factors on measured distance and on measured turn. board: makes
     its emulated electronics from wheels and a seed."""
 
@@ -43,9 +43,9 @@ class Base(NamedTuple):
 
 
 BASES = {
-    "kobuki": Base(KOBUKI_BAUD, KOBUKI_WHEEL_BASE_M, KobukiDialect, KobukiBoard),
-    CREATE_1.name: Base(CREATE_1.baud, CREATE_1.wheel_base_m, Create1Dialect, partial(CreateBoard, CREATE_1)),
-    CREATE_2.name: Base(CREATE_2.baud, CREATE_2.wheel_base_m, Create2Dialect, partial(CreateBoard, CREATE_2)),
+    "kobuki": BaseKind(KOBUKI_BAUD, KOBUKI_WHEEL_BASE_M, KobukiDialect, KobukiBoard),
+    CREATE_1.name: BaseKind(CREATE_1.baud, CREATE_1.wheel_base_m, Create1Dialect, partial(CreateBoard, CREATE_1)),
+    CREATE_2.name: BaseKind(CREATE_2.baud, CREATE_2.wheel_base_m, Create2Dialect, partial(CreateBoard, CREATE_2)),
 }
 
 

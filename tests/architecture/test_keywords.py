@@ -68,7 +68,7 @@ _TABLES = {
     ("vsx_ros.kernels.warmup", "Edges"): "made-up arrays, in the order of their types",
     ("vsx_ros.kernels.warmup", "Factors"): "made-up arrays, in the order of their types",
     ("vsx_ros.kernels.warmup", "Lattice"): "made-up numbers",
-    ("vsx_ros.kernels.warmup", "Observations"): "made-up arrays, in the order of their types",
+    ("vsx_ros.kernels.warmup", "BundleObservations"): "made-up arrays, in the order of their types",
     ("vsx_ros.kernels.warmup", "ObservedPoints"): "made-up arrays, in the order of their types",
     ("vsx_ros.kernels.warmup", "Scene"): "made-up arrays, in the order of their types",
     ("vsx_ros.kernels.warmup", "View"): "made-up arrays, in the order of their types",

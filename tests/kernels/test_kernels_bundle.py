@@ -69,7 +69,7 @@ class Problem:
     @property
     def observed(self):
         start = np.searchsorted(self.obs_point, np.arange(len(self.points) + 1))
-        return schur.Observations(start, self.obs_point, self.obs_frame, self.obs_xy, np.ones(len(self.obs_xy)))
+        return schur.BundleObservations(start, self.obs_point, self.obs_frame, self.obs_xy, np.ones(len(self.obs_xy)))
 
     def solve(self, free, factors=(), scale=1.0, iterations=30, ground=None, progress=bundle.START):
         poses = [SE3(T.rotation, T.translation * scale) for T in self.start_poses]

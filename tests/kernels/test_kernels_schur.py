@@ -12,7 +12,7 @@ N, M = 4, 30
 
 def observed(start, frame):
     n = len(frame)
-    return schur.Observations(
+    return schur.BundleObservations(
         start, np.repeat(np.arange(len(start) - 1), np.diff(start)), frame, np.zeros((n, 2)), np.ones(n)
     )
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from driving import POSE_LATE_NS, Base
+from driving import POSE_LATE_NS, LaggingBase
 
 from vsx_ros.config import Config, LimitsConfig
 from vsx_ros.control.localization import UNLOCALIZED, Localization, LocalizationState
@@ -33,7 +33,7 @@ class Drive:
     """A follower above a base; told: its commands."""
 
     def __init__(self, config: Config = CONFIG) -> None:
-        self.base, self.follower, self.localization = Base(), Follower(config), Localization()
+        self.base, self.follower, self.localization = LaggingBase(), Follower(config), Localization()
         self.told: list[float | None] = []
         self.state, self.ages, self.ahead = TrackingState.GOOD, MessageAges(), ""
         self.changed: Callable[[LocalizationState], LocalizationState] = lambda where: where

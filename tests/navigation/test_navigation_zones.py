@@ -169,7 +169,7 @@ def test_out_of_a_zone_the_way_is_short_and_leads_nowhere_else(heading: float) -
     run.drive(0.5)
     grid, pose = zoned(box(0.0, 0.0, 0.6)), run.base.pose
     run.planner.take_grid(grid, run.base.now_ns)
-    out = selector.way_out(run.base.now_ns, grid, pose)
+    out = selector.exit_pose(run.base.now_ns, grid, pose)
     assert out is not None
     run.go(out)
     run.drive(15.0)

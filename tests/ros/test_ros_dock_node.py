@@ -20,12 +20,11 @@ from std_msgs.msg import Bool, String, UInt8
 
 from vsx_hw.readings import Hazard
 from vsx_ros.config import Config, DockingConfig
-from vsx_ros.control.localization import MAP_FRAME
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.dock_light import DOCK_LIGHTS
 from vsx_ros.navigation.docking_state import DockingState
-from vsx_ros.robot import STOP, VelocityCommand
+from vsx_ros.robot import MAP_FRAME, STOP, VelocityCommand
 from vsx_ros.ros import (
     base_messages,
     calls,

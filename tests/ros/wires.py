@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
-from driving import FRAME_NS, PLAN_MS, POSE_LATE_NS, Base
+from driving import FRAME_NS, PLAN_MS, POSE_LATE_NS, LaggingBase
 from geometry_msgs.msg import Twist
 from std_msgs.msg import String
 
@@ -39,7 +39,7 @@ class Wires:
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.base = Base()
+        self.base = LaggingBase()
         self.base.now_ns = BEGIN_NS
         self.state, self.camera, self.ahead_ns, self.until_ns = TrackingState.GOOD, True, 0, 2 * BEGIN_NS
         self.told: list[VelocityCommand] = []

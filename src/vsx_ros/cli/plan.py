@@ -12,7 +12,6 @@ import numpy as np
 
 from vsx_ros.arrays import ColorImage, FloatArray
 from vsx_ros.config import Config
-from vsx_ros.control.localization import MAP_FRAME
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.map_file import load_map
@@ -22,6 +21,7 @@ from vsx_ros.occupancy.zoned_grid import with_zones
 from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.planning.joint_qp import check_question
 from vsx_ros.planning.path import Plan, Refusal, Trajectory
+from vsx_ros.robot import MAP_FRAME
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.places import zones_beside
 from vsx_ros.runs.process import DONE, FAILED

@@ -9,10 +9,8 @@ import numpy as np
 from vsx_ros.arrays import FloatArray
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.robot import Odometry, odometry_at
+from vsx_ros.robot import MAP_FRAME, ODOM_FRAME, Odometry, odometry_at
 from vsx_ros.slam.state import TrackingState
-
-MAP_FRAME, ODOM_FRAME = "map", "odom"
 
 _MEMORY = 400  # readings of odometry: 8 s at 50 Hz, more than SLAM is ever late
 _JUMP_M, _JUMP_RAD = 0.3, 0.35  # more is a loop closure or a recognised place: taken at once, not filtered

@@ -13,7 +13,7 @@ from vsx_ros.arrays import FloatArray
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.robot import OperatorHold, UserGoal
+from vsx_ros.robot import MAP_FRAME, OperatorHold, UserGoal
 from vsx_ros.slam.state import TrackingState
 
 SECOND_NS = 1_000_000_000
@@ -139,7 +139,7 @@ class MissionLog:
 
     def answer(self, action: Action, reason: str) -> Decision:
         """Any decision but a new goal."""
-        return Decision(action, goal=None, frame="map", state=self.state.value, reason=reason)
+        return Decision(action, goal=None, frame=MAP_FRAME, state=self.state.value, reason=reason)
 
     def go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
         """A new goal."""

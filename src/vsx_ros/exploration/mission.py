@@ -35,13 +35,13 @@ from vsx_ros.exploration.utility import TravelCostsFrom
 from vsx_ros.exploration.view_selector import ViewSelector
 from vsx_ros.exploration.view_tour import BRAKE_NS, ViewTour
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.robot import ODOM_FRAME
 from vsx_ros.slam.state import TrackingState
 
-_RELOCALISE_WAIT_NS = SECOND_NS  # for the camera to be relocalised after each drive
+_RELOCALISE_WAIT_NS, _RECOGNISE_WAIT_NS = SECOND_NS, 5 * SECOND_NS  # for the camera: after each drive; before the first
 _YIELDING = MissionState.HELD, MissionState.USER_GOAL, MissionState.BLIND
 _IMAGES_WAIT_S = 60.0  # for images to come again; then a device has failed
 _RACE_NS = SECOND_NS  # a drive may be told as failed before it is told that the operator has ended it
-_RECOGNISE_WAIT_NS = 5 * SECOND_NS  # for the camera to be recognised before the robot moves
 
 
 class Mission:
@@ -210,7 +210,7 @@ class Mission:
             why = f"{refused}; {situation.slam_reason}" if refused else situation.slam_reason
             return self._log.finish(now_ns, Outcome.NOT_STARTED, f"the map did not start: {why}")
         self._log.wait_until_ns = now_ns + SECOND_NS
-        return self._log.go(now_ns, T_odom_base @ drive[0], "odom", drive[1])
+        return self._log.go(now_ns, T_odom_base @ drive[0], ODOM_FRAME, drive[1])
 
     def _look_for_a_place(self, now_ns: int, reason: str) -> Decision:
         """With an earlier map: wait for the camera to recognise it, then drive to look for it."""
@@ -244,7 +244,7 @@ class Mission:
         self._log.wait_until_ns = now_ns + _RELOCALISE_WAIT_NS
         drive = self._recovery.next(self._trail, situation)
         if drive is not None:
-            return self._log.go(now_ns, drive[0], "odom", drive[1])
+            return self._log.go(now_ns, drive[0], ODOM_FRAME, drive[1])
         if tracked:
             return self._log.answer(Action.WAIT, "a place of the map is recognised")
         return self._log.finish(now_ns, Outcome.LOST, f"tracking lost for good: {situation.slam_reason}")

@@ -12,7 +12,7 @@ from vsx_ros.config import Config, ExplorationConfig
 from vsx_ros.exploration.decision import SECOND_NS
 from vsx_ros.exploration.time_left import TimeLeft, left_to_see
 from vsx_ros.exploration.utility import RANKERS, Ranking, RankingInput, TravelCostsFrom, View, gain_at, near_poses
-from vsx_ros.exploration.zone_exit import way_out
+from vsx_ros.exploration.zone_exit import exit_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import WALL_ROW_M, Frontier, find_frontiers
@@ -100,14 +100,14 @@ class ViewSelector:
         """Where the known free ground ends in the last ranked map, for display."""
         return find_frontiers(self._grid, self._config.min_frontier_m) if self._grid is not None else []
 
-    def way_out(self, now_ns: int, grid: OccupancyGrid, T_map_base: SE2) -> SE2 | None:
+    def exit_pose(self, now_ns: int, grid: OccupancyGrid, T_map_base: SE2) -> SE2 | None:
         """The pose outside all zones with the shortest way from here, away from exits that failed; None when there is
         none, then failed ones may be tried again."""
         if not isinstance(grid, ZonedGrid):
             return None
         self._exits.choose_at(T_map_base)
         costs, failed = self._travel_costs, lambda poses: self._exits.near(now_ns, poses)
-        found = way_out(grid, T_map_base, self._radius_m, costs, failed)
+        found = exit_pose(grid, T_map_base, self._radius_m, costs, failed)
         if found is None:
             self._exits.release(now_ns)
         return found

@@ -10,6 +10,7 @@ from vsx_ros.exploration.view_selector import ExpectedGain, ViewSelector
 from vsx_ros.exploration.zone_exit import ZoneWatch
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.robot import MAP_FRAME, ODOM_FRAME
 
 _EMPTY_WAIT_NS = 2 * SECOND_NS  # no view: the mapper may still be making the map
 _SETTLE_NS, BRAKE_NS = SECOND_NS, SECOND_NS // 2  # wait for the map after a failed goal; for the base to stand
@@ -133,7 +134,7 @@ class ViewTour:
 
     def _drive_out(self, now_ns: int, zone: str, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
         """The shortest way out of a zone that was drawn around the robot."""
-        goal = self._view_selector.way_out(now_ns, grid, T_map_base)
+        goal = self._view_selector.exit_pose(now_ns, grid, T_map_base)
         if goal is None:
             self._log.wait_until_ns = now_ns + _EMPTY_WAIT_NS
             reason = f"the robot stands in the zone {zone!r}, and no way leads out of it: waiting"
@@ -142,14 +143,16 @@ class ViewTour:
             return self._log.answer(Action.WAIT, reason)
         self._leaving, self._exit = zone, goal
         away_m = T_map_base.distance_to(goal)
-        return self._go(now_ns, goal, "map", f"driving out of the zone {zone!r}: {away_m:.1f} m to the nearest place")
+        return self._go(
+            now_ns, goal, MAP_FRAME, f"driving out of the zone {zone!r}: {away_m:.1f} m to the nearest place"
+        )
 
     def _choose(self, now_ns: int, situation: Situation, grid: OccupancyGrid, T_map_base: SE2) -> Decision:
         if self._home.asked and self._home.pose is not None:
             if self._home.out_of_reach:
                 return self._log.finish(now_ns, Outcome.STRANDED, self._home.out_of_reach)
             self._goal = View(self._home.pose, gain_m2=0.0, distance_m=0.0, landmarks=0, utility=0.0)
-            return self._go(now_ns, self._goal.pose, "map", "driving home")
+            return self._go(now_ns, self._goal.pose, MAP_FRAME, "driving home")
         best = self._drive_to_best(now_ns, situation, grid, T_map_base)
         return best or self._nothing_left(now_ns, situation, grid)
 
@@ -164,7 +167,7 @@ class ViewTour:
         self._empty_rankings, self.has_gone = 0, True
         self._goal = goal = views[0]
         self._gain = self._view_selector.expected_gain(goal, grid)
-        return self._go(now_ns, goal.pose, "map", goal.words(self._config.stop_cost_m))
+        return self._go(now_ns, goal.pose, MAP_FRAME, goal.words(self._config.stop_cost_m))
 
     def _nothing_left(self, now_ns: int, situation: Situation, grid: OccupancyGrid) -> Decision:
         """No view is worth its drive: try failed goals again, then look from elsewhere. It is explored only when all
@@ -207,7 +210,7 @@ class ViewTour:
         arc = escape_arc(grid, situation.T_map_base, self._body_m, self._phi_rad_m, step_m, ahead)
         if arc is None and (len(self._trail.poses) > 1 or situation.hazard):
             return self._back_off(now_ns, reason)
-        return self._go(now_ns, situation.T_odom_base @ (arc or SPOT_TURN), "odom", reason)
+        return self._go(now_ns, situation.T_odom_base @ (arc or SPOT_TURN), ODOM_FRAME, reason)
 
     def _back_off(self, now_ns: int, reason: str) -> Decision:
         """A step back along the ground just driven, which is surely free."""
@@ -216,7 +219,7 @@ class ViewTour:
             self._log.wait_until_ns = now_ns + _EMPTY_WAIT_NS
             return self._log.answer(Action.WAIT, "no way back along the trail")
         self.backing_off = True
-        return self._go(now_ns, goal, "odom", reason)
+        return self._go(now_ns, goal, ODOM_FRAME, reason)
 
     def _go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
         self._stopped_for = ""

@@ -31,7 +31,7 @@ class ZoneWatch:
         return self._keep_out.zone_at(pose.x, pose.y)
 
 
-def way_out(
+def exit_pose(
     grid: ZonedGrid,
     T_map_base: SE2,
     radius_m: float,

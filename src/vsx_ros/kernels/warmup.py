@@ -15,7 +15,7 @@ from vsx_ros.kernels.sim.raycast_cull import Scene, plane_forms
 from vsx_ros.kernels.sim.raycast_shade import TILE
 from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph
 from vsx_ros.kernels.slam.factors import Factors, no_floor
-from vsx_ros.kernels.slam.schur import Observations
+from vsx_ros.kernels.slam.schur import BundleObservations
 from vsx_ros.kernels.vision import alignment, search
 from vsx_ros.kernels.vision.patches import Target
 
@@ -103,7 +103,7 @@ def _mapping() -> None:
     K, no_shift = np.array([100.0, 100.0, 31.5, 31.5]), np.zeros((1, 3))
     pair, one = np.array([np.eye(3), np.eye(3)]), np.zeros(1, np.int64)
     way = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
-    seen = Observations(np.array([0, 2]), np.zeros(2, np.int64), np.array([0, 1]), np.zeros((2, 2)), np.ones(2))
+    seen = BundleObservations(np.array([0, 2]), np.zeros(2, np.int64), np.array([0, 1]), np.zeros((2, 2)), np.ones(2))
     factors = Factors(one, one + 1, pair[:1], no_shift, np.eye(6)[None])
     free, points = np.array([-1, 0]), np.array([[0.0, 0.0, 1.0]])
     bundle.adjust(K, pair, way, free, points, seen, factors, no_floor(), 2, 0.4, bundle.START)

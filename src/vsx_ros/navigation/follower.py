@@ -9,13 +9,13 @@ from typing import NamedTuple
 import msgspec
 
 from vsx_ros.config import Config
-from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME, LocalizationState
+from vsx_ros.control.localization import LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowResult, FollowStatus, TrajectoryTracker
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.lease import LEASE_S, ImageLease
 from vsx_ros.planning.path import Trajectory
-from vsx_ros.robot import STOP, VelocityCommand
+from vsx_ros.robot import MAP_FRAME, ODOM_FRAME, STOP, VelocityCommand
 from vsx_ros.slam.state import TrackingState
 
 _VSLAM_GONE_S = 2.0  # The base waits for a silent vslam, but not longer

@@ -15,7 +15,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from vsx_ros.config import Config
-from vsx_ros.control.localization import MAP_FRAME, LocalizationState
+from vsx_ros.control.localization import LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower import FollowerReport
@@ -23,6 +23,7 @@ from vsx_ros.navigation.way_watch import WayWatch, frame_in_map
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.corridor import braking_before
 from vsx_ros.planning.path import Refusal, TimedPlan
+from vsx_ros.robot import MAP_FRAME
 
 _FOLLOWER_S = 1.0  # The follower reports its status five times a second
 _PLANNER_S = 15.0  # Plans take a second or two; a planner that needs this long hangs

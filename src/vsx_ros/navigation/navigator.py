@@ -5,7 +5,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config import ComputingConfig, Config
-from vsx_ros.control.localization import MAP_FRAME, ODOM_FRAME, LocalizationState
+from vsx_ros.control.localization import LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowResult
 from vsx_ros.errors import PlanningError
 from vsx_ros.exploration.decision import NavigationState
@@ -20,7 +20,7 @@ from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.planning.slow_spans import blind_spans, zone_spans
 from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.robot import STOP
+from vsx_ros.robot import MAP_FRAME, ODOM_FRAME, STOP
 
 _CHECK_STEP_M = 0.01  # between places of a way that are checked against zones
 _SAME_MAP_NS = 3_000_000_000  # landmarks that are older or newer than the map by more do not belong to it

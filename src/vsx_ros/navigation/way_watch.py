@@ -6,12 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.config import Config
-from vsx_ros.control.localization import MAP_FRAME, LocalizationState
+from vsx_ros.control.localization import LocalizationState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import ZonedGrid, speed_limits
 from vsx_ros.planning.corridor import obstacle_ahead, zone_ahead
 from vsx_ros.planning.path import Trajectory
+from vsx_ros.robot import MAP_FRAME
 from vsx_ros.slam.state import TrackingState
 
 _FASTER_M_S = 0.01  # rounding of times

@@ -67,11 +67,11 @@ def search(start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray) -> C
 def _past_pockets(start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray) -> CoarsePath | None:
     """The way out of the pocket of the start, over the coarse lattice, and into that of the goal; None without one."""
     coarse = coarse_lattice(bounds.phi)
-    first = way_out(start, goal, bounds, remaining) if is_stuck(start, goal, bounds, coarse) else None
+    first = way_out_of_pocket(start, goal, bounds, remaining) if is_stuck(start, goal, bounds, coarse) else None
     last = None
     if is_stuck(_about_turn(goal), _about_turn(start), bounds, coarse):
         back = joined_distance(bounds.margin, (start.x, start.y))
-        last = way_out(_about_turn(goal), _about_turn(start), bounds, back)
+        last = way_out_of_pocket(_about_turn(goal), _about_turn(start), bounds, back)
     if first is None and last is None:
         return None
     begin = start if first is None else first.arcs(start)[-1].end
@@ -86,7 +86,7 @@ def _past_pockets(start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArra
     return CoarsePath(turns, lengths, bounds.phi)
 
 
-def way_out(pose: SE2, target: SE2, bounds: ArcBounds, remaining: FloatArray) -> CoarsePath | None:
+def way_out_of_pocket(pose: SE2, target: SE2, bounds: ArcBounds, remaining: FloatArray) -> CoarsePath | None:
     """The way out of a pocket, over fine lattices around it, to where the arcs of the coarse one are free; None when
     there is none. remaining (H, W): ``travel_distance`` from the target."""
     margin, phi, _ = bounds

@@ -103,7 +103,7 @@ def base_watchdogs(robot_type: str, port: str) -> Watchdogs:
     return NoWatchdogs() if base is None else Watchdogs(port, base.baud, base.stop_bytes())
 
 
-def wired(robot_type: str) -> bases.Base:
+def wired(robot_type: str) -> bases.BaseKind:
     """A base at a serial port; each one also has an emulator. Raises ConfigError for any other base."""
     if robot_type not in bases.BASES:
         raise ConfigError(f"~robot_type {robot_type!r}: give {', '.join(bases.BASES)} or auto")

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from std_msgs.msg import String
 
-from vsx_ros.control.localization import MAP_FRAME
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.limits import FAR_M
 from vsx_ros.planning.path import Refusal, TimedPlan
+from vsx_ros.robot import MAP_FRAME
 from vsx_ros.ros import headers, topics
 from vsx_ros.ros.callbacks import json_number, json_object, offer_text
 from vsx_ros.ros.planning_thread import PlanningThread

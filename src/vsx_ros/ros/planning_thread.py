@@ -17,7 +17,6 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float32
 
 from vsx_ros.config import Config, overridden
-from vsx_ros.control.localization import MAP_FRAME
 from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.warmup import warm_up
@@ -25,6 +24,7 @@ from vsx_ros.navigation.goal_execution import PlanRequest
 from vsx_ros.navigation.navigator import GoalPlanner
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal, TimedPlan
+from vsx_ros.robot import MAP_FRAME
 from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.driving import path_msg

@@ -2,6 +2,9 @@
 
 ``PUBLISHED`` and ``SERVICES`` are the node graph; documentation and tests read it from here."""
 
+from vsx_ros.robot import MAP_FRAME as MAP_FRAME
+from vsx_ros.robot import ODOM_FRAME as ODOM_FRAME
+
 _NODES = (
     "camera",
     "mobile_base",
@@ -36,8 +39,6 @@ def _service(name: str, kind: str, node: str) -> str:
 
 # Frames (REP 103, 105, 120): map -> odom -> base_footprint -> base_link -> camera_link -> camera_rgb_frame
 # -> camera_rgb_optical_frame; base_link -> gyro_link.
-MAP_FRAME = "map"
-ODOM_FRAME = "odom"
 BASE_FRAME = "base_footprint"
 BODY_FRAME = "base_link"
 GYRO_FRAME = "gyro_link"

@@ -13,10 +13,10 @@ from vsx_ros.geometry.se3 import SE3, skew, stacked
 from vsx_ros.kernels.slam.bundle import START, adjust
 from vsx_ros.kernels.slam.factors import Factors, Floor, no_floor
 from vsx_ros.kernels.slam.pose import TUKEY
-from vsx_ros.kernels.slam.schur import Observations
+from vsx_ros.kernels.slam.schur import BundleObservations
 from vsx_ros.slam.gauge import size_kept
 from vsx_ros.slam.held_points import carry_points
-from vsx_ros.slam.keyframe import Observations as Seen
+from vsx_ros.slam.keyframe import Observations
 from vsx_ros.slam.map import Map
 
 SIGMA_MIN_PX = 0.4  # px at level 0, as in the tracker: precision of the patch search
@@ -105,7 +105,7 @@ class BundleAdjuster:
         frames: list[int],
         free: list[int],
         rows: IntArray,
-        observed: Observations,
+        observed: BundleObservations,
         iterations: int,
         interrupted: Callable[[], bool],
     ) -> tuple[FloatArray, FloatArray, Points3, BoolArray, bool]:
@@ -187,10 +187,13 @@ def _resized(
     return R, t, centre + factor * (points - centre)
 
 
-def _observed(world: Map, frames: list[int], seen: BoolArray) -> tuple[IntArray, Observations]:
+def _observed(world: Map, frames: list[int], seen: BoolArray) -> tuple[IntArray, BundleObservations]:
     """Rows (M,) of the points in ``seen`` (P,) that two or more keyframes of ``frames`` see, and the observations."""
     parts = [world.keyframes[k].observations for k in frames]
-    every, frame = Seen.concatenated(parts), np.repeat(np.arange(len(frames)), [len(part.rows) for part in parts])
+    every, frame = (
+        Observations.concatenated(parts),
+        np.repeat(np.arange(len(frames)), [len(part.rows) for part in parts]),
+    )
     counts = np.bincount(every.rows, minlength=len(world.points))
     wanted = np.flatnonzero(seen & (counts >= 2))
     number = np.full(len(world.points), -1)
@@ -200,7 +203,7 @@ def _observed(world: Map, frames: list[int], seen: BoolArray) -> tuple[IntArray,
     order = order[np.count_nonzero(local < 0) :]
     start = np.concatenate([[0], np.cumsum(counts[wanted])])
     scale: FloatArray = np.power(0.5, every.level[order])
-    return wanted, Observations(
+    return wanted, BundleObservations(
         start=start, point=local[order], frame=frame[order], xy=every.ideal[order], weight=scale
     )
 

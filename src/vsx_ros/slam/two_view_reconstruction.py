@@ -15,7 +15,7 @@ from vsx_ros.geometry.two_view_certainty import certainty, every_motion, pure_ro
 from vsx_ros.kernels.geometry import unproject_pixels
 from vsx_ros.kernels.slam.bundle import START, adjust
 from vsx_ros.kernels.slam.factors import no_factors, no_floor
-from vsx_ros.kernels.slam.schur import Observations
+from vsx_ros.kernels.slam.schur import BundleObservations
 from vsx_ros.slam.keyframe import FrameData
 from vsx_ros.slam.point_creation import Candidates, TargetMatches, checked_points
 
@@ -144,7 +144,7 @@ class TwoViewReconstruction:
         R, t = stacked([SE3.identity(), T_b_a])
         xy = np.stack([rays_a, rays_b], axis=1).reshape(-1, 2) * f
         start, point, frame = np.arange(0, 2 * n + 1, 2), np.repeat(np.arange(n), 2), np.tile([0, 1], n)
-        observed = Observations(start=start, point=point, frame=frame, xy=xy, weight=np.ones(2 * n))
+        observed = BundleObservations(start=start, point=point, frame=frame, xy=xy, weight=np.ones(2 * n))
         K, free = np.array([f, f, 0.0, 0.0]), np.array([-1, 0])
         R, t, *_ = adjust(K, R, t, free, points, observed, no_factors(), no_floor(), 12, 0.3, START)
         return SE3(R[1], t[1] / max(float(np.linalg.norm(t[1])), 1e-12))

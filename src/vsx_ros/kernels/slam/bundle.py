@@ -15,7 +15,7 @@ from vsx_ros.kernels.slam.factors import Factors, Floor, add_factors, add_floor,
 from vsx_ros.kernels.slam.pose import TUKEY, add_observation, tukey_sigma
 from vsx_ros.kernels.slam.schur import (
     Blocks,
-    Observations,
+    BundleObservations,
     Pattern,
     back_substitute,
     pattern_of,
@@ -50,7 +50,7 @@ class Estimate(NamedTuple):
 
 
 @kernel
-def fill_residuals(K: FloatArray, now: Estimate, observed: Observations) -> None:
+def fill_residuals(K: FloatArray, now: Estimate, observed: BundleObservations) -> None:
     """Fill the residuals and squares of an estimate; residuals behind the camera stay unchanged."""
     R, t, points, res, e = now
     for o in range(e.shape[0]):
@@ -81,7 +81,7 @@ def cost_of(now: Estimate, sigma: float, factors: Factors, floor: Floor) -> floa
 
 @kernel
 def linearise(
-    K: FloatArray, now: Estimate, number: IntArray, observed: Observations, sigma: float, linear: Blocks
+    K: FloatArray, now: Estimate, number: IntArray, observed: BundleObservations, sigma: float, linear: Blocks
 ) -> None:
     """Fill all blocks but L."""
     R, t, points, res, e = now
@@ -168,7 +168,7 @@ def _move(number: IntArray, step: FloatArray, now: Estimate, trial: Estimate) ->
 
 @kernel
 def adjust(
-    K: FloatArray, R0: FloatArray, t0: FloatArray, free: IntArray, points0: FloatArray, observed: Observations,
+    K: FloatArray, R0: FloatArray, t0: FloatArray, free: IntArray, points0: FloatArray, observed: BundleObservations,
     factors: Factors, floor: Floor, iterations: int, sigma_min: float, progress: Progress,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, int, Progress]:  # fmt: skip
     """Refine frames T_cam_world (R0 (F, 3, 3), t0 (F, 3)) and points0 (M, 3).

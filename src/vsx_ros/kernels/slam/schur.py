@@ -11,7 +11,7 @@ from vsx_ros.kernels import kernel
 from vsx_ros.kernels.linalg.frontal import elimination
 
 
-class Observations(NamedTuple):
+class BundleObservations(NamedTuple):
     """O observations sorted by point: those of point p from start[p] on (M + 1,). point, frame (O,): which frame sees
     which point; xy (O, 2) undistorted px; weight (O,) = 2^-level."""
 
@@ -63,7 +63,7 @@ def _tie(i: int, j: int, tied: BoolArray) -> None:
 
 
 @kernel
-def pattern_of(free: IntArray, observed: Observations, factor_a: IntArray, factor_b: IntArray) -> Pattern:
+def pattern_of(free: IntArray, observed: BundleObservations, factor_a: IntArray, factor_b: IntArray) -> Pattern:
     """The ``Pattern`` of frames that are tied by points or factors. free (F,): 0..n-1, or -1 for fixed frames."""
     n = 0
     for f in range(free.shape[0]):
@@ -148,7 +148,7 @@ def _members(number: IntArray, obs_frame: IntArray, W: FloatArray, first: int, b
 
 @kernel
 def reduce_points(
-    pattern: Pattern, observed: Observations, linear: Blocks, damping: float, blocks: FloatArray, rhs: FloatArray
+    pattern: Pattern, observed: BundleObservations, linear: Blocks, damping: float, blocks: FloatArray, rhs: FloatArray
 ) -> None:
     """Subtract the points' share from the system's blocks and from rhs (n, 6); fill L."""
     _, _, V, gp, W, L = linear
@@ -190,7 +190,12 @@ def reduce_points(
 
 @kernel
 def back_substitute(
-    number: IntArray, observed: Observations, linear: Blocks, step: FloatArray, points: FloatArray, moved: FloatArray
+    number: IntArray,
+    observed: BundleObservations,
+    linear: Blocks,
+    step: FloatArray,
+    points: FloatArray,
+    moved: FloatArray,
 ) -> None:
     """Fill moved (M, 3) with the points after the step that follows from the frames' step (n, 6)."""
     _, _, _, gp, W, L = linear
