@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 import enum
+import time
 from collections import deque
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:  # a process that stops wheels starts sooner without it
@@ -14,6 +16,8 @@ if TYPE_CHECKING:  # a process that stops wheels starts sooner without it
 
 DRIFT_WINDOW_NS = 10_000_000_000  # in which two quartz clocks drift apart by at most a millisecond
 RESTART_NS = 1_000_000_000  # no message is delayed so long
+STEP_NS, UNINTERRUPTED_NS, TRIES = 1_000_000, 100_000, 10
+"""Smallest step of the host's clock that is followed; longest time to read both of its clocks; tries to do so."""
 
 
 class Hazard(enum.IntFlag):
@@ -165,14 +169,30 @@ class LinkStatus(NamedTuple):
     alive: bool = True
 
 
+def host_ahead_ns() -> int:
+    """By how much the host's time since the epoch is ahead of its monotonic time; only a step of the clock changes it.
+    Read again when the process was interrupted."""
+    spans = []
+    for _ in range(TRIES):
+        begin_ns, wall_ns, end_ns = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
+        spans.append((end_ns - begin_ns, wall_ns - begin_ns))
+        if spans[-1][0] < UNINTERRUPTED_NS:
+            break
+    return min(spans)[1]
+
+
 class DeviceClock:
     """Unwraps a counter of tick_hz that wraps at 2**bits, and converts it to host time.
 
     A device stamps evenly; the messages arrive late by a varying amount (USB scheduling, a busy machine). The smallest
     difference (arrival - device time) of the last seconds is the best estimate of the clocks' offset. Windows follow
-    the drift between the two crystals."""
+    the drift between the two crystals. The estimate uses the host's monotonic time, which is never set; ahead_ns tells
+    by how much the time since the epoch is ahead of it."""
 
-    def __init__(self, tick_hz: int, bits: int) -> None:
+    def __init__(self, tick_hz: int, bits: int, ahead_ns: Callable[[], int] | None = None) -> None:
+        self._read_ahead_ns = ahead_ns or host_ahead_ns
+        self._ahead_ns = self._ahead_before_ns = self._read_ahead_ns()
+        self._stepped_ns = -RESTART_NS
         self._tick_hz = tick_hz
         self._modulus = 1 << bits
         self._raw: int | None = None
@@ -182,9 +202,10 @@ class DeviceClock:
     def host_ns(self, raw: int, arrival_ns: int) -> int:
         """Host time of the counter value raw that arrived at arrival_ns; strictly increasing between restarts.
 
-        A jump against the host's clock of more than a second (the device restarted, was silent for long, or the host's
-        clock was set) restarts the estimate."""
+        A jump against the host's clock of more than a second (the device restarted, or was silent for long) restarts
+        the estimate. After a step of the host's clock the stamps are those of the new time at once."""
         ticks = 0 if self._raw is None else (raw - self._raw) % self._modulus
+        arrival_ns = self._monotonic_ns(arrival_ns, self._arrival_ns + self._ns(ticks))
         jump_ns = arrival_ns - self._arrival_ns - self._ns(ticks)
         if self._raw is None or abs(jump_ns) > RESTART_NS:
             self._least_ns.clear()
@@ -198,8 +219,20 @@ class DeviceClock:
             self._window_start_ns = arrival_ns
         else:
             self._least_ns[-1] = min(self._least_ns[-1], offset_ns)
-        self._last_ns = max(self._last_ns + 1, self._ns(self._ticks) + min(self._least_ns))
+        stamp_ns = self._ns(self._ticks) + min(self._least_ns) + self._ahead_ns
+        self._last_ns = max(self._last_ns + 1, stamp_ns)
         return self._last_ns
+
+    def _monotonic_ns(self, arrival_ns: int, expected_ns: int) -> int:
+        """The arrival in the host's monotonic time; for a second after a step it may be an arrival before it."""
+        ahead_ns = self._read_ahead_ns()
+        if abs(ahead_ns - self._ahead_ns) > STEP_NS:
+            self._ahead_before_ns, self._ahead_ns = self._ahead_ns, ahead_ns
+            self._stepped_ns, self._last_ns = arrival_ns - ahead_ns, 0
+        now_ns, before_ns = arrival_ns - self._ahead_ns, arrival_ns - self._ahead_before_ns
+        if now_ns - self._stepped_ns > RESTART_NS or abs(now_ns - expected_ns) <= abs(before_ns - expected_ns):
+            return now_ns
+        return before_ns
 
     def _ns(self, ticks: int) -> int:
         return ticks * 1_000_000_000 // self._tick_hz
