@@ -74,6 +74,13 @@ def test_a_changed_byte_never_yields_values():
             assert all(values == CAPTURED for values in parser.feed(bytes(frame) + CAPTURE))
 
 
+def test_a_false_header_before_a_long_length_holds_back_no_requested_frame():
+    parser = StreamParser(list(CAPTURED))
+    assert parser.feed(CAPTURE + bytes((19, 255)) + CAPTURE[:-1]) == [CAPTURED]
+    assert parser.feed(CAPTURE[-1:] + CAPTURE) == [CAPTURED] * 2
+    assert parser.refused == 1
+
+
 @settings(max_examples=60)
 @given(st.binary(max_size=300))
 def test_any_bytes_are_survived(junk):

@@ -25,7 +25,7 @@ class Create2Dialect(CreateDialect):
     def __init__(self, linear_scale: float = 1.0, angular_scale: float = 1.0) -> None:
         super().__init__(protocol.CREATE_2)
         self.odometry: EncoderOdometry = EncoderOdometry(linear_scale, angular_scale)
-        self._parser = protocol.StreamParser()
+        self._parser = protocol.StreamParser(STREAM_PACKETS)
         self._refused = self._heard_ns = 0
 
     def hello(self) -> Iterable[tuple[bytes, float]]:

@@ -107,11 +107,13 @@ class StreamParser:
     """Turns the byte stream of opcode 148 into {packet: value} frames; recovers after lost, added or changed bytes.
 
     The two manuals disagree whether the checksum includes the header byte. Either is accepted until LOCK_AFTER frames
-    agreed; then the other one is an error. ``refused`` counts frames with a wrong checksum or unknown packets."""
+    agreed; then the other one is an error. ``refused`` counts frames with a wrong length, checksum or packet.
+    packets: the requested ones, if known: then a wrong length holds back no frames."""
 
     LOCK_AFTER = 3
 
-    def __init__(self) -> None:
+    def __init__(self, packets: list[int] | None = None) -> None:
+        self._length = None if packets is None else len(packets) + packets_bytes(packets)
         self.frames = 0
         self.refused = 0
         self._buffer = bytearray()
@@ -127,11 +129,13 @@ class StreamParser:
         while True:
             at = buffer.find(STREAM_HEADER)
             del buffer[: at if at >= 0 else len(buffer)]
-            if len(buffer) < 2 or len(buffer) < buffer[1] + 3:
+            possible = len(buffer) < 2 or self._length in (None, buffer[1])
+            if possible and (len(buffer) < 2 or len(buffer) < buffer[1] + 3):
                 return None
             length = buffer[1]
             remainder = sum(buffer[: length + 3]) % 256
-            values = _stream_values(bytes(buffer[2 : length + 2])) if self._accepts(remainder) else None
+            accepted = possible and self._accepts(remainder)
+            values = _stream_values(bytes(buffer[2 : length + 2])) if accepted else None
             if values is None:
                 self.refused += 1
                 del buffer[:1]
