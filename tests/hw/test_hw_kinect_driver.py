@@ -239,6 +239,50 @@ def test_exposure_and_white_balance_are_locked_when_the_picture_has_settled(tmp_
         wait_for(lambda: camera.status().counters["exposure_locked"] == 1)
 
 
+def test_what_one_stream_locked_is_automatic_in_the_next(tmp_path, monkeypatch):
+    monkeypatch.setattr(driver_module, "LOCK_AFTER_S", 0.1)
+    monkeypatch.setattr(driver_module, "REVIVE_AFTER_S", 0.5)
+    path, pictures = str(tmp_path / "kinect"), (image(k) for k in itertools.count())
+    automatic, locked = 0x708E, 0x708E & ~0x4002
+
+    def modes() -> int:
+        return emulator.board.cmos[EXPOSURE_MODES]
+
+    def locks() -> bool:
+        emulator.send_frame(next(pictures), time.time_ns())
+        return camera.status().counters["exposure_locked"] == 1
+
+    with KinectEmulator(path) as emulator:
+        with KinectCamera(lambda: SocketTransport(path), path, lambda _: None, lock_exposure=True) as camera:
+            wait_for(lambda: emulator.streaming)
+            wait_for(locks)
+            assert modes() == locked
+            wait_for(lambda: camera.status().counters["revivals"] and modes() == automatic)
+            assert camera.status().counters["exposure_locked"] == 0
+            wait_for(locks)
+        assert modes() == locked
+        with KinectCamera(lambda: SocketTransport(path), path, lambda _: None) as camera:
+            wait_for(lambda: emulator.streaming and modes() == automatic)
+
+
+def test_a_lock_that_the_sensor_does_not_take_over_is_not_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(driver_module, "LOCK_AFTER_S", 0.1)
+    path, pictures = str(tmp_path / "kinect"), (image(k) for k in itertools.count())
+
+    class Stubborn(dict):
+        def __setitem__(self, address, value):
+            tried.append(value)
+
+    tried: list[int] = []
+    with KinectEmulator(path) as emulator:
+        emulator.board.cmos = Stubborn(emulator.board.cmos)
+        with KinectCamera(lambda: SocketTransport(path), path, lambda _: None, lock_exposure=True) as camera:
+            wait_for(lambda: (emulator.send_frame(next(pictures), time.time_ns()), tried)[1])
+            time.sleep(0.3)
+            assert camera.status().counters["exposure_locked"] == 0
+            assert camera.status().connected
+
+
 def test_a_camera_that_refuses_the_lock_is_not_said_to_be_locked(tmp_path, monkeypatch):
     monkeypatch.setattr(driver_module, "LOCK_AFTER_S", 0.1)
     asked: list[tuple[int, ...]] = []

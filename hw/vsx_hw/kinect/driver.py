@@ -55,8 +55,8 @@ class KinectCamera(ConnectionThread):
     """Calls ``on_image`` with images of one mode, on the transport's thread.
 
     A stream without a new image for five seconds is restarted. A camera that vanishes is reopened with growing pauses.
-    A repeated image is not delivered. lock_exposure: after two seconds of images, exposure and white balance are
-    locked."""
+    A repeated image is not delivered. Exposure and white balance are automatic in a new stream; lock_exposure: after
+    two seconds of images they are locked."""
 
     def __init__(
         self, open_transport: Callable[[], KinectTransport], device: str, on_image: Callable[[ImageReading], None],
@@ -90,7 +90,7 @@ class KinectCamera(ConnectionThread):
                 self._revive(transport)
             elif self._lock_pending and 0.0 < self._streaming_since_s < time.monotonic() - LOCK_AFTER_S:
                 self._lock_pending = False
-                self._lock_exposure(transport)
+                self._locked = self._set_automatic(transport, False)
 
     def _restart(self) -> None:
         """Reset the state for a new stream."""
@@ -110,6 +110,7 @@ class KinectCamera(ConnectionThread):
         self._restart()
         transport.start_iso(self._on_packets)
         self._write(transport, self._mode.start)
+        self._set_automatic(transport, True)  # an earlier stream or program may have locked it
 
     def _leave(self, transport: KinectTransport) -> None:
         """Switch off first, then stop receiving."""
@@ -118,15 +119,22 @@ class KinectCamera(ConnectionThread):
         finally:
             transport.stop_iso()
 
-    def _lock_exposure(self, transport: KinectTransport) -> None:
-        """A camera that refuses stays automatic."""
-        address, automatic = protocol.EXPOSURE_MODES, protocol.AUTOMATIC_EXPOSURE | protocol.AUTOMATIC_WHITE_BALANCE
+    def _set_automatic(self, transport: KinectTransport, on: bool) -> bool:
+        """Switch automatic exposure and white balance on, or off: locked. Returns whether the sensor says that they
+        are; one that refuses is left as it is."""
+        address, bits = protocol.EXPOSURE_MODES, protocol.AUTOMATIC_EXPOSURE | protocol.AUTOMATIC_WHITE_BALANCE
+        wanted, problem = bits if on else 0, "the sensor keeps its modes"
         try:
-            reply = self._ask(transport, protocol.CMOS_REGISTER, 1, address, 0)
-            self._ask(transport, protocol.CMOS_REGISTER, 1, address | protocol.CMOS_WRITE, reply[2] & ~automatic)
-            self._locked = True
+            modes = self._ask(transport, protocol.CMOS_REGISTER, 1, address, 0)[2]
+            if modes & bits == wanted:
+                return True
+            self._ask(transport, protocol.CMOS_REGISTER, 1, address | protocol.CMOS_WRITE, modes & ~bits | wanted)
+            if self._ask(transport, protocol.CMOS_REGISTER, 1, address, 0)[2] & bits == wanted:
+                return True
         except (DeviceError, IndexError) as error:
-            logger.warning("%s: exposure stays automatic (%s)", self._name, error)
+            problem = str(error)
+        logger.warning("%s: exposure cannot be made %s (%s)", self._name, "automatic" if on else "fixed", problem)
+        return False
 
     def _write(self, transport: KinectTransport, registers: Iterable[protocol.Register]) -> None:
         for register in registers:

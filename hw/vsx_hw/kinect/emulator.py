@@ -28,7 +28,8 @@ AUTOMATIC = 0x708E  # Register EXPOSURE_MODES after power-on: everything automat
 
 
 class KinectBoard:
-    """The camera's registers, those of its image sensor (``cmos``), and its packet counter."""
+    """The camera's registers, those of its image sensor (``cmos``, kept while the camera has power), and its packet
+    counter."""
 
     def __init__(self) -> None:
         self.registers: dict[int, int] = {}
@@ -152,7 +153,9 @@ class KinectEmulator:
                 return
             client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SEND_TIMEOUT)
             with self._lock:
-                self._client, self.board, self._receiving = client, KinectBoard(), False
+                board, self.board = self.board, KinectBoard()
+                self.board.cmos = board.cmos
+                self._client, self._receiving = client, False
             self._obey(client)
             with self._lock:
                 self._client, self._receiving = None, False
