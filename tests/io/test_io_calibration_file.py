@@ -5,7 +5,7 @@ import pytest
 
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera, Shutter
-from vsx_ros.io.calibration_file import read_calibration, write_calibration
+from vsx_ros.io.calibration_file import camera_from_info, read_calibration, write_calibration
 
 CAMERA = PinholeCamera(640, 480, 517.306408, 516.469215, 318.643040, 255.313989, (0.26, -0.95, -0.005, 0.0026, 1.16))
 
@@ -40,6 +40,9 @@ def test_a_written_camera_is_read_back_exactly(tmp_path):
         ("radtan", [0.1] * 8, ("rational_polynomial", 8)),
         ("rational_polynomial", [0.1] * 8 + [0.0] * 6, ("rational_polynomial", 8)),
         ("fisheye", [0.1, 0.0, 0.0, 0.0], ("equidistant", 4)),
+        ("none", [], ("plumb_bob", 5)),
+        ("inverse_brown_conrady", [0.0] * 5, ("plumb_bob", 5)),
+        ("Inverse Brown Conrady", [0.0] * 5, ("plumb_bob", 5)),
     ],
 )
 def test_models_go_by_many_names(tmp_path, model, dist, expected):
@@ -50,6 +53,12 @@ def test_models_go_by_many_names(tmp_path, model, dist, expected):
     (tmp_path / "c.json").write_text(json.dumps({**tree, "dist": [0.1] * 9}))
     with pytest.raises(CalibrationError, match=r"with 9 coefficients is not supported"):
         read_calibration(tmp_path / "c.json")
+
+
+@pytest.mark.parametrize(("model", "D"), [("ftheta", [0.0] * 5), ("inverse_brown_conrady", [0.1, 0.0, 0.0, 0.0, 0.0])])
+def test_a_lens_that_is_no_pinhole_is_refused_by_its_unknown_model(model, D):
+    with pytest.raises(CalibrationError, match=f"model '{model}' with 5 coefficients is not supported"):
+        camera_from_info(640, 480, [300.0, 0.0, 320.0, 0.0, 300.0, 240.0, 0.0, 0.0, 1.0], D, model, "c")
 
 
 @pytest.mark.parametrize("shutter", ["-1", "{readout_s: 0.03}", "{readout_s: -0.03, exposure_s: 0.01}"])

@@ -17,6 +17,8 @@ from vsx_ros.limits import DAMAGE, file_text, json_tree, yaml_tree
 _MODELS = dict.fromkeys(("plumb_bob", "radtan", "radial-tangential", "pinhole", ""), lens.PLUMB_BOB)
 _MODELS |= dict.fromkeys(("rational_polynomial", "rational"), lens.RATIONAL)
 _MODELS |= dict.fromkeys(("equidistant", "fisheye", "kannala_brandt"), lens.EQUIDISTANT)
+# Of RealSense cameras: each is a pinhole while its coefficients are 0. A fisheye's model would not be.
+_PINHOLES = ("none", "brown_conrady", "inverse_brown_conrady", "modified_brown_conrady")
 _FORMATS = "a ROS camera_info YAML or a camera.json"
 
 
@@ -42,7 +44,8 @@ def camera_from_info(
         raise CalibrationError(f"{name}: the camera matrix needs 9 numbers, got {len(k)}; calibrate the camera again")
     if not any(k):
         return None
-    known = _MODELS.get(model, "")
+    is_pinhole = not any(d) and model.lower().replace(" ", "_") in _PINHOLES
+    known = lens.PLUMB_BOB if is_pinhole else _MODELS.get(model, "")
     known = lens.RATIONAL if known == lens.PLUMB_BOB and any(d[5:]) else known
     count = lens.COEFFICIENTS.get(known, 0)
     if not known or any(d[count:]):
