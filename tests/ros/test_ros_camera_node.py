@@ -1,5 +1,6 @@
 """The camera node's calibration, without a master."""
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -130,12 +131,33 @@ def test_a_simulated_camera_without_noise_is_used_while_the_robot_stands(monkeyp
     assert rig.send(image + 1) == "streaming"
 
 
+@pytest.mark.parametrize("age_s", [600.0, 1.5])
+def test_images_with_old_stamps_are_told(age_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = TopicRig(monkeypatch)
+    told = [rig.send(np.full((48, 64), k, np.uint8), age_s) for k in range(3)]
+    assert len(rig.seen) == 3
+    assert f"stamps are {age_s:.1f} s behind this machine's clock" in told[-1]
+    assert rig.send(np.full((48, 64), 9, np.uint8), 0.5) == "streaming"
+
+
+def test_images_whose_stamps_stand_are_no_images(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some drivers never set the stamp; others publish an image twice."""
+    rig = TopicRig(monkeypatch)
+    told = [rig.send(np.full((48, 64), k, np.uint8), 1000.0 + rig.now_s + 0.1) for k in range(20)]
+    assert [reading.stamp_ns for reading in rig.seen] == [0]
+    assert "no image with a new stamp comes on /cam/image_raw" in told[-1]
+    assert rig.camera.status().counters == {"frames": 1, "repeated": 19, "frozen_frames": 0}
+
+
 def test_the_first_images_of_a_driver_wait_for_their_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s, seen, rng = [50.0], list[ImageReading](), np.random.default_rng(0)
     monkeypatch.setattr(rospy, "resolve_name", lambda name: name)
-    monkeypatch.setattr(headers, "refuse_future", lambda _: None)
+    stamps_ns = itertools.count(1)
+    monkeypatch.setattr(headers, "now_ns", lambda: 100)
     monkeypatch.setattr(topic_camera, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
-    monkeypatch.setattr(topic_camera, "image_of", lambda *_: (1, rng.integers(0, 256, (48, 64)).astype(np.uint8)))
+    monkeypatch.setattr(
+        topic_camera, "image_of", lambda *_: (next(stamps_ns), rng.integers(0, 256, (48, 64)).astype(np.uint8))
+    )
     msg = SimpleNamespace(_connection_header={"type": "sensor_msgs/Image"}, _buff=b"")
     quick, never = (TopicCamera("/cam/image_raw", seen.append) for _ in range(2))
     quick._on_any(msg)

@@ -19,13 +19,15 @@ from vsx_ros.ros import headers, images, topics
 from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, subscribe
 
 _IMAGE_WITHIN_S = 1.0  # longer gaps are reported
+_OLD_S = 1.0  # no network delays images so long; a robot drives by none that are older
 _INFO_WITHIN_S = 1.0  # so long the first images wait for their calibration, which drivers send after them
 _TYPES: dict[str, Any] = {kind._type: kind for kind in (Image, CompressedImage)}
 
 
 class TopicCamera:
-    """Passes images of ``topic`` to ``on_image``, grey, with their driver's stamps. Repeated images are told but passed
-    on: a simulated camera without noise repeats its image while the robot stands, and ``vslam`` ends a drive on them.
+    """Passes images of ``topic`` to ``on_image``, grey, with their driver's stamps; none with the stamp of the one
+    before. Images with old stamps are told but passed on, as from a bag that is played. So are repeated images: a
+    simulated camera without noise repeats its image while the robot stands, and ``vslam`` ends a drive on them.
     calibration: the newest one from the topic camera_info beside the images; None before."""
 
     def __init__(self, topic: str, on_image: Callable[[ImageReading], None]) -> None:
@@ -38,8 +40,9 @@ class TopicCamera:
         self.serial = topic.strip("/").replace("/", "_")
         self.calibration: PinholeCamera | None = None
         self._topic, self._on_image, self._frames = topic, on_image, images.Frames()
-        self._counters = {"frames": 0, "frozen_frames": 0}
-        self._heard_s = self._first_s = 0.0
+        self._counters = {"frames": 0, "repeated": 0, "frozen_frames": 0}
+        self._heard_s = self._first_s = self._age_s = 0.0
+        self._stamp_ns = -1
         self._frozen, self._watch = False, FrozenImageDetector()
 
     def start(self) -> None:
@@ -52,7 +55,11 @@ class TopicCamera:
         topic = rospy.resolve_name(self._topic)
         message = "streaming"
         if time.monotonic() - self._heard_s > _IMAGE_WITHIN_S:
-            message = f"no image comes on {topic}; start the camera's own driver, or name its topic"
+            message = f"no image with a new stamp comes on {topic}; start the camera's own driver, or name its topic"
+        elif self._age_s > _OLD_S:
+            message = (
+                f"{topic}: stamps are {self._age_s:.1f} s behind this machine's clock; 'vsx doctor' compares clocks"
+            )
         elif self._frozen:
             message = f"{topic}: {FROZEN}"
         return LinkStatus(message == "streaming", message, topic, dict(self._counters))
@@ -66,6 +73,10 @@ class TopicCamera:
     def _on_any(self, msg: Any) -> None:
         stamp_ns, image = image_of(msg._connection_header["type"], msg._buff, self._topic, self._frames)
         headers.refuse_future(stamp_ns)
+        if stamp_ns == self._stamp_ns:
+            self._counters["repeated"] += 1
+            return
+        self._stamp_ns, self._age_s = stamp_ns, (headers.now_ns() - stamp_ns) * 1e-9
         self._heard_s = time.monotonic()
         self._first_s = self._first_s or self._heard_s
         self._counters["frames"] += 1
