@@ -111,9 +111,11 @@ def words(name: str, of: list[ObstacleQuality], floor_m2: list[float]) -> str:
     f1, into = [q.f1 or 0.0 for q in of], [q.free_inside or 0.0 for q in of]
     kept = [q.gaps_free for q in of if q.gaps_free is not None] or [np.nan]
     surface = [q.surface_free or 0.0 for q in of]
+    precision = [q.precision for q in of if q.precision is not None] or [np.nan]
+    recall = [q.recall for q in of if q.recall is not None] or [np.nan]
     return (
-        f"  {name}: F1 {two(f1, min(f1))}, precision {np.median([q.precision for q in of]):.3f}, recall "
-        f"{np.median([q.recall for q in of]):.3f}, surface called free {two(surface, max(surface))}, free inside "
+        f"  {name}: F1 {two(f1, min(f1))}, precision {np.median(precision):.3f}, recall "
+        f"{np.median(recall):.3f}, surface called free {two(surface, max(surface))}, free inside "
         f"{two(into, max(into))}, phantom {two([q.phantom_m2 for q in of], max(q.phantom_m2 for q in of))} m2, "
         f"of floor {np.sum(floor_m2):.4f} m2 in all, gaps kept {np.mean(kept):.3f}"
     )
