@@ -7,6 +7,7 @@ import pytest
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.se3 import so3_exp
+from vsx_ros.kernels.vision.fast import fast_corners
 from vsx_ros.vision.corners import CornerDetector, dense_corners, indexed, strongest
 from vsx_ros.vision.patch_search import cast_rays, cut_patches
 from vsx_ros.vision.pyramid import Pyramid, build_pyramid, from_level, rotation_between, small_image, to_level
@@ -82,6 +83,68 @@ def test_corner_counts_settle_near_their_targets():
         settled = detector.detect(rich).counts[0]
     assert settled < first
     assert 650 < settled < 2600
+
+
+@pytest.mark.parametrize("size", [(480, 640), (480, 752), (241, 323), (96, 128)])
+@pytest.mark.parametrize("threshold", [5, 20, 80])
+def test_corners_are_those_of_opencv_at_the_threshold_of_their_cell(size, threshold):
+    noise = np.random.default_rng(3).integers(0, 256, size, np.uint8)
+    image = cv2.resize(noise_image(5), size[::-1], interpolation=cv2.INTER_AREA)
+    image[: size[0] // 3] = noise[: size[0] // 3]
+    pyramid = build_pyramid(image)
+    thresholds = np.full((4, 3, 4), threshold, np.uint8)
+    thresholds[:, 1, 2] = 2 * threshold
+    positions, row_table, counts = fast_corners(*pyramid, thresholds)
+    levels = []
+    for k in range(4):
+        height, width = pyramid.level(k).shape
+        found = []
+        for t in (threshold, 2 * threshold):
+            keypoints = cv2.FastFeatureDetector.create(t, False).detect(pyramid.level(k))
+            x, y = np.array(cv2.KeyPoint.convert(keypoints), np.int32).reshape(-1, 2).T
+            special = (y * 3 // height == 1) & (x * 4 // width == 2)
+            found.append(np.stack([x, y], axis=1)[special == (t > threshold)])
+        merged = np.concatenate(found)
+        levels.append(merged[np.lexsort(merged.T)])
+    expected = indexed(levels, pyramid)
+    assert positions.tolist() == expected.positions.tolist()
+    assert row_table.tolist() == expected.row_table.tolist()
+    assert counts.sum(axis=(1, 2)).tolist() == list(expected.counts)
+
+
+def patched_image():
+    """Faint texture, and a rich patch over a quarter of the image."""
+    image = 96 + noise_image(4) // 6
+    image[:240, :320] = noise_image(2, seed=1)[:240, :320]
+    return image
+
+
+def outside(positions):
+    """How many corners of the finest level lie outside the patch."""
+    return np.count_nonzero((positions >= [320, 240]).any(axis=1))
+
+
+def test_a_rich_patch_takes_no_corners_from_the_rest():
+    detector, faint = CornerDetector(), np.uint8(96) + noise_image(4) // 6
+    for _ in range(40):
+        alone = detector.detect(build_pyramid(faint))
+    pyramid = build_pyramid(patched_image())
+    for _ in range(40):
+        beside = detector.detect(pyramid)
+    before, after = (outside(found.positions[: found.counts[0]]) for found in (alone, beside))
+    assert after > 0.8 * before > 400
+    dense = dense_corners(pyramid, 2600)
+    assert outside(dense.positions[: dense.counts[0]]) > 1000
+
+
+def test_faint_noise_gives_no_corners():
+    grain = np.random.default_rng(5).normal(0.0, 1.5, (480, 640))
+    dark = build_pyramid(np.clip(8.0 + grain, 0, 255).astype(np.uint8))
+    detector = CornerDetector()
+    for _ in range(40):
+        found = detector.detect(dark)
+    assert found.counts[0] < 130
+    assert sum(found.counts[1:]) == 0
 
 
 def test_dense_corners_meet_their_targets_at_once_whatever_the_contrast():

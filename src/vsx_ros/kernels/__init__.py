@@ -40,3 +40,9 @@ def kernel(function: Callable[P, R]) -> Kernel[P, R]:
 def part(function: Callable[P, R]) -> Kernel[P, R]:
     """A small kernel that is inlined into its callers."""
     return Kernel(function, {"forceinline": True})
+
+
+def loop_kernel(function: Callable[P, R]) -> Kernel[P, R]:
+    """A kernel whose time goes into one long loop body: LLVM's vectoriser of straight-line code would pack parts of the
+    body and so keep the loop itself from being vectorised."""
+    return Kernel(function, {"loops_only": True})

@@ -8,6 +8,7 @@ from typing import ParamSpec, TypeVar
 
 import numba
 from numba.core.caching import FunctionCache
+from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import typeof_impl
 
 # Numba leaves LLVM's vectoriser of straight-line code off by default; it makes 6 x 6 blocks twice as fast and, without
@@ -46,10 +47,23 @@ def let_kernels_call(kind: type) -> None:
 
 
 def compiled(function: Callable[P, R], options: dict[str, bool]) -> Callable[P, R]:
-    """The function as numba compiles it at each new combination of types; itself under NUMBA_DISABLE_JIT."""
+    """The function as numba compiles it at each new combination of types; itself under NUMBA_DISABLE_JIT. The option
+    ``loops_only`` leaves LLVM's vectoriser of straight-line code off."""
+    settings = {name: value for name, value in options.items() if name != "loops_only"}
     # Nobody calls a kernel from C; without the wrapper for that, compiling takes a tenth less.
-    made = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
+    made = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **settings)(function)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # as above
         made._cache = _SharedCache(function)
+        if "loops_only" in options:
+            made.compile = functools.partial(_compiled_for_loops, made.compile)
     typed: Callable[P, R] = made
     return typed
+
+
+def _compiled_for_loops(compile_for: Callable[[object], object], types: object) -> object:
+    with global_compiler_lock:
+        numba.config.SLP_VECTORIZE = 0  # type: ignore[attr-defined]  # as above
+        try:
+            return compile_for(types)
+        finally:
+            numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]  # as above

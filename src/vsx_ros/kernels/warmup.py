@@ -16,7 +16,7 @@ from vsx_ros.kernels.sim.raycast_shade import TILE
 from vsx_ros.kernels.slam import bundle, epipolar, pose, pose_graph
 from vsx_ros.kernels.slam.factors import Factors, no_floor
 from vsx_ros.kernels.slam.schur import BundleObservations
-from vsx_ros.kernels.vision import alignment, search
+from vsx_ros.kernels.vision import alignment, fast, search
 from vsx_ros.kernels.vision.patches import Target
 
 
@@ -95,6 +95,7 @@ def _tracking() -> None:
     epipolar.search_rays(camera, eye, zero, np.zeros((1, 2)), basis, templates, bounds, target)
     small = np.zeros((30, 40), np.float32)
     alignment.align_small(small, small, 2)
+    fast.fast_corners(target.pixels, target.table, np.zeros((4, 3, 4), np.uint8))
     found, uv = search.search(target, warped, usable, level, uv, 10.0, 2)
     pose.optimize_pose(camera, eye, zero, points, rows, uv, level, found, np.zeros(6), 1, 2, 0.4, 0.7)
 
