@@ -89,7 +89,8 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--camera-info-url", default="", help="file with the camera's calibration")
     if name != "bringup":
         add("--planner", choices=PLANNERS, default="fov", metavar="NAME", help="fov (default), unconstrained, paper")
-        add("--seed", type=seed, default=0, help="seed of the random draws (0)")
+        usual = 1 if name == "simulate" else 0  # of worlds as 'vsx explore' and 'vsx world'
+        add("--seed", type=seed, default=usual, help=f"seed of the world and of the random draws ({usual})")
         add("--load-map", default="", help="SLAM map (.vsxmap) to go on in, the robot anywhere in it")
         add("--room", default="", help="explore only this room of the loaded map")
         add("--zones", default="", help="YAML with zones to begin with, in the coordinates of the map")

@@ -132,7 +132,7 @@ def world(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("verb", nargs="?", choices=("info", "render", "import"), metavar="info|render|import", help="what to do")
     add("name", metavar="NAME", help="lab, office, corridor, building, a .world or .sdf, world.yaml, map.yaml or .png")
-    add("--seed", type=seed, default=0, metavar="N", help="which of the generator's worlds, or which start (default 0)")
+    add("--seed", type=seed, default=1, metavar="N", help="which of the generator's worlds, or which start (default 1)")
     add("--start", type=pose, metavar="X,Y,DEG", help="where the robot starts and looks to")
     add_models(parser)
     add_hard_things(parser)
