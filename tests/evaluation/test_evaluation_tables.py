@@ -120,13 +120,13 @@ def test_a_figure_of_some_of_the_runs_says_of_how_many() -> None:
     never = told(row(3), **{**row(3).result, **unknown, "reached": {}, "stop_reason": "the map was never started"})
     rows = [row(1), row(2), never, told(row(4), failed="its run ended with code 5: internal error")]
     lines = {line.split("|")[1].strip(): line for line in tables.table_exploration.brief(rows)}
-    assert lines["reach 90 %, known and right"] == "| reach 90 %, known and right | 2 |  |"
-    assert lines["metres until then"] == "| metres until then | 60 | 60 of 2 known |"
-    assert lines["ATE without scale alignment [cm]"].endswith("| 1.0 | 1.0 of 2 known |")
-    assert lines["least distance to anything [cm]"].endswith("|  | 10 of 2 known |")
+    assert lines["runs that reach 90 % correct coverage"] == "| runs that reach 90 % correct coverage | 2 |"
+    assert lines["metres until then"] == "| metres until then | 60 (60 of 2 known) |"
+    assert lines["ATE without scale alignment [cm]"].endswith("| 1.0 (1.0 of 2 known) |")
+    assert lines["least distance to anything [cm]"].endswith("| 10 of 2 known |")
     for name in ("runs with unrecovered breaks", "runs that began a second map", "runs that touched something"):
-        assert lines[name] == f"| {name} |  | 0 of 3 known |"
-    assert not [line for line in tables.table_exploration.brief(rows[:2]) if "known |" in line]
+        assert lines[name] == f"| {name} | 0 of 3 known |"
+    assert not [line for line in tables.table_exploration.brief(rows[:2]) if " known" in line]
 
 
 def test_a_pair_of_runs_that_failed_is_missing_from_the_numbers_that_it_lacks() -> None:
@@ -271,9 +271,9 @@ def test_runs_that_know_nothing_have_a_dash_and_failures_their_reason() -> None:
     rows = [row(1), Row(**{f: getattr(run, f) for f in Row.__struct_fields__} | {"result": nowhere})]
     failed = Row(**{f: getattr(run, f) for f in Row.__struct_fields__} | {"result": {"failed": "no camera"}})
     lines = tables.TABLES["exploration"].made([*rows, failed])
-    assert lines[3] == "| 2 | 0 | - | - | - | - | - | 1 | 0 | 0 | - cm | - cm |"
+    assert lines[3] == "| 2 | 0 | - | - | - | 1 | 0 | 0 | - cm | - cm |"  # no run knows L50 and L80
     assert "no camera" in lines[4]
-    assert {line.count("|") for line in lines} == {13}
+    assert {line.count("|") for line in lines} == {11}
     totals = tables.TABLES["exploration totals"].made([*rows, failed])
     assert totals[0] == "| of 3 runs in 2 worlds | measured | must | aim |"
-    assert totals[2] == "| reach 90 %, known and right | 1 | 3 | 3 |"
+    assert totals[2] == "| runs that reach 90 % correct coverage | 1 | 3 | 3 |"
