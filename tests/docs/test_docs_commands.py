@@ -13,6 +13,7 @@ from vsx_ros.runs.parameters import load
 CHECKOUT = Path(__file__).resolve().parents[2]
 PAGES = [CHECKOUT / "README.md", CHECKOUT / "CONTRIBUTING.md", *sorted((CHECKOUT / "docs").rglob("*.md"))]
 NAMES = [str(page.relative_to(CHECKOUT)) for page in PAGES]
+TESTS = sorted((CHECKOUT / "tests").rglob("test_*.py"))
 
 
 def commands(text: str) -> list[list[str]]:
@@ -66,3 +67,39 @@ def test_parameters_exist(page: Path) -> None:
         for part in name.split("."):
             assert hasattr(tree, part), f"{page.name}: {name}"
             tree = getattr(tree, part)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_the_tests_that_a_page_names_exist(page: Path) -> None:
+    named = set(re.findall(r"`(?:\w+:)?(test_\w+)(?:\.py)?`", page.read_text(encoding="utf-8")))
+    there = {name for file in TESTS for name in (file.stem, *re.findall(r"^def (test_\w+)", file.read_text(), re.M))}
+    assert named <= there, f"{page.name}: {sorted(named - there)}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_the_programs_that_a_page_runs_exist(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for program in re.findall(r"python ((?:benchmarks|hw|examples)/\w+\.py)", text):
+        assert (CHECKOUT / program).is_file(), f"{page.name}: {program}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_the_launch_files_that_a_page_names_have_the_arguments_given_there(page: Path) -> None:
+    for name, words in re.findall(r"roslaunch vsx_ros (\w+)\.launch([^`#\n|]*)", page.read_text(encoding="utf-8")):
+        given = set(re.findall(r"(\w+):=", words))
+        assert given <= arguments(name), f"{page.name}: {name}.launch"
+
+
+def arguments(name: str) -> set[str]:
+    """Those of a launch file and of those that it includes with all of them."""
+    text = (CHECKOUT / "launch" / f"{name}.launch").read_text(encoding="utf-8")
+    passed = re.findall(r'launch/(\w+)\.launch" pass_all_args', text)
+    return set(re.findall(r'<arg name="(\w+)" (?:default|doc)', text)).union(*map(arguments, passed))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_no_parameter_is_set_before_there_is_a_master(page: Path) -> None:
+    """vsx explore and roslaunch bring the master: what is set before needs a roscore."""
+    text = page.read_text(encoding="utf-8")
+    for found in re.finditer("rosparam (set|load)", text):
+        assert "roscore" in text[max(0, found.start() - 400) : found.start()], f"{page.name}: {found[0]}"
