@@ -59,8 +59,8 @@ def test_a_file_changes_only_what_it_names(tmp_path):
 @pytest.mark.parametrize(
     ("text", "assignments", "message"),
     [
-        ("limits: {v_m_s: -1}", [], "limits.v_m_s`, not -1"),
-        ("limits: {v_m_s: 9}", [], "<= 0.7"),
+        ("limits: {v_m_s: -1}", [], "limits.v_m_s is -1; give a number from 0.01 to 0.7"),
+        ("limits: {v_m_s: 9}", [], "limits.v_m_s is 9; give a number from 0.01 to 0.7"),
         ("robot: {mount: {forward_m: .nan}}", [], "robot.mount.forward_m is nan"),
         ("planner: {phi_rad_m: .inf}", [], "planner.phi_rad_m is inf"),
         ("limits: {speed: 1}", [], "speed"),

@@ -80,8 +80,8 @@ def test_a_base_under_other_names_obeys_its_yaml(base: LoneBase, tmp_path: Path)
 @pytest.mark.parametrize(
     ("config", "named"),
     [
-        ({"limits": {"v_m_s": -1.0}}, ["$.limits.v_m_s", "-1.0"]),
-        ({"robot": {"odometry": {"linear_scal": 1.0}}}, ["$.robot.odometry", "linear_scal"]),
+        ({"limits": {"v_m_s": -1.0}}, ["limits.v_m_s is -1.0"]),
+        ({"robot": {"odometry": {"linear_scal": 1.0}}}, ["robot.odometry.linear_scal'"]),
         (0.3, ["/mobile_base/config", "0.3"]),
     ],
 )

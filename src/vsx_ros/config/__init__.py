@@ -3,7 +3,6 @@ that receive them. ``vsx config`` prints this tree; config/default.yaml is gener
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import Annotated, Any
 
@@ -22,7 +21,8 @@ from vsx_ros.config.maps import (
     SlamConfig,
 )
 from vsx_ros.config.running import ComputingConfig, DockingConfig, RunsConfig, SelfCalibrationConfig
-from vsx_ros.errors import ConfigError, did_you_mean
+from vsx_ros.config.words import in_words, no_parameter
+from vsx_ros.errors import ConfigError
 
 __all__ = [
     "ComputingConfig", "Config", "DenseConfig", "DockingConfig", "ExplorationConfig", "FollowerConfig",
@@ -193,14 +193,13 @@ def from_dict(tree: dict[str, Any]) -> Config:
     """The configuration from a nested dict; missing entries take their default. ``SIGMAS``, which calibrations write
     beside their results, are no parameters.
 
-    Raises ConfigError naming the entry, e.g. ``Expected `float` > 0.0 - at `$.planner.phi_rad_m`, not -1``."""
+    Raises ConfigError naming the entry, e.g. ``limits.v_m_s is 'fast'; give a number from 0.01 to 0.7``."""
     if isinstance(tree, dict):
         tree = {name: part for name, part in tree.items() if name != SIGMAS}
     try:
         config: Config = msgspec.convert(tree, Config)
     except msgspec.ValidationError as error:
-        wrong = f"{error}{_given(tree, str(error))}"
-        raise ConfigError(f"configuration: {wrong}; 'vsx config' prints every name, unit and default") from error
+        raise ConfigError(f"configuration: {in_words(Config, _names(), tree, str(error))}") from error
     values = dict(_leaves(to_dict(config)))
     for name, value in values.items():
         if isinstance(value, int | float) and not abs(value) <= _MOST:
@@ -211,21 +210,13 @@ def from_dict(tree: dict[str, Any]) -> Config:
     return config
 
 
+def _names() -> Iterator[str]:
+    return (name for name, _ in _leaves(to_dict(Config())))
+
+
 def _leaves(tree: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     for name, value in tree.items():
         yield from _leaves(value, f"{prefix}{name}.") if isinstance(value, dict) else [(prefix + name, value)]
-
-
-def _given(tree: Any, message: str) -> str:
-    """The value that a message of msgspec is about, e.g. ", not -1", or the name that resembles an unknown one; empty
-    when it is about a whole branch."""
-    if unknown := re.search("unknown field `(.*?)`", message):
-        return did_you_mean(unknown[1], {part for name, _ in _leaves(to_dict(Config())) for part in name.split(".")})
-    for name in message.rpartition("`$.")[2].rstrip("`").split("."):
-        if not isinstance(tree, dict) or name not in tree:
-            return ""
-        tree = tree[name]
-    return "" if isinstance(tree, dict) else f", not {tree!r:.80}"
 
 
 def to_dict(config: Config) -> dict[str, Any]:
@@ -244,7 +235,6 @@ def overridden(config: Config, assignments: dict[str, Any]) -> Config:
         for branch in branches:
             node = node.get(branch, {}) if isinstance(node, dict) else {}
         if not isinstance(node, dict) or leaf not in node:
-            near = did_you_mean(name, (known for known, _ in _leaves(tree)))
-            raise ConfigError(f"configuration: there is no parameter {name!r}{near}; 'vsx config' prints every name")
+            raise ConfigError(f"configuration: {no_parameter(name, _names())}")
         node[leaf] = value
     return from_dict(tree)
