@@ -50,6 +50,9 @@ def test_version(capsys):
         (["explore", "--wrld", "lab"], "vsx explore: unrecognized arguments: --wrld lab (did you mean '--world'?)"),
         (["explore", "--base", "kobuky"], "(did you mean 'kobuki'?)"),
         (["map", "info", "x", "--jsn"], "vsx map info: unrecognized arguments: --jsn (did you mean '--json'?)"),
+        (["explore", "--eye", "foo"], "'mitsuba'); 'vsx explore --help'"),  # 'fov' is a planner
+        (["plan", "--start", "0,0,0", "--goal", "1,0,0", "--phi", "-1"], "--phi: -1: give a positive number"),
+        (["map", "load", "x.vsxmap", "--resume", "r"], "unrecognized arguments: --resume r"),
         (["replay"], "INPUT"),
         (["replay", "x", "--wings"], "--wings"),
         (["explore", "--camera", "v4l"], "write kinect"),
@@ -132,20 +135,35 @@ def test_a_reader_that_leaves_is_no_error():
             ["explore", "--fast", "--set", "limits.v_ms=0.2"],
             "no parameter 'limits.v_ms' (did you mean 'limits.v_m_s'?)",
         ),
-        (["explore", "--config", "{config}"], "unknown field `v_ms` - at `$.limits` (did you mean 'v_m_s'?)"),
+        (["explore", "--config", "{config}"], "no parameter 'limits.v_ms' (did you mean 'limits.v_m_s'?)"),
         (["replay", "drive.bagg"], "there is no drive.bagg"),
         (["explore", "--fast", "--load-map", "no.vsxmap"], "there is no map"),
-        (["explore", "--fast", "--load-map", "{config}"], "it is no .vsxmap"),
+        (["explore", "--fast", "--load-map", "{config}"], "is not a .vsxmap"),
         (["explore", "--world", "lab", "--resume", "no_run"], "no_run"),
         (["explore", "--fast", "--zones", "no_zones.yaml"], "no_zones.yaml"),
         (["explore", "--fast", "--room", "kitchen"], "give it with --load-map"),
         (["replay", "drive.bag", "--set", "slam.x=1"], "there is no parameter 'slam.x'"),
+        (["explore", "--fast", "--set", "limits.v_m_s=fast"], "limits.v_m_s is 'fast'; give a number from 0.01 to 0.7"),
+        (["explore", "--fast", "--set", "planner.phi_rad_m=-1"], "planner.phi_rad_m is -1; give a number of at least"),
+        (["explore", "--fast", "--set", "dense.enabled=3"], "dense.enabled is 3; give true or false"),
+        (["explore", "--fast", "--set", "slam.culling=3"], "slam.culling is 3; give a tree of names and values"),
+        (["explore", "--fast", "--world", "lab", "--models", "m"], "--models m is for a Gazebo world, and lab is none"),
+        (["explore", "--world", "h.world", "--models", "m"], "--models m: there is no such folder"),
+        (["explore", "--models", "m"], "--models m is for a Gazebo world; give --world"),
+        (["world", "lab", "--models", "m", "--out", "w.yaml"], "--models m is for a Gazebo world"),
+        (["world", "render"], "vsx: give the world, e.g. vsx world render lab"),
+        (["world", "lab"], "vsx: say what to write"),
+        (["replay", "{folder}", "--image-topic", "/x"], "of images, without topics; leave out --image-topic"),
+        (["calibrate", "camera", "no_folder", "--board", "8x6x0.025"], "give pictures, a folder of pictures, or a bag"),
+        (["map", "info", "{config}"], "is not a .vsxmap; 'vsx map save' makes one"),
+        (["map", "export", "{config}", "--format", "ply"], "is not a .vsxmap; 'vsx map save' makes one"),
     ],
 )
 def test_what_is_misspelt_is_told_before_anything_is_compiled(line, said, monkeypatch, capsys, tmp_path):
     monkeypatch.setattr("vsx_ros.cli.explore.compile_kernels", lambda *_: pytest.fail("compiles"))
     (tmp_path / "robot.yaml").write_text("limits: {v_ms: 0.2}\n")
-    assert main.execute([word.format(config=tmp_path / "robot.yaml") for word in line]) == FAILED
+    (tmp_path / "rgb.txt").touch()
+    assert main.execute([word.format(config=tmp_path / "robot.yaml", folder=tmp_path) for word in line]) == FAILED
     error = capsys.readouterr().err
     assert said in error
     assert error.count("\n") == 1

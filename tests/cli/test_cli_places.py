@@ -45,6 +45,9 @@ def test_zones_are_drawn_listed_replaced_and_removed(map_file: Path, capsys: pyt
         "hall (slow, at most 0.1 m/s): 0.00,0.00 1.00,0.00 1.00,1.00",
         "rug (wall): 0.00,0.00 1.00,0.00",
     ]
+    assert execute(["zone", "add", "rug", "wall", "0,0", "-1,0", *beside]) == 0  # without quotes
+    assert load_zones(zone_file(map_file))[1].points == ((0.0, 0.0), (-1.0, 0.0))
+    capsys.readouterr()
     assert execute(["zone", "list", "--json", *beside]) == 0
     assert [tree["name"] for tree in json.loads(capsys.readouterr().out)] == ["hall", "rug"]
     assert execute(["zone", "remove", "rug", *beside]) == 0
@@ -57,7 +60,8 @@ def test_zones_are_drawn_listed_replaced_and_removed(map_file: Path, capsys: pyt
         (["add", "rug", "no-go", "0,0 1,0"], "has 2 corners"),
         (["add", "rug", "no-go", "0,0 1,0 1"], "each is a pair"),
         (["add", "rug", "no-go", "0,0 1,0 a,b"], "in quotes"),
-        (["add", "rug", "slow", "0,0 1,0 1,1"], "a speed v_m_s belongs"),
+        (["add", "rug", "slow", "0,0 1,0 1,1"], "a slow zone needs its speed: add --speed 0.1"),
+        (["add", "rug", "no-go", "0,0 1,0 1,1", "--speed", "0.1"], "a speed v_m_s belongs"),
         (["remove", "rug"], "no zone 'rug'"),
     ],
 )
@@ -237,3 +241,28 @@ def test_a_map_saved_over_another_has_no_rooms_of_that(zoned_run: RunFolder, map
     assert execute(["map", "save", str(run.path), "--out", str(lab)]) == 0
     assert not room_file(lab).exists()
     assert not room_file(lab).with_suffix(".pgm").exists()
+
+
+def test_a_file_that_is_no_map_gets_no_zones(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "notes.txt").touch()
+    for words in (["list"], ["add", "rug", "no-go", "0,0 1,0 1,1"]):
+        assert execute(["zone", *words, "--map", str(tmp_path / "notes.txt")]) == 1
+        assert "is no map; give a .vsxmap, a map.yaml or a run folder" in capsys.readouterr().err
+
+
+def test_a_map_without_rooms_says_so(map_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rooms = load_rooms(room_file(map_file))
+    assert rooms is not None
+    save_rooms(rooms._replace(rooms=(), labels=np.zeros_like(rooms.labels)), room_file(map_file))
+    assert execute(["room", "list", "--map", str(map_file)]) == 0
+    assert "no rooms yet" in capsys.readouterr().out
+
+
+def test_a_plan_is_made_in_the_map_of_a_run(map_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = map_file.parent / "run"
+    run.mkdir()
+    save_map(load_map(map_file), run / "map.yaml")
+    x, y = load_map(map_file).centres(np.argwhere(load_map(map_file).data == FREE)).mean(axis=0)
+    pose = f"{x:.2f},{y:.2f},0"
+    execute(["plan", "--map", str(run), "--start", pose, "--goal", pose, "--json"])
+    assert json.loads(capsys.readouterr().out)["map"] == str(run / "map.yaml")

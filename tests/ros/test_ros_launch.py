@@ -14,13 +14,15 @@ pytest.importorskip("rospy")
 import roslaunch.config
 import yaml
 
-from vsx_ros.cli.main import parse
+from vsx_ros.cli import launching
+from vsx_ros.cli.main import execute, parse
 from vsx_ros.config import Config, to_dict
 from vsx_ros.errors import ConfigError
 from vsx_ros.ros import environment, launch, replay, topics
 from vsx_ros.ros.nodes import vslam
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.parameters import update_robot_file
+from vsx_ros.runs.start import DEFAULTS
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -86,6 +88,26 @@ def test_launch_files_and_the_table_agree(name: str, args: list[str], nodes: lis
     assert ("/camera" in by_file[0]) != ("camera:=ros" in args), "its images come without a node of ours"
 
 
+def test_topics_and_cameras_that_cannot_be_are_refused_before_any_node_starts(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("vsx_ros.cli.explore.compile_kernels", lambda *_: pytest.fail("compiles"))
+    assert execute(["explore", "--base", "ros:odom"]) == 1
+    assert "base ros:odom: give two topics" in capsys.readouterr().err
+    options = launching.parser("explore")
+    with pytest.raises(ConfigError, match="base ros:odom: give two topics"):
+        launching.nodes_of("explore", options.parse_args(["--base", "ros:odom"]))
+    with pytest.raises(SystemExit):
+        options.parse_args(["--camera", "x"])
+    assert "'x' is no camera; write kinect" in capsys.readouterr().err
+
+
+def test_worlds_begin_with_one_seed() -> None:
+    _, params = described([str(CHECKOUT / "launch" / "simulate.launch")], [])
+    seeds = params["/emulator/seed"], launching.parser("simulate").parse_args([]).seed
+    assert {*seeds, parse(["world", "lab"]).seed, DEFAULTS["seed"]} == {1}
+
+
 def test_vslam_takes_no_parameter_of_an_earlier_launch_from_the_master() -> None:
     recording, args = SimpleNamespace(odometry=[]), parse(["replay", "a.bag", "--ros", "--save-map", "lab.vsxmap"])
     replayed = replay._slam(args, recording, RunFolder(Path("run")))
@@ -96,6 +118,13 @@ def test_vslam_takes_no_parameter_of_an_earlier_launch_from_the_master() -> None
         "save_map_to",
         "publish_tf",
     }
+
+
+def test_a_replay_takes_a_configuration(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("planner: {phi_rad_m: 0.625}\n")
+    words = ["bag:=/data/a.bag", f"config:={tmp_path / 'mine.yaml'}"]
+    _, params = described([(str(CHECKOUT / "launch" / "replay.launch"), words)], [])
+    assert params["/config/planner/phi_rad_m"] == 0.625
 
 
 def test_replay_agrees_too() -> None:

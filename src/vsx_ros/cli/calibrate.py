@@ -49,6 +49,8 @@ def _from_pictures(args: argparse.Namespace, board: Board) -> int:
     out: Path = args.out or ros_home() / "camera_info" / f"{name}.yaml"
     views, searched, size = list[BoardView](), 0, None
     for source in args.input:
+        if not source.exists():
+            raise InputError(f"there is no {source}; give pictures, a folder of pictures, or a bag")
         film, chooser = _is_recording(source), None
         for picture, image in _pictures(source, args.image_topic):
             searched += 1
@@ -84,7 +86,7 @@ def _is_recording(source: Path) -> bool:
 
 def _pictures(source: Path, image_topic: str | None) -> Iterator[tuple[str, GrayImage]]:
     """Name and picture; at most ``MAX_SEARCHED`` of a recording, evenly spread."""
-    if _is_recording(source) or not source.exists():
+    if _is_recording(source):
         recording = told(open_recording(source, image_topic))
         step = -(-recording.frame_count // MAX_SEARCHED)
         for number, frame in enumerate(recording.frames()):

@@ -22,7 +22,7 @@ def explore(args: argparse.Namespace) -> int:
     _refuse_wires(args)
     load(args.config, args.set)  # all that may be misspelt, before minutes of compiling
     if args.world is not None:
-        check_world(args.world)
+        check_world(args.world, args.models)
     named_things(args.hard, "--with")
     check_files(args)
     if args.eye == "mitsuba" and not is_fast(mitsuba()):
@@ -36,6 +36,10 @@ def explore(args: argparse.Namespace) -> int:
     from vsx_ros.ros.fork_server import ForkServer
 
     package_environment()
+    if (args.base or "").startswith("ros:"):
+        from vsx_ros.ros.topic_base import topic_names
+
+        topic_names(args.base)
     groups = *DRIVE, *(["emulation"] if args.world or args.resume else [])
     compile_kernels(*groups)
     with ForkServer(*groups) as forks:
@@ -56,6 +60,8 @@ def _refuse_wires(args: argparse.Namespace) -> None:
         raise ConfigError(f"--eye {args.eye} draws in lock-step alone; add --fast, or leave it out")
     if args.hard and args.world is None and not args.fast:
         raise ConfigError(f"--with {args.hard[0]} is for an emulated world; give --world, or leave it out")
+    if args.models and args.world is None and args.resume is None:
+        raise ConfigError(f"--models {args.models[0]} is for a Gazebo world; give --world, or leave it out")
     wires = "base", "port", "camera", "rate", "dock", "battery_pace"
     emulated, without = ("--fast", wires) if args.fast else ("--world", ("port", "camera"))
     for name in without if args.fast or args.world is not None else ():

@@ -9,7 +9,7 @@ from typing import Any
 
 from vsx_hw import bases
 from vsx_ros.cli.new_run import new_run
-from vsx_ros.cli.option_values import BASES, PLANNERS, seed
+from vsx_ros.cli.option_values import BASES, PLANNERS, camera, seed
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.ros import launch, logs
@@ -17,6 +17,7 @@ from vsx_ros.ros.environment import DEFAULT_MASTER
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.left_behind import end_standing_time
 from vsx_ros.ros.node import AUTO
+from vsx_ros.ros.topic_base import topic_names
 from vsx_ros.runs.parameters import load, robot_file_here
 from vsx_ros.runs.process import DONE, FAILED
 from vsx_ros.runs.world import open_world
@@ -40,6 +41,7 @@ def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
         wires = args.devices, args.base, args.rate_hz, args.dock, args.battery_pace, args.hard
         robot = launch.emulation(args.world, args.seed, *wires)
     else:
+        topic_names(args.base)
         robot = launch.bringup(args.base, args.port, args.camera, args.camera_info_url)
     if name == "bringup":
         return robot
@@ -85,7 +87,7 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--hard", default="", help="NAME=AMOUNT of what makes the world hard: docs/how-to/hard-things.md")
     else:
         add("--port", default="/dev/kobuki", help="serial port of the base (/dev/kobuki)")
-        add("--camera", default="kinect", help="kinect (default), kinect:SERIAL, v4l:N, ros or ros:TOPIC")
+        add("--camera", type=camera, default="kinect", help="kinect (default), kinect:SERIAL, v4l:N, ros or ros:TOPIC")
         add("--camera-info-url", default="", help="file with the camera's calibration")
     if name != "bringup":
         add("--planner", choices=PLANNERS, default="fov", metavar="NAME", help="fov (default), unconstrained, paper")
@@ -105,13 +107,14 @@ def main() -> None:
     try:
         real = name in ("bringup", "explore")
         config = to_dict(load(args.config or (robot_file_here() if real else None), []))
+        nodes = nodes_of(name, args)
         params: dict[str, Any] = {"use_sim_time": True} if name == "replay" else {}
         if getattr(args, "run_dir", "") == AUTO:
             params["run_dir"] = new_run()
         os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)
         if name != "replay" and (said := end_standing_time()):
             sys.stderr.write(f"{name}: {said}\n")
-        parent = launch.start(launch.xml(nodes_of(name, args), config, params), sigint_s=_SIGINT_S)
+        parent = launch.start(launch.xml(nodes, config, params), sigint_s=_SIGINT_S)
         parent.spin()
     except VsxError as error:
         sys.stderr.write(f"{name}: {error}\n")

@@ -58,9 +58,9 @@ class _Parser(argparse.ArgumentParser):
         """The command, choice or option that resembles the one a message complains about, as a remark."""
         if option := re.search("unrecognized arguments: (-[^ =]+)", message):
             return did_you_mean(option[1], self._option_string_actions)
-        choice = re.search("invalid choice: '(.*?)'", message)
-        known = [str(each) for action in self._actions for each in action.choices or ()] if choice else []
-        return did_you_mean(choice[1], known) if choice else ""
+        choice = re.search("argument (.*?): invalid choice: '(.*?)'", message)
+        of = [action for action in self._actions if choice and argparse._get_action_name(action) == choice[1]]
+        return did_you_mean(choice[2], [str(each) for action in of for each in action.choices or ()]) if choice else ""
 
     def innermost(self, args: argparse.Namespace) -> argparse.ArgumentParser:
         """The parser of the chosen command, and of its verb if it has some."""

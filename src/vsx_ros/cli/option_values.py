@@ -123,6 +123,11 @@ def place(text: str) -> tuple[float, float, float | None]:
     return x, y, math.radians(degrees[0]) if degrees else None
 
 
+def map_file(text: str) -> Path:
+    """A map's file; of a run folder its map.yaml."""
+    return Path(text) / "map.yaml" if Path(text).is_dir() else Path(text)
+
+
 def seeds(text: str) -> range:
     """A:B as a range."""
     match = re.fullmatch(r"(\d+):(\d+)", text)

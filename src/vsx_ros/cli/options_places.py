@@ -1,7 +1,9 @@
 """The options of ``vsx zone`` and ``vsx room``. The docstring of each is its help."""
 
 import argparse
-from pathlib import Path
+import re
+
+from vsx_ros.cli.option_values import map_file
 
 KINDS = ("no-go", "wall", "only", "slow", "look")
 
@@ -20,8 +22,10 @@ def zone(parser: argparse.ArgumentParser) -> None:
     add = verbs.add_parser("add", help="draw a zone", description="Draws a zone; it replaces one of the same name.")
     add.add_argument("name", metavar="NAME", help="its name")
     add.add_argument("kind", choices=KINDS, metavar="KIND", help=", ".join(KINDS))
-    add.add_argument("points", metavar="CORNERS", help='corners in the map [m], in quotes: "x,y x,y x,y"')
-    add.add_argument("--speed", type=float, metavar="M_S", help="of a slow zone")
+    add._negative_number_matcher = re.compile(r"^-[\d.]")  # corners may begin with a minus sign
+    corners = 'corners in the map [m]: "x,y x,y x,y"'
+    add.add_argument("points", nargs="+", metavar="CORNERS", help=corners)
+    add.add_argument("--speed", type=float, metavar="M_S", help="of a slow zone, which needs it: e.g. 0.1")
     listed = verbs.add_parser("list", help="print the zones", description="Prints the zones.")
     listed.add_argument("--json", action="store_true", help="as JSON")
     remove = verbs.add_parser("remove", help="remove a zone", description="Removes a zone.")
@@ -49,4 +53,6 @@ def room(parser: argparse.ArgumentParser) -> None:
 
 
 def _map(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--map", type=Path, metavar="FILE|RUN", help="a saved map or a run (default: the robot's map)")
+    parser.add_argument(
+        "--map", type=map_file, metavar="FILE|RUN", help="a saved map or a run (default: the robot's map)"
+    )

@@ -37,14 +37,16 @@ def explore(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> N
     _robot(parser)
     add = parser.add_argument
     add("--planner", choices=PLANNERS, metavar="fov|unconstrained|paper", help="motion planner (default fov)")
-    add("--phi", type=float, metavar="RAD_PER_M", help="bound on the change of view per metre")
+    add("--phi", type=positive, metavar="RAD_PER_M", help="bound on the change of view per metre")
     longest = "stop after this time, the whole run's if resumed (default: none; with --fast 600)"
     add("--time", type=positive, metavar="S", help=longest)
     enough = "stop when this share of what can be seen of an emulated world is known and right, e.g. 0.9"
     add("--until", type=share, metavar="SHARE", help=enough)
-    add("--resume", type=Path, metavar="RUN", help="go on with an interrupted run, in its map and with its options")
-    add("--moved", action="store_true", help="with --resume: the robot was carried elsewhere meanwhile")
-    if with_load_map:
+    if not with_load_map:
+        parser.set_defaults(resume=None, moved=False)
+    else:
+        add("--resume", type=Path, metavar="RUN", help="go on with an interrupted run, in its map and with its options")
+        add("--moved", action="store_true", help="with --resume: the robot was carried elsewhere meanwhile")
         what = "go on in a SLAM map (.vsxmap), the robot anywhere in it: 'vsx map save'"
         add("--load-map", metavar="FILE", help=what)
     add("--room", metavar="NAME", help="with a loaded map: explore only this room of it: 'vsx room list'")

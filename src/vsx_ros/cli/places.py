@@ -11,10 +11,13 @@ from typing import Any
 from vsx_ros.errors import ConfigError, InputError, VsxError
 from vsx_ros.io.room_file import load_rooms, room_file, room_tree, save_rooms
 from vsx_ros.io.zone_file import save_zones, zone_file
-from vsx_ros.occupancy.zones import Zone, zone_of
+from vsx_ros.occupancy.zones import Zone, ZoneKind, zone_of
 from vsx_ros.runs.places import zones_beside
 from vsx_ros.runs.process import DONE
 from vsx_ros.runs.rooms import renamed
+
+_IN_QUOTES = "write 'x,y x,y x,y' in metres, in quotes"
+_MAP_FILES = ".vsxmap", ".yaml", ".yml", ".pgm", ".png"
 
 
 def zone(args: argparse.Namespace) -> int:
@@ -24,7 +27,9 @@ def zone(args: argparse.Namespace) -> int:
 
 
 def _add(args: argparse.Namespace) -> int:
-    tree: dict[str, Any] = {"name": args.name, "kind": args.kind, "points": _corners(args.points)}
+    if args.kind == ZoneKind.SLOW.value and args.speed is None:
+        raise ConfigError(f"zone {args.name!r}: a slow zone needs its speed: add --speed 0.1")
+    tree: dict[str, Any] = {"name": args.name, "kind": args.kind, "points": _corners(" ".join(args.points))}
     if args.speed is not None:
         tree["v_m_s"] = args.speed
     drawn = zone_of(tree)
@@ -71,9 +76,9 @@ def _corners(text: str) -> list[list[float]]:
     try:
         corners = [[float(number) for number in pair.split(",")] for pair in text.split()]
     except ValueError as error:
-        raise ConfigError(f"corners {text!r:.60}: {error}; give 'x,y x,y x,y' in metres, in quotes") from error
+        raise ConfigError(f"corners {text!r:.60}: {error}; {_IN_QUOTES}") from error
     if not all(len(corner) == 2 and math.isfinite(sum(corner)) for corner in corners):
-        raise ConfigError(f"corners {text!r:.60}: each is a pair of numbers; give 'x,y x,y x,y' in metres, in quotes")
+        raise ConfigError(f"corners {text!r:.60}: each is a pair of numbers; {_IN_QUOTES}")
     return corners
 
 
@@ -86,11 +91,11 @@ def _in_file(map_file: Path, change: Callable[[list[Zone]], list[Zone]], said: s
 
 
 def _existing(map_file: Path) -> Path:
-    """The file, or that of a run folder. Raises ConfigError without a map there: beside a misspelt one, nothing would
-    read the zones."""
-    map_file = map_file / "map.yaml" if map_file.is_dir() else map_file
+    """The file. Raises ConfigError if it is no map: beside a misspelt one, nothing would read the zones."""
     if not map_file.is_file():
         raise ConfigError(f"there is no map {map_file}; 'vsx map save' makes one, and each run has a map.yaml")
+    if map_file.suffix not in _MAP_FILES:
+        raise ConfigError(f"{map_file} is no map; give a .vsxmap, a map.yaml or a run folder")
     return map_file
 
 
@@ -115,6 +120,8 @@ def _list_rooms(args: argparse.Namespace) -> int:
         known = 100.0 * entry["known_ratio"]
         told = f"{entry['number']:3} {entry['name']:24} {entry['area_m2']:6.1f} m2  {known:3.0f} % known"
         print(f"{told}  ({x:.1f}, {y:.1f})")
+    if not tree["rooms"]:
+        print("no rooms yet: they are found while the map grows")
     return DONE
 
 

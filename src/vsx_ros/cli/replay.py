@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from vsx_ros.cli.compiled import SLAM, compile_kernels
+from vsx_ros.cli.option_values import refuse
 from vsx_ros.config import Config
 from vsx_ros.dense.finished_map import FinishedMap
 from vsx_ros.errors import ConfigError, MapFileError
@@ -37,6 +38,8 @@ _MAX_RATE = 100.0  # images a second, more than these cameras give
 def replay(args: argparse.Namespace) -> int:
     """Replay, write the run folder, print the result; 3 when tracking was lost for good, 1 when it never began."""
     _refuse_pace(args)
+    if (args.input / "rgb.txt").exists():
+        refuse(args, f"{args.input} is a folder of images, without topics", "image_topic", "odometry_topic")
     config, recording = load(args.config, args.set), opened_recording(args)
     compile_kernels(*SLAM, *(["surfaces"] if args.map and not args.ros else []))
     if args.ros:

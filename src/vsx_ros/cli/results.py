@@ -26,6 +26,7 @@ from vsx_ros.runs.interrupted import unfinished
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.report import report_data, write_report
 from vsx_ros.runs.saved_map import copy_places, save_map_of
+from vsx_ros.runs.start import check_slam_map
 from vsx_ros.slam.snapshot import SlamMap, snapshot
 
 _FROM_SUMMARY = (
@@ -127,6 +128,7 @@ def _save(args: argparse.Namespace) -> int:
 
 
 def _info(args: argparse.Namespace) -> int:
+    check_slam_map(args.file)
     known = facts(load_slam_map(args.file))
     if args.json:
         print(json.dumps(known))
@@ -157,6 +159,7 @@ def facts(slam_map: SlamMap) -> dict[str, Any]:
 
 
 def _export(args: argparse.Namespace) -> int:
+    check_slam_map(args.file)
     slam_map = load_slam_map(args.file)
     seen = snapshot(slam_map.view)
     out: Path = args.out or args.file.with_name(f"{args.file.stem}{MAP_FORMATS[args.format]}")

@@ -27,7 +27,10 @@ def world(args: argparse.Namespace) -> int:
     if args.verb in ("render", "import"):
         args.out = args.out or Path(f"{Path(args.name).stem}{_ENDINGS[args.verb]}")
     elif args.verb is None and (args.out, args.picture, args.map) == (None, None, None):
-        raise ConfigError("vsx world: say what to write with --out, --picture or --map, or begin with 'info'")
+        if args.name in ("info", "render", "import"):
+            usual = "house.world" if args.name == "import" else "lab"
+            raise ConfigError(f"give the world, e.g. vsx world {args.name} {usual}")
+        raise ConfigError("say what to write with --out, --picture or --map, or begin with 'info'")
     _keep_what_is_read(args)
     world = open_world(args.name, args.seed, args.models, args.hard)
     tell_remarks(world)
@@ -58,12 +61,12 @@ def world(args: argparse.Namespace) -> int:
 
 def _keep_what_is_read(args: argparse.Namespace) -> None:
     """Raises ConfigError if the command would write over a file that the world is read from."""
-    check_world(args.name)
+    check_world(args.name, args.models)
     read = world_files(args.name, args.models)
     maps = [args.map.with_suffix(suffix) for suffix in (".pgm", ".yaml")] if args.map is not None else []
     for file in (args.out, args.picture, *maps):
         if file is not None and file.exists() and any(one.exists() and file.samefile(one) for one in read):
-            raise ConfigError(f"vsx world: {file} would be written over, and {args.name} is read from it; name another")
+            raise ConfigError(f"{file} would be written over, and {args.name} is read from it; name another")
 
 
 def described(world: EmulatedWorld) -> list[str]:

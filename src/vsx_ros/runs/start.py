@@ -78,10 +78,7 @@ def check_files(args: argparse.Namespace) -> None:
         args.load_map = str(Path(args.load_map).resolve())
         if not Path(args.load_map).is_file():
             raise ConfigError(f"there is no map {args.load_map}; 'vsx map save' makes one")
-        failed = explained(MapFileError, f"map {args.load_map} cannot be read", "give a .vsxmap", (OSError, ValueError))
-        with failed, Path(args.load_map).open("rb") as file:
-            if file.read(2) != b"PK":
-                raise ValueError("it is no .vsxmap")
+        check_slam_map(Path(args.load_map))
     if args.room is not None:
         if args.load_map is None and args.resume is None:
             raise ConfigError(f"--room {args.room}: rooms are known of a saved map; give it with --load-map")
@@ -92,6 +89,13 @@ def check_files(args: argparse.Namespace) -> None:
         given_zones(Path(args.zones))
     if args.out is not None:
         keep_apart(args.out, args.load_map, args.zones, *(world_files(args.world, args.models) if args.world else ()))
+
+
+def check_slam_map(path: Path) -> None:
+    """Raises MapFileError for a file that is no SLAM map at all, by its first bytes, or cannot be read."""
+    with explained(MapFileError, f"map {path} cannot be read", "'vsx map save' makes one"), path.open("rb") as file:
+        if file.read(2) != b"PK":
+            raise MapFileError(f"{path} is not a .vsxmap; 'vsx map save' makes one")
 
 
 def keep_apart(out: Path, *inputs: Path | str | None) -> None:

@@ -28,8 +28,14 @@ def model_folders(given: Sequence[Path]) -> list[Path]:
     return [*given, *named, Path.home() / ".gazebo" / "models"]
 
 
-def check_world(name: str) -> None:
-    """Raises ConfigError for the name of no world or light, before any is opened."""
+def check_world(name: str, models: Sequence[Path] = ()) -> None:
+    """Raises ConfigError for the name of no world or light, and for folders of models that are not there or not for
+    this world, before any is opened."""
+    for folder in models:
+        if Path(name).suffix not in gazebo_world.SUFFIXES:
+            raise ConfigError(f"--models {folder} is for a Gazebo world, and {name} is none; leave it out")
+        if not folder.is_dir():
+            raise ConfigError(f"--models {folder}: there is no such folder")
     path, (generator, colon, light) = Path(name), name.partition(":")
     if generator in GENERATORS:
         if colon:
@@ -52,7 +58,7 @@ def open_world(
     map_server map.yaml, or only a floor plan, .png or .pgm with 5 cm per pixel. Raises ConfigError for an unknown name
     or light or a malformed world file, InputError for an unusable Gazebo file, MapFileError for an unusable map. hard:
     words NAME=AMOUNT of hard things that the world gets; where: what named these."""
-    check_world(name)
+    check_world(name, models)
     return with_hard_things(_opened(name, seed, models), named_things(hard, where), where)
 
 
