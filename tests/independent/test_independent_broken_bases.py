@@ -55,8 +55,8 @@ def test_a_charger_state_that_no_document_has_is_told(tmp_path):
 def test_a_charging_state_that_no_manual_has_is_told(tmp_path, generation, monkeypatch):
     robot = OpenInterface(generation)
     with driven_create(tmp_path, robot) as host:
-        packet = robot.packet
-        monkeypatch.setattr(robot, "packet", lambda number: b"\x09" if number == 21 else packet(number))
+        value = robot._value  # a Create 1 tells it within a group of packets
+        monkeypatch.setattr(robot, "_value", lambda number: 9 if number == 21 else value(number))
         wait_for(lambda: any("charging state 9 " in told for told in host.last.warnings), "the unknown state")
         assert not host.last.battery.charging
 
