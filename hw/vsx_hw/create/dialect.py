@@ -130,7 +130,8 @@ class CreateDialect(Dialect):
         return b"" if self.deaf else protocol.encode_drive_direct(0.0, 0.0)
 
     def farewell(self) -> bytes:
-        """Wheels still, then Passive: in Safe a robot does not charge and drains its battery. Create 2 sleeps."""
+        """Wheels still, then Passive: in Safe a robot does not charge and drains its battery. Stop switches a Create 2
+        off, if it hears so soon after Start; Passive, where it falls asleep, is safe too."""
         end = bytes((Opcode.STOP,)) if self._model is CREATE_2 else b""
         return protocol.encode_drive_direct(0.0, 0.0) + bytes((Opcode.START,)) + end
 
