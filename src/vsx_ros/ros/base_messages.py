@@ -208,7 +208,7 @@ class BaseHealth:
             "battery", _BATTERY_LEVELS.get(battery.state, OK), battery.state, voltage_v=battery.voltage_v,
             fraction=round(battery.fraction, 3), charging=battery.charging, docked=battery.docked,
         )  # fmt: skip
-        agree = "all sensors agree" if odometry.trusted else "pushed: the direction is not known"
+        agree = "all sensors agree" if odometry.trusted else "pushed, or not sure of its heading"
         level = OK if odometry.trusted else WARN
         self._diagnostics.set("odometry", level, odometry.doubt or agree, gaps=odometry.gaps)
         troubles = reading.warnings + ((reading.refusal,) if reading.refusal else ())
