@@ -44,14 +44,14 @@ class Graph:
 
     def _subscribe(self, topic: str, _: object, callback: Callable[[Odometry], None], **__: object) -> None:
         self.subscribers.append(callback)
-        for v_m_s in self.heard:
-            callback(odometry(v_m_s))
+        for k, v_m_s in enumerate(self.heard):
+            callback(odometry(v_m_s, 1.0 + 0.1 * k))
         self.subscribed.set()
 
 
-def odometry(v_m_s: float) -> Odometry:
+def odometry(v_m_s: float, stamp_s: float = 1.0, x_m: float = 0.0) -> Odometry:
     msg = Odometry()
-    msg.header.stamp = rospy.Time(1)
+    msg.header.stamp, msg.pose.pose.position.x = rospy.Time.from_sec(stamp_s), x_m
     msg.pose.pose.orientation.w = 1.0
     msg.twist.twist.linear.x = v_m_s
     return msg
@@ -90,27 +90,26 @@ def test_what_came_while_this_machine_was_late_counts(graph: Graph, monkeypatch:
 def test_odometry_has_time_to_be_connected(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(operator_command, "_STAND_S", 0.0)
     monkeypatch.setattr(operator_command, "_STOP_S", PATIENCE_S)
+    monkeypatch.setattr(operator_command, "_LOOK_S", 0.0)
     graph.heard, codes = [], list[int]()
     stopping = threading.Thread(target=lambda: codes.append(operator_command.stop(release=False)), daemon=True)
     stopping.start()
     assert graph.subscribed.wait(PATIENCE_S)
-    for _ in range(2):
-        graph.subscribers[0](odometry(0.0))
+    graph.subscribers[0](odometry(0.0))
     stopping.join(PATIENCE_S)
     assert codes == [DONE]
 
 
 def test_a_base_that_tells_no_speeds_stands_when_its_pose_does(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> None:
     def hears(step_m: float) -> None:
-        messages = [odometry(0.0) for _ in range(3)]
-        for k, msg in enumerate(messages):
-            msg.header.stamp, msg.pose.pose.position.x = rospy.Time(1, 100_000_000 * k), step_m * k
+        """Every reading twice, 50 ms apart."""
+        messages = [odometry(0.0, 1.0 + 0.05 * (k // 2), step_m * (k // 2)) for k in range(8)]
         monkeypatch.setattr(rospy, "Subscriber", lambda _, __, hear, **___: [hear(msg) for msg in messages])
 
     monkeypatch.setattr(operator_command, "_STAND_S", 0.1)
     hears(0.0)
     assert operator_command.stop(release=False) == DONE
-    hears(0.03)
+    hears(0.015)
     with pytest.raises(DeviceError, match=r"its odometry says 0\.30 m/s"):
         operator_command.stop(release=False)
 

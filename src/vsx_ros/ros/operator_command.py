@@ -28,6 +28,7 @@ P = ParamSpec("P")
 
 _LEAVE_S = 3.0  # to unregister from the master
 _STOP_S, _STAND_S = 6.0, 2.0  # for the answer to the emergency stop, and for odometry; then to stand still
+_LOOK_S = 0.1  # a driver may tell no speeds, and one pose alone tells none either
 _OFFERED_S, _SAVED_S = 5.0, 120.0  # The map of a large building is 120 MB, and its disk may be slow
 
 
@@ -106,9 +107,9 @@ def _see_it_stand() -> None:
     rospy.Subscriber(topics.ODOM, OdometryMsg, heard.put, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)
     speeds = PoseSpeeds()
     with contextlib.suppress(Empty):  # what has come counts, however late this thread is
-        _why_not_standing(heard.get(timeout=_STOP_S), speeds)  # one pose alone tells no speed
-        msg, deadline_s = heard.get(timeout=_STOP_S), time.monotonic() + _STAND_S
-        while said := _why_not_standing(msg, speeds):
+        msg = first = heard.get(timeout=_STOP_S)
+        deadline_s = time.monotonic() + _STAND_S
+        while said := _why_not_standing(msg, first, speeds):
             msg = heard.get(timeout=max(0.0, deadline_s - time.monotonic()))
     if said:
         raise DeviceError(
@@ -116,13 +117,16 @@ def _see_it_stand() -> None:
         )
 
 
-def _why_not_standing(msg: OdometryMsg, speeds: PoseSpeeds) -> str:
-    """An empty string if it stands. speeds: have seen the messages before this one."""
+def _why_not_standing(msg: OdometryMsg, first: OdometryMsg, speeds: PoseSpeeds) -> str:
+    """An empty string if it stands. first: message. speeds: have seen the messages before this one."""
     try:
         seen = speeds.of(convert.odometry(msg))
     except InputError as error:
         return str(error)
-    return "" if seen.stands else f"its odometry says {seen.v:.2f} m/s, {seen.omega:.2f} rad/s"
+    if not seen.stands:
+        return f"its odometry says {seen.v:.2f} m/s, {seen.omega:.2f} rad/s"
+    looked_s = (msg.header.stamp - first.header.stamp).to_sec()
+    return "" if looked_s >= _LOOK_S else f"its odometry covers only {looked_s:.2f} s"
 
 
 @command
