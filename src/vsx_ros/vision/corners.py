@@ -16,7 +16,7 @@ from vsx_ros.vision.pyramid import LEVELS, Pyramid, from_level
 
 _REFERENCE_PIXELS = 640 * 480  # size of the image that numbers of corners refer to
 _CORNERS_AT = (1300, 700, 350, 175)  # numbers of corners on the levels, in proportion
-_CELLS = (3, 4)  # rows and columns of equal cells of a level, each with a threshold of its own
+_CELLS = (3, 3)  # rows and columns of equal cells of a level, each with a threshold of its own
 # FAST, grey levels, by pyramid level, for an ordinary room; they adapt.
 _FIRST_THRESHOLDS = np.tile(np.array([12, 15, 15, 10])[:, None, None], (1, *_CELLS))
 _THRESHOLDS = (5, 120)  # least (above the sensor's noise) and most
