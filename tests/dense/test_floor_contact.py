@@ -28,7 +28,7 @@ def plain(x: float, y_from: float, y_to: float, grey: float) -> scene.Rectangle:
     return scene.wall(x, y_from, y_to, 1.5, grey=grey, contrast=0.0, seed=0)
 
 
-@pytest.mark.parametrize("grey", [40.0, 170.0])
+@pytest.mark.parametrize("grey", [40.0, pytest.param(170.0, marks=pytest.mark.compiled)])
 def test_a_plain_wall_touches_the_floor_and_the_gap_in_it_does_not(grey: float) -> None:
     world = [FLOOR, plain(2.0, -3.0, -0.3, grey), plain(2.0, 0.3, 3.0, grey), plain(4.5, -5.0, 5.0, grey)]
     found = contact(world)
@@ -48,6 +48,7 @@ def test_a_wall_as_bright_as_the_floor_is_not_seen_to_touch() -> None:
     assert contact([FLOOR, plain(2.0, -3.0, 3.0, 90.0)]).touches.mean() < 0.05
 
 
+@pytest.mark.compiled
 def test_a_wall_that_stands_elsewhere_does_not_touch_here() -> None:
     assert contact([FLOOR, plain(3.2, -5.0, 5.0, 170.0)]).touches.mean() < 0.1
 

@@ -38,12 +38,13 @@ def test_a_textured_wall_is_consistent_where_it_stands() -> None:
     assert (said.keyframe >= 0).all()
 
 
-@pytest.mark.parametrize("plane", [1.7, 3.0])
+@pytest.mark.parametrize("plane", [pytest.param(1.7, marks=pytest.mark.compiled), 3.0])
 def test_a_plane_in_the_air_before_or_behind_a_textured_wall_is_not_consistent(plane: float) -> None:
     good, _ = judged([FLOOR, textured(2.2)], plane)
     assert good.mean() < 0.05
 
 
+@pytest.mark.compiled
 def test_a_plain_wall_says_nothing() -> None:
     good, said = judged([FLOOR, textured(2.2, contrast=0.0)], 2.2)
     high = cells_at(2.2)[:, 2] > 0.2
@@ -102,6 +103,7 @@ def test_the_newest_culled_keyframes_are_asked_as_long_as_their_images_are_store
     assert KeyframeImages(scene.CAMERA).views(thinned, 2).ids.tolist() == [0, 5], "without images"
 
 
+@pytest.mark.compiled
 def test_images_that_are_packed_and_loaded_again_are_the_same(monkeypatch) -> None:
     whole, images = scene.snapshot([FLOOR, textured(2.2)], scene.DRIVE, np.zeros((0, 3))), KeyframeImages(scene.CAMERA)
     views = images.loaded(images.views(whole, len(scene.DRIVE)))

@@ -52,7 +52,7 @@ def test_furniture_is_no_wall_but_a_wall_between_two_doors_is() -> None:
     assert not without_furniture(free, 36.0)[0].any()
 
 
-@pytest.mark.parametrize("seed", [1, 4, 7])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.compiled) for seed in (4, 7))])
 def test_the_rooms_of_a_building_are_those_it_was_built_with(seed: int) -> None:
     world = generate_world("building", seed)
     grid = ground_truth_grid(world, 0.05, 0.06, 0.6)

@@ -62,6 +62,7 @@ def test_every_row_begins_where_a_search_finds_it(many):
     assert corners.row_table.tolist() == np.concatenate(rows).tolist()
 
 
+@pytest.mark.compiled
 def test_row_table_finds_every_corner_of_a_row():
     pyramid = build_pyramid(noise_image())
     corners = CornerDetector().detect(pyramid)
@@ -76,6 +77,7 @@ def test_row_table_finds_every_corner_of_a_row():
         start += corners.counts[level]
 
 
+@pytest.mark.compiled
 def test_corner_counts_settle_near_their_targets():
     detector, rich = CornerDetector(), build_pyramid(noise_image(4) // 2)
     first = detector.detect(rich).counts[0]
@@ -85,7 +87,10 @@ def test_corner_counts_settle_near_their_targets():
     assert 650 < settled < 2600
 
 
-@pytest.mark.parametrize("size", [(480, 640), (480, 752), (241, 323), (96, 128)])
+LARGE = [pytest.param(size, marks=pytest.mark.compiled) for size in ((480, 640), (480, 752), (241, 323))]
+
+
+@pytest.mark.parametrize("size", [*LARGE, (96, 128)])
 @pytest.mark.parametrize("threshold", [5, 20, 80])
 def test_corners_are_those_of_opencv_at_the_threshold_of_their_cell(size, threshold):
     noise = np.random.default_rng(3).integers(0, 256, size, np.uint8)
@@ -124,6 +129,7 @@ def outside(positions):
     return np.count_nonzero((positions >= [320, 240]).any(axis=1))
 
 
+@pytest.mark.compiled
 def test_a_rich_patch_takes_no_corners_from_the_rest():
     detector, faint = CornerDetector(), np.uint8(96) + noise_image(4) // 6
     for _ in range(40):
@@ -137,6 +143,7 @@ def test_a_rich_patch_takes_no_corners_from_the_rest():
     assert outside(dense.positions[: dense.counts[0]]) > 1000
 
 
+@pytest.mark.compiled
 def test_faint_noise_gives_no_corners():
     grain = np.random.default_rng(5).normal(0.0, 1.5, (480, 640))
     dark = build_pyramid(np.clip(8.0 + grain, 0, 255).astype(np.uint8))
@@ -147,6 +154,7 @@ def test_faint_noise_gives_no_corners():
     assert sum(found.counts[1:]) == 0
 
 
+@pytest.mark.compiled
 def test_dense_corners_meet_their_targets_at_once_whatever_the_contrast():
     for contrast in (1, 2, 6):
         counts = np.array(dense_corners(build_pyramid(noise_image(4) // contrast), 2600).counts)
