@@ -117,32 +117,6 @@ def test_corners_are_those_of_opencv_at_the_threshold_of_their_cell(size, thresh
     assert counts.sum(axis=(1, 2)).tolist() == list(expected.counts)
 
 
-def patched_image():
-    """Faint texture, and a rich patch over a quarter of the image."""
-    image = 96 + noise_image(4) // 6
-    image[:240, :320] = noise_image(2, seed=1)[:240, :320]
-    return image
-
-
-def outside(positions):
-    """How many corners of the finest level lie outside the patch."""
-    return np.count_nonzero((positions >= [320, 240]).any(axis=1))
-
-
-@pytest.mark.compiled
-def test_a_rich_patch_takes_no_corners_from_the_rest():
-    detector, faint = CornerDetector(), np.uint8(96) + noise_image(4) // 6
-    for _ in range(40):
-        alone = detector.detect(build_pyramid(faint))
-    pyramid = build_pyramid(patched_image())
-    for _ in range(40):
-        beside = detector.detect(pyramid)
-    before, after = (outside(found.positions[: found.counts[0]]) for found in (alone, beside))
-    assert after > 0.8 * before > 400
-    dense = dense_corners(pyramid, 2600)
-    assert outside(dense.positions[: dense.counts[0]]) > 1000
-
-
 @pytest.mark.compiled
 def test_faint_noise_gives_no_corners():
     grain = np.random.default_rng(5).normal(0.0, 1.5, (480, 640))

@@ -16,7 +16,10 @@ from vsx_ros.vision.pyramid import LEVELS, Pyramid, from_level
 
 _REFERENCE_PIXELS = 640 * 480  # size of the image that numbers of corners refer to
 _CORNERS_AT = (1300, 700, 350, 175)  # numbers of corners on the levels, in proportion
-_CELLS = (3, 3)  # rows and columns of equal cells of a level, each with a threshold of its own
+_CELLS = (1, 1)
+"""Rows and columns of equal cells of a level, each with a threshold of its own. With 3 x 3, a textured patch takes no
+corners from the rest; but in the cells of plain walls the threshold falls until noise is corners, and then obstacles
+(tests/cli/test_cli_hallway.py)."""
 # FAST, grey levels, by pyramid level, for an ordinary room; they adapt.
 _FIRST_THRESHOLDS = np.tile(np.array([12, 15, 15, 10])[:, None, None], (1, *_CELLS))
 _THRESHOLDS = (5, 120)  # least (above the sensor's noise) and most
@@ -63,8 +66,7 @@ class PackedCorners(NamedTuple):
 
 
 class CornerDetector:
-    """FAST-9 whose thresholds follow the scene: each cell of each level steers its corner count towards a target. So a
-    richly textured part of the image takes no corners from the rest."""
+    """FAST-9 whose thresholds follow the scene: each cell of each level steers its corner count towards a target."""
 
     def __init__(self, corners: int = _CORNERS_AT[0]) -> None:
         """corners: wanted on the finest level of a VGA image."""
