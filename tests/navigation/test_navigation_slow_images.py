@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from driving import Base
+from driving import LaggingBase
 
 from vsx_ros.config import Config
 from vsx_ros.control.localization import Localization
@@ -30,7 +30,7 @@ class Slow:
     a row. rows: time [s], commanded speed [m/s], image-free time [s]."""
 
     def __init__(self, rate_hz: float, seed: int, frame: str = "map", lost: float = 0.1) -> None:
-        self.base, self.follower, self.localization = Base(), Follower(Config()), Localization()
+        self.base, self.follower, self.localization = LaggingBase(), Follower(Config()), Localization()
         self.rng, self.period_s, self.is_lost = np.random.default_rng(seed), 1.0 / rate_hz, False
         self.next_s, self.heard_s, self.comes, self.lost = 0.0, 0.0, True, lost
         self.seen: list[tuple[float, int, SE2]] = []
