@@ -30,7 +30,7 @@ LIES = [
     (topics.ODOM, Odometry(), "pose message holds"),  # a quaternion of length zero
     (topics.ODOM, Odometry(pose=UPRIGHT, twist=TwistWithCovariance(twist=SPEEDS)), "odometry message holds speeds inf"),
     (topics.ODOM, Odometry(pose=UPRIGHT), "a stamp"),  # an hour ahead, as all of these
-    (topics.IMAGE, Image(width=640, height=480, encoding="mono8", step=640, data=b"short"), "image 640x480 mono8"),
+    (topics.IMAGE, Image(width=640, height=480, encoding="mono8", step=640, data=b"short"), "image of 640x480 mono8"),
     (topics.IMAGE, Image(width=640, height=480, encoding="mono8", step=640, data=GREY), "a stamp"),
     (topics.MAP, OccupancyGrid(), "map message says 0x0 cells"),
     (topics.SLAM_STATE, DiagnosticStatus(name="CONFUSED"), "SLAM state 'CONFUSED' is unknown"),
