@@ -7,6 +7,7 @@ from collections import deque
 LEASE_S = 0.3  # A client must renew its wish for motion again and again; after this silence it counts as gone
 _MOST_S = 0.7  # longest lease of vslam
 _USUAL_S = 0.1  # between two images; the limits of the speed are for this
+_SLOW_S = 0.16  # between two images: only a slower computer needs a longer lease, and others stop as fast as promised
 _REMEMBERED, _LEAST = 12, 4  # last times between images; the mean of their third quarter counts, so single ones do not
 _LATE, _GONE = 1.3, 2.5  # times the usual time between images: one is late; a second one, too
 _BRAKING_S = 0.25  # about what a gentle stop takes from the speeds at such rates
@@ -16,7 +17,7 @@ _ALIKE = 1.2  # Smaller changes of the rate do not change the speed
 class ImageLease:
     """The lease of vslam, which renews it with every image that it uses.
 
-    At 10 images a second and more it ends after LEASE_S. A slow computer needs longer for an image. Then the lease
+    At 6 images a second and more it ends after LEASE_S. A slow computer needs longer for an image. Then the lease
     lasts for two and a half images, at most 0.7 s, and the base brakes gently before its end. It drives so slowly that
     its way between two images is about the same as at 10 a second."""
 
@@ -49,7 +50,7 @@ class ImageLease:
     @property
     def length_s(self) -> float:
         """After this silence the base must stand [s]."""
-        return min(_MOST_S, max(LEASE_S, _GONE * self._period_s))
+        return LEASE_S if self._period_s < _SLOW_S else min(_MOST_S, _GONE * self._period_s)
 
     @property
     def is_late(self) -> bool:
