@@ -84,7 +84,7 @@ def test_points_in_one_corner_leave_the_position_open(sixtieth):
 
 def test_a_few_far_points_do_not_hide_that_the_position_is_open(sixtieth):
     _, data, view, pose, rows = sixtieth
-    tracker = Tracker(TrackerConfig(max_sigma_ratio=0.0015), np.random.default_rng(0))
+    tracker = Tracker(TrackerConfig(max_sigma_ratio=0.001), np.random.default_rng(0))
     ray = (view.points[rows] - pose.translation) @ pose.rotation
     aside = np.linalg.norm(ray[:, :2] / ray[:, 2:] - np.median(ray[:, :2] / ray[:, 2:], axis=0), axis=1)
     near = rows[np.argsort(aside)[:48]]
