@@ -35,16 +35,9 @@ _Bytes: TypeAlias = bytes | NDArray[np.uint8]
 
 
 def gray_image(
-    encoding: str,
-    height: int,
-    width: int,
-    step: int,
-    data: _Bytes,
-    *,
-    big_endian: bool = False,
-    shift_bits: int = 8,
+    encoding: str, height: int, width: int, step: int, data: _Bytes, *, big_endian: bool = False, shift_bits: int = 8,
     name: str = "image",
-) -> GrayImage:
+) -> GrayImage:  # fmt: skip
     """(height, width) uint8 from the fields of a sensor_msgs/Image; ``step`` is bytes per row. shift_bits: for 16-bit
     images, how many low bits to drop; values above the top saturate. name: for messages. Raises InputError for an
     unknown encoding or too few bytes."""
@@ -97,16 +90,9 @@ class GrayImages:
         self._shift_bits = 0
 
     def of(
-        self,
-        encoding: str,
-        height: int,
-        width: int,
-        step: int,
-        data: _Bytes,
-        *,
-        big_endian: bool = False,
+        self, encoding: str, height: int, width: int, step: int, data: _Bytes, *, big_endian: bool = False,
         name: str = "image",
-    ) -> GrayImage:
+    ) -> GrayImage:  # fmt: skip
         """As ``gray_image``."""
         if encoding in _OF_8:
             rows = _rows(encoding, height, width, step, data, name)
