@@ -95,7 +95,7 @@ def _tracking() -> None:
     epipolar.search_rays(camera, eye, zero, np.zeros((1, 2)), basis, templates, bounds, target)
     small = np.zeros((30, 40), np.float32)
     alignment.align_small(small, small, 2)
-    fast.fast_corners(target.pixels, target.table, np.zeros((4, 3, 4), np.uint8))
+    fast.fast_corners(np.zeros((96, 128), np.uint8), 10)
     found, uv = search.search(target, warped, usable, level, uv, 10.0, 2)
     pose.optimize_pose(camera, eye, zero, points, rows, uv, level, found, np.zeros(6), 1, 2, 0.4, 0.7)
 

@@ -10,18 +10,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, GrayImage, IntArray, Pixels
+from vsx_ros.arrays import BoolArray, GrayImage, IntArray, Pixels
 from vsx_ros.kernels.vision.fast import fast_corners
 from vsx_ros.vision.pyramid import LEVELS, Pyramid, from_level
 
 _REFERENCE_PIXELS = 640 * 480  # size of the image that numbers of corners refer to
 _CORNERS_AT = (1300, 700, 350, 175)  # numbers of corners on the levels, in proportion
-_CELLS = (1, 1)
-"""Rows and columns of equal cells of a level, each with a threshold of its own. With 3 x 3, a textured patch takes no
-corners from the rest; but in the cells of plain walls the threshold falls until noise is corners, and then obstacles
-(tests/cli/test_cli_hallway.py)."""
-# FAST, grey levels, by pyramid level, for an ordinary room; they adapt.
-_FIRST_THRESHOLDS = np.tile(np.array([12, 15, 15, 10])[:, None, None], (1, *_CELLS))
+_FIRST_THRESHOLDS = (12, 15, 15, 10)  # FAST, grey levels, by pyramid level, for an ordinary room; they adapt
 _THRESHOLDS = (5, 120)  # least (above the sensor's noise) and most
 _FAST_MAXIMA = cv2.FastFeatureDetector.create(7, nonmaxSuppression=True)  # of ``strongest``
 BORDER_PX, PATCH_PX = 16, 31  # ORB (Rublee et al.): patch of 31 px; distance to the border is half of it, rounded up
@@ -66,48 +61,64 @@ class PackedCorners(NamedTuple):
 
 
 class CornerDetector:
-    """FAST-9 whose thresholds follow the scene: each cell of each level steers its corner count towards a target."""
+    """FAST-9 whose thresholds follow the scene: each level steers its corner count towards a target."""
 
     def __init__(self, corners: int = _CORNERS_AT[0]) -> None:
         """corners: wanted on the finest level of a VGA image."""
-        self._corners, self._thresholds = corners, _FIRST_THRESHOLDS
+        self._share = corners / _CORNERS_AT[0]
+        self._thresholds = list(_FIRST_THRESHOLDS)
 
     def detect(self, pyramid: Pyramid, steer: bool = True) -> Corners:
         """All corners of the four levels, without suppression. steer: whether their number adapts the thresholds."""
-        corners, counts = _fast(pyramid, self._thresholds)
-        if steer:
-            self._steer(counts, _wanted(pyramid, self._corners))
-        return corners
+        wanted = self._share * _vga_images(pyramid)
+        levels = []
+        for level in range(LEVELS):
+            found = fast_corners(pyramid.level(level), self._thresholds[level])
+            levels.append(found)
+            if steer:
+                self._steer(level, len(found), wanted * _CORNERS_AT[level])
+        return indexed(levels, pyramid)
 
-    def _steer(self, count: IntArray, target: FloatArray) -> None:
-        threshold = self._thresholds
-        step = 1 * (count > 1.2 * target) - (count < 0.8 * target) - 2 * (count < 0.4 * target)
-        step += (count > 2.5 * target) * (np.maximum(4, threshold // 4) - 1)
-        self._thresholds = np.minimum(np.maximum(threshold + step, _THRESHOLDS[0]), _THRESHOLDS[1])
+    def _steer(self, level: int, count: int, target: float) -> None:
+        lowest, highest = _THRESHOLDS
+        threshold = self._thresholds[level]
+        if count > 2.5 * target:
+            threshold += max(4, threshold // 4)
+        elif count > 1.2 * target:
+            threshold += 1
+        elif count < 0.4 * target:
+            threshold -= 3
+        elif count < 0.8 * target:
+            threshold -= 1
+        self._thresholds[level] = min(max(threshold, lowest), highest)
 
 
 def dense_corners(pyramid: Pyramid, corners: int) -> Corners:
     """About as many corners as wanted (on the finest level of a VGA image), from this image alone: more than tracking
-    needs, for new points. The thresholds are found in at most five trials."""
-    target, threshold = _wanted(pyramid, corners), _FIRST_THRESHOLDS
-    low, high = (np.full(threshold.shape, limit) for limit in _THRESHOLDS)
+    needs, for new points."""
+    wanted = corners / _CORNERS_AT[0] * _vga_images(pyramid)
+    targets = [wanted * count for count in _CORNERS_AT]
+    return indexed([_about(pyramid.level(k), _FIRST_THRESHOLDS[k], targets[k]) for k in range(LEVELS)], pyramid)
+
+
+def _vga_images(pyramid: Pyramid) -> float:
+    """The size of the image, in VGA images."""
+    return float(pyramid.table[0, 1] * pyramid.table[0, 2]) / _REFERENCE_PIXELS
+
+
+def _about(image: GrayImage, threshold: int, target: float) -> NDArray[np.int32]:
+    """Corners at a threshold that gives about the wanted number, found in at most five trials."""
+    low, high = _THRESHOLDS
     for _ in range(5):
-        found, count = _fast(pyramid, threshold)
-        low, high = np.where(count > target, threshold, low), np.where(count > target, high, threshold)
+        found = fast_corners(image, threshold)
+        low, high = (threshold, high) if len(found) > target else (low, threshold)
         # Counts fall about with the square of the threshold; where they do not, halving the interval helps.
-        wanted = np.rint(threshold * np.sqrt(np.maximum(count, 1) / target)).astype(np.int64)
-        wanted = np.where((low < wanted) & (wanted < high), wanted, np.rint(np.sqrt(low * high)).astype(np.int64))
-        wanted = np.where((0.8 * target < count) & (count < 1.25 * target), threshold, wanted)
-        if np.array_equal(wanted, threshold):
+        wanted = round(threshold * math.sqrt(max(len(found), 1) / target))
+        wanted = wanted if low < wanted < high else round(math.sqrt(low * high))
+        if wanted == threshold or 0.8 * target < len(found) < 1.25 * target:
             break
         threshold = wanted
     return found
-
-
-def _wanted(pyramid: Pyramid, corners: int) -> FloatArray:
-    """(LEVELS, 1, 1) corners wanted in each cell, when there shall be so many on the finest level of a VGA image."""
-    size = float(pyramid.table[0, 1] * pyramid.table[0, 2]) / _REFERENCE_PIXELS
-    return np.array(_CORNERS_AT)[:, None, None] * (corners / _CORNERS_AT[0] * size / math.prod(_CELLS))
 
 
 def indexed(levels: list[NDArray[np.int32]], pyramid: Pyramid) -> Corners:
@@ -123,12 +134,6 @@ def indexed(levels: list[NDArray[np.int32]], pyramid: Pyramid) -> Corners:
 def no_corners(pyramid: Pyramid) -> Corners:
     """No corners, for an image that is not searched."""
     return indexed([np.zeros((0, 2), np.int32)] * LEVELS, pyramid)
-
-
-def _fast(pyramid: Pyramid, thresholds: IntArray) -> tuple[Corners, IntArray]:
-    """All corners of the pyramid, and how many lie in each cell. thresholds (LEVELS, *_CELLS)."""
-    positions, row_table, counts = fast_corners(*pyramid, thresholds.astype(np.uint8))
-    return Corners(positions, row_table, tuple(counts.sum(axis=(1, 2)).tolist())), counts
 
 
 def strongest(image: GrayImage, occupied: BoolArray, count: int, spacing_px: int = 8) -> NDArray[np.int32]:

@@ -1,12 +1,12 @@
-"""FAST-9 corners (Rosten and Drummond 2006) of a pyramid, with a threshold for every cell of the image.
+"""FAST-9 corners (Rosten and Drummond 2006), those that OpenCV finds without suppression; it makes an object of each.
 
-A pixel is a corner if 9 successive pixels of the circle of 16 around it are all brighter or all darker by more than its
+A pixel is a corner if 9 successive pixels of the circle of 16 around it are all brighter or all darker by more than a
 threshold. Bytes only, and no branch within 32 pixels of a row, so that the compiler vectorises."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import IntArray
+from vsx_ros.arrays import GrayImage
 from vsx_ros.kernels import kernel, loop_kernel, part
 
 U8, U = np.uint8, np.uint64
@@ -47,26 +47,20 @@ def negative(a: np.uint8) -> np.uint8:
 
 @kernel
 def mark_candidates(
-    up: NDArray[np.uint8],
-    here: NDArray[np.uint8],
-    down: NDArray[np.uint8],
-    limit: NDArray[np.uint8],
-    marks: NDArray[np.uint8],
+    up: NDArray[np.uint8], here: NDArray[np.uint8], down: NDArray[np.uint8], limit: np.uint8, marks: NDArray[np.uint8]
 ) -> None:
     """Mark those pixels of a row (W,) that can be corners by four pixels of the circle; marks begin at RING. up, down:
-    the rows RING px above and below; limit (W,): thresholds."""
+    the rows RING px above and below."""
     for x in range(RING, here.shape[0] - RING):
         a, b, c, d = up[U(x)], here[U(x + RING)], down[U(x)], here[U(x - RING)]
         brighter, darker = min(max(a, c), max(b, d)), max(min(a, c), min(b, d))
         v = here[U(x)]
-        marks[U(x - RING)] = max(above(brighter, v), above(v, darker)) > limit[U(x)]
+        marks[U(x - RING)] = max(above(brighter, v), above(v, darker)) > limit
 
 
 @loop_kernel
-def mark_corners(
-    pixels: NDArray[np.uint8], start: int, width: int, limit: NDArray[np.uint8], marks: NDArray[np.uint8]
-) -> None:
-    """Mark the corners (BLOCK,) among the pixels from ``start`` on, with thresholds limit (BLOCK,)."""
+def mark_corners(pixels: NDArray[np.uint8], start: int, width: int, limit: np.uint8, marks: NDArray[np.uint8]) -> None:
+    """Mark the corners (BLOCK,) among the pixels from ``start`` on."""
     a, b, c, d = start - 3 * width, start - 2 * width, start - width, start
     e, f, g = start + width, start + 2 * width, start + 3 * width
     for i in range(BLOCK):
@@ -83,51 +77,32 @@ def mark_corners(
                 negative(p14), negative(p15),
             )
         )  # fmt: skip
-        marks[U(i)] = max(above(brighter, v), above(v, darker)) > limit[U(i)]
+        marks[U(i)] = max(above(brighter, v), above(v, darker)) > limit
 
 
 @kernel
-def fast_corners(
-    pixels: NDArray[np.uint8], table: IntArray, thresholds: NDArray[np.uint8]
-) -> tuple[NDArray[np.int32], IntArray, IntArray]:
-    """All corners of a pyramid. pixels, table: see ``Pyramid``; thresholds (levels, rows, columns): of equal cells.
-
-    Returns positions (N, 2) by level, row and column [level px]; row_table as ``Corners`` has it; and how many corners
-    lie in each cell (levels, rows, columns)."""
-    levels, rows, columns = thresholds.shape
-    found, n = np.empty((pixels.shape[0], 2), np.int32), 0
-    row_table = np.zeros(table[levels - 1, 1] + table[levels - 1, 3] + 1, np.int64)
-    counts = np.zeros(thresholds.shape, np.int64)
+def fast_corners(image: GrayImage, threshold: int) -> NDArray[np.int32]:
+    """All corners (N, 2), x and y [px] by row, of an image (H, W) of 16 x 12 px or more; threshold in grey levels."""
+    height, width = image.shape
+    pixels, limit = image.reshape(height * width), U8(threshold)
+    found, n = np.empty((height * width, 2), np.int32), 0
     marks = np.zeros(BLOCK, np.uint8)
-    quarters = marks.view(np.uint64)
-    for level in range(levels):
-        offset, height, width, first = table[level]
-        image = pixels[offset : offset + height * width].reshape(height, width)
-        limit, candidates = np.zeros(width + 2 * BLOCK, np.uint8), np.zeros(width + BLOCK - width % BLOCK, np.uint8)
-        words, cell = candidates.view(np.uint64), (np.arange(width) * columns) // width
-        last = pixels.shape[0] - 3 * width - 1 - BLOCK - offset  # so that no block reads beyond the image's end
-        for y in range(height):
-            row_table[first + y] = n
-            if y < RING or y >= height - RING:
+    candidates = np.zeros(width + BLOCK - width % BLOCK, np.uint8)
+    quarters, words = marks.view(np.uint64), candidates.view(np.uint64)
+    last = height * width - 3 * width - 1 - BLOCK  # so that no block reads beyond the image's end
+    for y in range(RING, height - RING):
+        mark_candidates(image[y - RING], image[y], image[y + RING], limit, candidates)
+        for k in range(words.shape[0] // 4):
+            if words[4 * k] | words[4 * k + 1] | words[4 * k + 2] | words[4 * k + 3] == 0:
                 continue
-            row = y * rows // height
-            if y == RING or row != (y - 1) * rows // height:
-                for x in range(width):
-                    limit[BLOCK + x] = thresholds[level, row, cell[x]]
-            mark_candidates(image[y - RING], image[y], image[y + RING], limit[BLOCK:], candidates)
-            for k in range(words.shape[0] // 4):
-                if words[4 * k] | words[4 * k + 1] | words[4 * k + 2] | words[4 * k + 3] == 0:
+            begin = RING + BLOCK * k
+            x0 = min(begin, last - y * width)
+            mark_corners(pixels, y * width + x0, width, limit, marks)
+            for q in range(4):
+                if quarters[q] == 0:
                     continue
-                begin = RING + BLOCK * k
-                x0 = min(begin, last - y * width)
-                mark_corners(pixels, offset + y * width + x0, width, limit[BLOCK + x0 :], marks)
-                for q in range(4):
-                    if quarters[q] == 0:
-                        continue
-                    for x in range(x0 + 8 * q, x0 + 8 * q + 8):
-                        if marks[x - x0] and begin <= x < width - RING:
-                            found[n, 0], found[n, 1] = x, y
-                            counts[level, row, cell[x]] += 1
-                            n += 1
-        row_table[first + height :] = n
-    return found[:n].copy(), row_table, counts
+                for x in range(x0 + 8 * q, x0 + 8 * q + 8):
+                    if marks[x - x0] and begin <= x < width - RING:
+                        found[n, 0], found[n, 1] = x, y
+                        n += 1
+    return found[:n].copy()
