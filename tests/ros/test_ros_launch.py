@@ -44,7 +44,9 @@ def described(files: list[Any], texts: list[str]) -> tuple[dict[str, Any], dict[
     }
     given = {name: param.value for name, param in config.params.items() if not name.startswith("/ros")}
     if "/run_dir" in given:
-        assert Path(given.pop("/run_dir")).is_dir()
+        run_dir = Path(given.pop("/run_dir"))
+        assert run_dir.is_absolute()
+        assert not run_dir.exists(), "the nodes make it"
     return nodes, dict(leaf for name, value in given.items() for leaf in leaves(name, value))
 
 
@@ -155,14 +157,19 @@ def test_roslaunch_takes_what_this_robot_s_calibrations_found(robot_home: Path) 
         assert params["/config/robot/odometry/linear_scale"] == found, name
 
 
-def test_every_exploration_by_roslaunch_leaves_a_folder_unless_told_otherwise(robot_home: Path) -> None:
-    file = str(CHECKOUT / "launch" / "explore.launch")
-    described([(file, [])], [])
-    (folder,) = (robot_home / "runs").iterdir()
-    assert folder.name.endswith("_ros")
-    for words in ("run_dir:=none", f"run_dir:={robot_home / 'mine'}"):
-        described([(file, [words])], [])
-    assert [folder] == list((robot_home / "runs").iterdir())
+def test_every_launch_names_a_folder_of_its_own_and_makes_none(robot_home: Path) -> None:
+    """roslaunch evaluates the file for --nodes, --args and --dump-params, too."""
+    for name, words in {"explore": [], "replay": ["bag:=/data/a.bag"]}.items():
+        file = str(CHECKOUT / "launch" / f"{name}.launch")
+        loaded = [roslaunch.config.load_config_default([(file, words)], 11311, verbose=False) for _ in range(2)]
+        first, second = (Path(config.params["/run_dir"].value) for config in loaded)
+        assert first != second
+        assert first.parent == second.parent == robot_home / "runs"
+        assert first.name.endswith("_ros")
+        for told in ("none", str(robot_home / "mine")):
+            given = (file, [*words, f"run_dir:={told}"])
+            assert "/run_dir" not in roslaunch.config.load_config_default([given], 11311, verbose=False).params
+    assert not list(robot_home.iterdir())
 
 
 def test_every_node_of_the_table_has_a_starter() -> None:

@@ -81,9 +81,9 @@ class RunFolder:
         return RunFolder(path)
 
     @staticmethod
-    def create_dated(name: str, parent: Path = _RUNS) -> RunFolder:
-        """Make <parent>/<date>_<name>, with _2, _3, ... appended if it exists. Raises InputError if that fails."""
-        first = dated(name, parent)
+    def create_dated(name: str) -> RunFolder:
+        """Make runs/<date>_<name>, with _2, _3, ... appended if it exists. Raises InputError if that fails."""
+        first = dated(name)
         path, number = first, 1
         with _making(first):
             first.parent.mkdir(parents=True, exist_ok=True)
