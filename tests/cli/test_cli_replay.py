@@ -29,6 +29,7 @@ from vsx_ros.runs.record import RunRecord
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
 
+FEW = 40  # images of the drive, with as few keyframes of a map without odometry as may be given up
 DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[2] / "../shared/data"))
 
 
@@ -214,6 +215,24 @@ def test_a_camera_that_stands_still_says_why(drive, tmp_path, capsys):
     summary = RunFolder.open(tmp_path / "run").read_summary()
     assert (summary["frames_tracked"], summary["u1"], summary["ate_rmse_m"]) == (0, None, None)
     assert "There is no map" in (tmp_path / "run/report.html").read_text()
+
+
+def test_a_map_that_was_given_up_is_not_one_that_never_started(drive, tmp_path, capsys):
+    """Without odometry, a young map that has lost the camera is worth less than another start."""
+    pictures = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in sorted((drive / "rgb").iterdir())]
+    seen = [*pictures[:FEW], *[np.zeros((480, 640), np.uint8)] * 12]
+    write_images(tmp_path / "dark", [(i * 66_666_667, image) for i, image in enumerate(seen)])
+    (tmp_path / "dark/camera.json").write_text((drive / "camera.json").read_text())
+    assert execute(["replay", str(tmp_path / "dark"), "--map", "--out", str(tmp_path / "run")]) == 3
+    said = capsys.readouterr().out
+    assert "never started" not in said
+    (began, ended) = re.search(r"the map was there from (\S+) s to (\S+) s, then given up \(lost with", said).groups()
+    states = [(frame.stamp_ns, frame.state) for frame in RunFolder.open(tmp_path / "run").read_frames()]
+    with_map = [1e-9 * stamp_ns for stamp_ns, state in states if state != "not initialised"]
+    assert (float(began), float(ended)) == pytest.approx((with_map[0], with_map[-1]), abs=0.051)
+    assert "kept are frames.csv and events.jsonl, but no map and no trajectory" in said
+    assert RunFolder.open(tmp_path / "run").read_poses("trajectory") == []
+    assert "There is no map: it was given up." in (tmp_path / "run/report.html").read_text()
 
 
 def test_a_map_without_odometry_says_in_what_unit_it_is(drive, tmp_path, capsys):

@@ -18,15 +18,15 @@ from vsx_ros.io.map_export import write_planes, write_ply
 from vsx_ros.io.recording import Recording
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.journal import FrameLine
+from vsx_ros.runs.journal import FrameLine, RunEvent
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.process import STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import RunRecord
-from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.report import map_given_up, replay_code, tell_the_end, write_report
 from vsx_ros.runs.saved_map import save_continued
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import RunWriter
-from vsx_ros.runs.start import opened_recording, replay_code, replay_folder
+from vsx_ros.runs.start import opened_recording, replay_folder
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.snapshot import SlamMap, snapshot
@@ -36,7 +36,7 @@ _MAX_RATE = 100.0  # images a second, more than these cameras give
 
 
 def replay(args: argparse.Namespace) -> int:
-    """Replay, write the run folder, print the result; 3 when tracking was lost for good, 1 when it never began."""
+    """Replay, write the run folder, print the result; 3 when track or map was lost for good, 1 without any map."""
     _refuse_pace(args)
     if (args.input / "rgb.txt").exists():
         refuse(args, f"{args.input} is a folder of images, without topics", "image_topic", "odometry_topic")
@@ -52,8 +52,7 @@ def replay(args: argparse.Namespace) -> int:
     keeper = RunWriter(T_base_cam, folder, config=config.runs, resumable=False)
     record, stopped = keeper.record, _track_all(session, slam, recording, keeper)
     continued = str(args.load_map.resolve()) if args.load_map else None
-    ending = record.frames[-1].state if record.frames else TrackingState.NOT_INITIALISED
-    code = STOPPED if stopped else replay_code(ending)
+    code = STOPPED if stopped else replay_code([frame.state for frame in record.frames])
     facts = {"seed": args.seed, "continued_map": continued, "ended_well": ended_well(code)}
     if stopped:
         facts["stop_reason"] = f"stopped by the operator after {len(record.frames)} of {recording.frame_count} frames"
@@ -122,18 +121,19 @@ def _summary(slam: SequentialSlam, recording: Recording, record: RunRecord) -> S
         summary = summary.with_values(u2_metres=None)
     return summary.with_values(
         duration_s=(frames[-1].stamp_ns - frames[0].stamp_ns) * 1e-9 if frames else 0.0,
-        stop_reason=_stop_reason(frames),
+        stop_reason=_stop_reason(frames, record.events),
         world=recording.source.name,
     )
 
 
-def _stop_reason(frames: Sequence[FrameLine]) -> str:
+def _stop_reason(frames: Sequence[FrameLine], events: Sequence[RunEvent]) -> str:
     """How the recording ended, in words."""
     if not frames:
         return "the recording holds no image that could be used"
     last = frames[-1]
     if last.state is TrackingState.NOT_INITIALISED:
-        return f"the map was never started: {last.reason}"
+        given_up = map_given_up([(frame.stamp_ns, frame.state) for frame in frames], events)
+        return given_up or f"the map was never started: {last.reason}"
     if last.state is TrackingState.LOST:
         tracked = max((i for i, r in enumerate(frames) if r.state.tracked), default=-1)
         return f"lost for good from frame {tracked + 2} of {len(frames)}: {frames[tracked + 1].reason}"
@@ -145,7 +145,7 @@ def _save_slam_map(slam: SequentialSlam, before: Path | None, path: Path | None)
         return
     slam_map = slam.slam_map()
     if slam_map is None:
-        print(f"vsx: {path} is not written: there is no map, it was never started", file=sys.stderr)
+        print(f"vsx: {path} is not written: there is no map", file=sys.stderr)
     else:
         save_continued(slam_map, before, path)
 

@@ -102,7 +102,8 @@ def map_picture(data: ReportData) -> str:
 
     estimate = np.array([pose.T.translation for pose in data.estimate]).reshape(-1, 3)
     if not len(estimate) and not len(data.points_world) and data.grid is None:
-        return "<p>There is no map: it was never started.</p>"
+        begun = data.summary.get("initialized_at_s") is not None
+        return f"<p>There is no map: it was {'given up' if begun else 'never started'}.</p>"
     truth = _truth_in_map(data)
     ways = [(name, flat(points).tolist()) for name, points in (("estimate", estimate), ("truth", truth))]
     unit = "m" if data.world_is_level else "map units (no odometry, hence no scale; x and z of the first camera)"

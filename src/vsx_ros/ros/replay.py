@@ -2,7 +2,7 @@
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import rosgraph
 import rospy
@@ -22,9 +22,9 @@ from vsx_ros.ros.monitor import Monitor
 from vsx_ros.ros.player import Player
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.process import INTERNAL, STOPPED, ended_well
-from vsx_ros.runs.report import tell_the_end, write_report
+from vsx_ros.runs.report import map_given_up, replay_code, tell_the_end, write_report
 from vsx_ros.runs.session import results_of_slam
-from vsx_ros.runs.start import replay_code, replay_folder
+from vsx_ros.runs.start import replay_folder
 from vsx_ros.slam.state import TrackingState
 
 
@@ -89,15 +89,15 @@ def _gather(
     """Complete and report what vslam wrote."""
     known, missing = results_of_slam(folder, T_base_cam)
     looked_at = folder.read_frames()
-    ending = TrackingState(looked_at[-1].state) if looked_at else TrackingState.NOT_INITIALISED
+    states = [(frame.stamp_ns, TrackingState(frame.state)) for frame in looked_at]
     kind: AlignmentKind | None = "yaw" if recording.odometry else None
     summary = with_accuracy(known, *folder.read_trajectories(), recording.ground_truth, kind)
-    code = STOPPED if interrupted else INTERNAL if failure else replay_code(ending)
+    code = STOPPED if interrupted else INTERNAL if failure else replay_code([state for _, state in states])
     if interrupted:
         failure = f"stopped by the operator after {len(looked_at)} of {recording.frame_count} frames"
     summary = summary.with_values(
         duration_s=(looked_at[-1].stamp_ns - looked_at[0].stamp_ns) * 1e-9 if looked_at else 0.0,
-        stop_reason=failure or _stop_reason(folder, ending),
+        stop_reason=failure or _stop_reason(folder, states),
         ended_well=ended_well(code),
         world=recording.source.name,
         seed=args.seed,
@@ -113,12 +113,13 @@ def _gather(
     return tell_the_end(folder, summary.as_dict(), code, kept)
 
 
-def _stop_reason(folder: RunFolder, ending: TrackingState) -> str:
+def _stop_reason(folder: RunFolder, states: Sequence[tuple[int, TrackingState]]) -> str:
     """How the recording ended, in words."""
     events = [event for event in folder.read_events() if event.source == "slam"]
     last = events[-1].reason if events else "the SLAM saw no image that it could use"
+    ending = states[-1][1] if states else TrackingState.NOT_INITIALISED
     if ending is TrackingState.NOT_INITIALISED:
-        return f"the map was never started: {last}"
+        return map_given_up(states, events) or f"the map was never started: {last}"
     if ending is TrackingState.LOST:
         return f"lost for good: {last}"
     return "the recording was played to its end"

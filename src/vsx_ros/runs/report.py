@@ -1,7 +1,7 @@
 """The end of a run: its exit code, its report page, and the most important facts."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,11 @@ from vsx_ros.io.room_file import load_rooms, room_file
 from vsx_ros.occupancy.grid import MAX_CELLS
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.interrupted import KnownRun, unfinished
-from vsx_ros.runs.journal import MapLine
+from vsx_ros.runs.journal import MapLine, RunEvent
 from vsx_ros.runs.moments import REMEDY, Moments
 from vsx_ros.runs.parameters import commented_yaml
 from vsx_ros.runs.process import DONE, FAILED, HARDWARE, LOST, STOPPED
+from vsx_ros.slam.state import TrackingState
 
 _OTHERS = {
     Outcome.EXPLORED: DONE, Outcome.HOME: DONE, Outcome.STOPPED: STOPPED, Outcome.LOST: LOST, Outcome.BLIND: HARDWARE
@@ -101,6 +102,30 @@ def _map_picture(line: MapLine) -> MapPicture:
         stamp_ns=line.stamp_ns, png=line.image, origin=line.origin,
         size=(width * line.resolution, height * line.resolution), known_area_m2=line.known_area_m2,
     )  # fmt: skip
+
+
+def replay_code(states: Sequence[TrackingState]) -> int:
+    """The exit code of a replay, by the states of its frames."""
+    none = TrackingState.NOT_INITIALISED
+    ending = states[-1] if states else none
+    if ending is none:
+        return FAILED if set(states) <= {none} else LOST
+    return LOST if ending is TrackingState.LOST else DONE
+
+
+def map_given_up(frames: Sequence[tuple[int, TrackingState]], events: Iterable[RunEvent]) -> str:
+    """For a replay that had a map and ends without one: when it was there, why it is not, and what is kept. Empty if it
+    never had one. frames: stamp and state of each."""
+    last = max((k for k, (_, state) in enumerate(frames) if state is not TrackingState.NOT_INITIALISED), default=-1)
+    if last < 0:
+        return ""
+    without = (k for k in range(last, -1, -1) if frames[k][1] is TrackingState.NOT_INITIALISED)
+    began_s, ended_s = (1e-9 * (frames[k][0] - frames[0][0]) for k in (next(without, -1) + 1, last))
+    why = [event.reason for event in events if (event.source, event.state) == ("slam", "restarted")]
+    return (
+        f"the map was there from {began_s:.1f} s to {ended_s:.1f} s, then given up ({why[-1] if why else 'lost'}), and "
+        "no other was started; kept are frames.csv and events.jsonl, but no map and no trajectory"
+    )
 
 
 def tell_the_end(folder: RunFolder, summary: Mapping[str, Any], code: int, failure: str) -> int:

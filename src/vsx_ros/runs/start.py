@@ -19,14 +19,12 @@ from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.runs.folder import RunFolder, dated
 from vsx_ros.runs.parameters import load, robot_file_here
 from vsx_ros.runs.places import given_zones
-from vsx_ros.runs.process import DONE, FAILED, LOST
 from vsx_ros.runs.rooms import room_beside
 from vsx_ros.runs.session import end_trail
 from vsx_ros.runs.world import open_world, world_files
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.world_file import load_world, save_world
-from vsx_ros.slam.state import TrackingState
 
 DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov",
             "eye": "raster"}  # fmt: skip
@@ -175,11 +173,6 @@ def replay_folder(args: argparse.Namespace, config: Config) -> RunFolder:
     folder = RunFolder.create(args.out) if args.out else RunFolder.create_dated(args.input.stem)
     folder.write_config(config, args.line, seed=args.seed, input=str(args.input.resolve()))
     return folder
-
-
-def replay_code(ending: TrackingState) -> int:
-    """The exit code for the state after the last image."""
-    return {TrackingState.NOT_INITIALISED: FAILED, TrackingState.LOST: LOST}.get(ending, DONE)
 
 
 def _calibration(recording: Recording, file: Path | None) -> PinholeCamera:
