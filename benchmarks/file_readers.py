@@ -40,12 +40,13 @@ from vsx_ros.runs.parameters import commented_yaml, update_robot_file
 from vsx_ros.runs.parameters import load as load_config
 from vsx_ros.runs.report import write_report
 from vsx_ros.runs.session import PreviousSessions, end_trail
+from vsx_ros.runs.world import save_world
 from vsx_ros.session import SlamSession
 from vsx_ros.sim.gazebo_world import load_gazebo
 from vsx_ros.sim.generate import generate_world, world_from_grid
 from vsx_ros.sim.optics import scene_of
 from vsx_ros.sim.truth import ground_truth_grid
-from vsx_ros.sim.world_file import load_world, save_world
+from vsx_ros.sim.world_file import load_world
 from vsx_ros.slam.slam import SequentialSlam
 
 

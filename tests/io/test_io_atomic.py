@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from vsx_ros.cli import main
-from vsx_ros.errors import MapFileError
+from vsx_ros.errors import ConfigError, MapFileError
 from vsx_ros.geometry.camera import kernel_camera, nominal_camera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import replacing, write_bytes
 from vsx_ros.io.calibration_file import write_calibration
-from vsx_ros.io.dock_file import save_dock
+from vsx_ros.io.dock_file import dock_file, save_dock
 from vsx_ros.io.map_file import load_map, save_map
 from vsx_ros.io.room_file import load_rooms, save_rooms
 from vsx_ros.io.slam_map_file import save_slam_map
@@ -22,6 +22,9 @@ from vsx_ros.io.zone_file import save_zones
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.rooms import RoomMap
 from vsx_ros.occupancy.zones import Zone, ZoneKind
+from vsx_ros.runs.saved_map import save_continued
+from vsx_ros.runs.world import save_world
+from vsx_ros.sim.generate import generate_world
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
 from vsx_ros.slam.snapshot import SlamMap
@@ -48,6 +51,23 @@ def test_a_failed_write_leaves_what_was_there_and_nothing_beside_it(tmp_path):
     assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(file))
     assert file.read_bytes() == b"before"
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_world_that_cannot_be_written_leaves_the_one_that_was_there(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("mine")
+    (tmp_path / ".mine.yaml.part").symlink_to(FULL)
+    with pytest.raises(ConfigError, match="No space left"):
+        save_world(generate_world("corridor", 0), file)
+    assert file.read_text() == "mine"
+
+
+def test_a_map_is_not_saved_when_what_goes_with_it_cannot_be_read(tmp_path):
+    before, out = tmp_path / "lab.vsxmap", tmp_path / "other.vsxmap"
+    dock_file(before).write_text("damaged")
+    with pytest.raises(MapFileError, match="lab_dock"):
+        save_continued(one_keyframe(), before, out)
+    assert list(tmp_path.iterdir()) == [dock_file(before)]
 
 
 GRID = OccupancyGrid(np.zeros((4, 5), np.int8), 0.05, 0.0, 0.0)

@@ -22,10 +22,11 @@ from vsx_ros.runs.checkpoint import Checkpoint, CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import read_journal
 from vsx_ros.runs.parameters import load, update_robot_file
+from vsx_ros.runs.world import save_world
 from vsx_ros.sim.generate import world_from_grid
 from vsx_ros.sim.scene import compile_scene
 from vsx_ros.sim.truth import ground_truth_grid
-from vsx_ros.sim.world_file import load_world, save_world
+from vsx_ros.sim.world_file import load_world
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ from vsx_ros.io.map_export import read_ply, write_ply
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.runs.folder import FILES, FrameRecord, RunFolder
 from vsx_ros.runs.journal import RunEvent
+from vsx_ros.runs.world import save_world
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.world_file import save_world
 
 
 @pytest.fixture

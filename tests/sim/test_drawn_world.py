@@ -13,6 +13,7 @@ from sim_views import PERFECT, standing
 
 from vsx_ros.config import MountConfig
 from vsx_ros.robot import STOP
+from vsx_ros.runs.world import save_world
 from vsx_ros.sim.camera import EmulatedCamera
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.lighting import LIGHTS, Lighting, light_named
@@ -22,7 +23,7 @@ from vsx_ros.sim.renderer import Picture
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.scene import quads
 from vsx_ros.sim.world import Light, Material, Poster, World
-from vsx_ros.sim.world_file import load_world, save_world, with_hard_things
+from vsx_ros.sim.world_file import load_world, with_hard_things
 
 SWITCHED_EACH_SECOND = Lighting(circuits=2, switches_per_min=60.0)
 

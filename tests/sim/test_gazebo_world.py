@@ -11,13 +11,13 @@ from gazebo_files import FLOOR, ROOM, WALLS, box_model, walls_of_room, write_wor
 
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED
-from vsx_ros.runs.world import open_world
+from vsx_ros.runs.world import open_world, save_world
 from vsx_ros.sim.gazebo_world import load_gazebo
 from vsx_ros.sim.mesh_hidden import hidden_solids
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.truth import gap_to_walls, ground_truth_grid
 from vsx_ros.sim.world import Start
-from vsx_ros.sim.world_file import load_world, save_world
+from vsx_ros.sim.world_file import load_world
 
 
 @pytest.fixture(scope="module")

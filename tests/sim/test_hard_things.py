@@ -7,7 +7,7 @@ import pytest
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.robot import STOP, VelocityCommand
-from vsx_ros.runs.world import open_world
+from vsx_ros.runs.world import open_world, save_world
 from vsx_ros.sim.body import BodySettings
 from vsx_ros.sim.camera import CameraSettings
 from vsx_ros.sim.generate import generate_world
@@ -18,7 +18,7 @@ from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.smear import Smear
 from vsx_ros.sim.truth import is_connected
 from vsx_ros.sim.world import World
-from vsx_ros.sim.world_file import load_world, save_world, with_hard_things
+from vsx_ros.sim.world_file import load_world, with_hard_things
 
 
 def hard(world: World, **things: float) -> World:

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from vsx_ros.errors import ConfigError
 from vsx_ros.kernels.sim.raycast_cull import Scene
 from vsx_ros.robot import STOP
+from vsx_ros.runs.world import save_world
 from vsx_ros.sim.changing_light import ChangingLight, windows_of
 from vsx_ros.sim.drawn_world import DrawnWorld
 from vsx_ros.sim.light_map import Nodes, Window, sunlight
@@ -16,7 +17,7 @@ from vsx_ros.sim.lighting import LIGHTS, Lighting, circuits_on, light_named
 from vsx_ros.sim.optics import scene_of
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.sim.world import World
-from vsx_ros.sim.world_file import load_world, save_world
+from vsx_ros.sim.world_file import load_world
 
 
 def images(world: World, count: int) -> np.ndarray:

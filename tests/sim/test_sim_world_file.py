@@ -4,8 +4,9 @@ import pytest
 import yaml
 
 from vsx_ros.errors import ConfigError
+from vsx_ros.runs.world import save_world
 from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.world_file import load_world, save_world
+from vsx_ros.sim.world_file import load_world
 
 
 @pytest.mark.parametrize("name", ["lab", "corridor"])

@@ -9,7 +9,7 @@ from vsx_ros.config import RobotConfig
 from vsx_ros.errors import ConfigError
 from vsx_ros.io.map_file import save_map
 from vsx_ros.runs.start import tell_remarks
-from vsx_ros.runs.world import check_world, open_world, world_files
+from vsx_ros.runs.world import check_world, open_world, save_world, world_files
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.gazebo_world import checked_start
 from vsx_ros.sim.mesh_hidden import hidden_solids
@@ -17,7 +17,6 @@ from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.picture import BAND_M, first_view, world_picture, write_picture
 from vsx_ros.sim.truth import ground_truth_grid, reachable_area_m2
 from vsx_ros.sim.world import Start
-from vsx_ros.sim.world_file import save_world
 
 _ENDINGS = {"render": "-view.png", "import": "-world.yaml"}  # of files without --out
 

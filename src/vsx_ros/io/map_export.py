@@ -17,7 +17,7 @@ from vsx_ros.arrays import BoolArray, FloatArray, Points3
 from vsx_ros.errors import InputError, explained
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.lens import EQUIDISTANT
-from vsx_ros.io.atomic import write_bytes, write_text
+from vsx_ros.io.atomic import write_bytes, write_text, write_together
 from vsx_ros.limits import DATA_BYTES, file_bytes
 from vsx_ros.slam.snapshot import MapSnapshot
 
@@ -68,15 +68,16 @@ _GREY = "128 128 128"
 
 
 def write_colmap(folder: Path, camera: PinholeCamera, snapshot: MapSnapshot) -> None:
-    """Create and fill the folder. Points are numbered by their ids, images by keyframe id + 1. Raises InputError when
-    it cannot be written."""
+    """Create and fill the folder. Points are numbered by their ids, images by keyframe id + 1. images.txt, which names
+    the rest, is there once all is. Raises InputError when it cannot be written."""
     with explained(InputError, f"folder {folder} cannot be written", "choose another one", OSError):
         (folder / "images").mkdir(parents=True, exist_ok=True)
-        write_text(folder / "cameras.txt", _camera_text(camera))
-        write_text(folder / "images.txt", "".join(_image_lines(snapshot)))
-        write_text(folder / "points3D.txt", "".join(_point_lines(camera, snapshot)))
+        (folder / "images.txt").unlink(missing_ok=True)
         for number, image in zip(snapshot.keyframe_ids.tolist(), snapshot.images, strict=True):
             write_bytes(folder / "images" / f"{number:06d}.png", bytes(cv2.imencode(".png", image)[1]))
+        lines = {"cameras": [_camera_text(camera)], "points3D": _point_lines(camera, snapshot)}
+        lines["images"] = _image_lines(snapshot)
+        write_together({folder / f"{name}.txt": "".join(each).encode() for name, each in lines.items()})
 
 
 def _camera_text(camera: PinholeCamera) -> str:

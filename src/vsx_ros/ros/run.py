@@ -25,9 +25,9 @@ from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, SignalFlag
 from vsx_ros.runs.report import EXIT_CODES
 from vsx_ros.runs.start import begin
+from vsx_ros.runs.world import save_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.world import Start
-from vsx_ros.sim.world_file import save_world
 from vsx_ros.slam.state import TrackingState
 
 _COVERAGE_PERIOD_S = 2.0  # between comparisons with the truth

@@ -11,7 +11,6 @@ from typing import Any
 from vsx_ros.config import Config, overridden
 from vsx_ros.errors import ConfigError, InputError, MapFileError, explained
 from vsx_ros.geometry.camera import PinholeCamera, nominal_camera
-from vsx_ros.io.atomic import sync
 from vsx_ros.io.bag import open_recording
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.recording import Recording
@@ -21,10 +20,10 @@ from vsx_ros.runs.parameters import load, robot_file_here
 from vsx_ros.runs.places import given_zones
 from vsx_ros.runs.rooms import room_beside
 from vsx_ros.runs.session import end_trail
-from vsx_ros.runs.world import open_world, world_files
+from vsx_ros.runs.world import open_world, save_world, world_files
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.mesh_world import MeshWorld
-from vsx_ros.sim.world_file import load_world, save_world
+from vsx_ros.sim.world_file import load_world
 
 DEFAULTS = {"seed": 1, "base": "auto", "port": "/dev/kobuki", "camera": "kinect", "rate": 15.0, "planner": "fov",
             "eye": "raster"}  # fmt: skip
@@ -61,7 +60,6 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | 
     folder.write_config(parameters, args.line, hard=hard, **{name: getattr(args, name) for name in REMEMBERED})
     if world is not None:
         save_world(world, folder.path / "world.yaml")
-        sync(folder.path / "world.yaml")
     return folder, parameters, world
 
 

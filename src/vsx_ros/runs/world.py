@@ -1,4 +1,4 @@
-"""Emulated worlds by name or file."""
+"""Emulated worlds by name or file, and their files."""
 
 import os
 from collections.abc import Sequence
@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from vsx_ros.errors import ConfigError, VsxError, did_you_mean
+from vsx_ros.errors import ConfigError, VsxError, did_you_mean, explained
+from vsx_ros.io.atomic import write_text
 from vsx_ros.io.map_file import is_map_file, load_map, load_plan, map_image
 from vsx_ros.sim import gazebo_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
@@ -15,7 +16,7 @@ from vsx_ros.sim.generate import GENERATORS, generate_world, world_from_grid
 from vsx_ros.sim.hard_things import named_things
 from vsx_ros.sim.lighting import light_named
 from vsx_ros.sim.truth import with_start
-from vsx_ros.sim.world_file import load_world, named_files, with_hard_things
+from vsx_ros.sim.world_file import load_world, named_files, with_hard_things, world_yaml
 
 _PICTURES = ".png", ".pgm"
 _SUFFIXES = *gazebo_world.SUFFIXES, *_PICTURES, ".yaml", ".yml"
@@ -107,3 +108,9 @@ def world_files(name: str, models: Sequence[Path] = ()) -> list[Path]:
     if path.suffix in gazebo_world.SUFFIXES and path.is_file():
         return gazebo_world.gazebo_files(path, model_folders(models))
     return [path, *(named_files(path) if path.suffix in (".yaml", ".yml") and path.is_file() else ())]
+
+
+def save_world(world: EmulatedWorld, path: Path) -> None:
+    """Write world.yaml in one step. Raises ConfigError when the file cannot be written; an older one then stays."""
+    with explained(ConfigError, f"world file {path} cannot be written", "choose another folder", OSError):
+        write_text(path, world_yaml(world), durable=True)

@@ -1,9 +1,8 @@
-"""world.yaml: reading, checking and writing. It describes a building, or names a Gazebo file and a start in it."""
+"""world.yaml: its text, reading and checking. It describes a building, or names a Gazebo file and a start in it."""
 
 import dataclasses
 import math
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -45,15 +44,10 @@ def _tree(world: EmulatedWorld) -> Any:
     return {name: part for name, part in tree.items() if part or name not in ("hard", "lighting")}
 
 
-def save_world(world: EmulatedWorld, path: Path) -> None:
-    """Write world.yaml. Raises ConfigError when the file cannot be written."""
+def world_yaml(world: EmulatedWorld) -> str:
+    """The text of world.yaml."""
     text = yaml.safe_dump(_tree(world), sort_keys=False, default_flow_style=None, width=120)
-    try:
-        path.write_text("# vsx_ros emulated world; metres, radians\n" + text, encoding="utf-8")
-    except OSError as error:
-        with suppress(OSError):  # half a file would be refused later without the true reason
-            path.unlink()
-        raise ConfigError(f"world file {path} cannot be written ({error.strerror}); choose another folder") from error
+    return "# vsx_ros emulated world; metres, radians\n" + text
 
 
 def load_world(path: Path) -> EmulatedWorld:

@@ -22,9 +22,8 @@ from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.process import STOPPED
 from vsx_ros.runs.report import EXIT_CODES
-from vsx_ros.runs.world import open_world
+from vsx_ros.runs.world import open_world, save_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
-from vsx_ros.sim.world_file import save_world
 
 _PERIOD_S = 0.5
 _RESULTS_WAIT_S = 12.0  # for vslam; roslaunch ends every node after 15 s
