@@ -32,6 +32,7 @@ def test_frames_come_through_libusb_byte_for_byte():
     assert (result["good"], result["delivered"], result["torn_frames"]) == (90, 90, 0)
     assert result["serial"] == "A00367A00955107A"
     assert result["switched_off"]
+    assert result["handed_back"], "to the kernel's driver"
 
 
 def test_lost_packets_are_torn_frames_and_never_images():

@@ -47,7 +47,7 @@ class Part:
         self.ids, self.serial, self.failure = ids, serial, failure
         self.written: list[bytes] = []
         self.alternatives: list[int] = []
-        self.closed = 0
+        self.closed = self.released = 0
 
     def getVendorID(self) -> int:
         return self.ids[0]
@@ -91,6 +91,12 @@ class Part:
     def bulkRead(self, endpoint: int, size: int, timeout: int) -> bytes:
         assert endpoint == 0x81
         return bytes(12)
+
+    def releaseInterface(self, interface: int) -> None:
+        assert (interface, self.closed) == (0, 0)
+        self.released += 1
+        if self.failure is not None:
+            raise self.failure
 
     def close(self) -> None:
         self.closed += 1
@@ -137,6 +143,16 @@ def test_the_right_camera_is_opened_by_its_serial_number(monkeypatch: pytest.Mon
     assert [part.closed for part in bus.parts] == [0, 1, 1]
     with pytest.raises(DeviceNotFound, match=r"A3; found \['A1', 'A2'\]"):
         UsbTransport("A3")
+
+
+@pytest.mark.parametrize("failure", [None, usb1.USBErrorNoDevice(), usb1.USBErrorNotFound()])
+def test_a_closed_camera_is_the_kernel_s_again(failure: usb1.USBError | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    part = Part((0x045E, 0x02AE), "A1")
+    monkeypatch.setattr(usb1, "USBContext", lambda: Bus(part))
+    camera = UsbTransport()
+    part.failure = failure
+    camera.close()
+    assert (part.released, part.closed) == (1, 1)
 
 
 def test_a_kinect_for_windows_needs_its_second_setting(monkeypatch: pytest.MonkeyPatch) -> None:

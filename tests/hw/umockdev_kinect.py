@@ -28,6 +28,7 @@ SERIAL = "A00367A00955107A"
 SYSFS = "/sys/devices/pci0000:00/0000:00:14.0/usb1/1-1"
 NODE = "/dev/bus/usb/001/002"
 GET_CAPABILITIES, CLAIM, RELEASE, DETACH_AND_CLAIM = 0x8004551A, 0x8004550F, 0x80045510, 0x8108551B
+HANDED_BACK = 0xC0105512  # to the kernel's driver
 SUBMIT, REAP_NOW, DISCARD = 0x8038550A, 0x4008550D, 0x550B
 CAPABILITIES = 0x17
 ISO, CONTROL = 0, 2
@@ -68,10 +69,12 @@ class Wire:
         self.slots: deque[bytes] = deque()
         self.frames = self.slots_sent = self.packets = 0
         self.start_s = 0.0
-        self.ok = {CLAIM, RELEASE, DETACH_AND_CLAIM}
+        self.ok = {CLAIM, RELEASE, DETACH_AND_CLAIM, HANDED_BACK}
+        self.asked: list[int] = []
 
     def handle(self, _: object, client: object) -> bool:
         request, argument = client.get_request(), client.get_arg()
+        self.asked.append(request)
         if request == GET_CAPABILITIES:
             argument.resolve(0, 4).update(0, list(struct.pack("<I", CAPABILITIES)))
             client.complete(0, 0)
@@ -249,7 +252,10 @@ def main() -> None:
         json.dumps(
             {"good": good, "delivered": len(stamps), "rate_hz": rate_hz, "message": status.message, "absent": absent,
              "serial": camera.serial, "step_ns": [min(steps), max(steps)] if steps else [], **status.counters,
-             "switched_off": wire.board.registers.get(5) == 0}
+             "switched_off": wire.board.registers.get(5) == 0,
+             "handed_back": [request for request in wire.asked if request in (RELEASE, HANDED_BACK)] == [
+                 RELEASE, HANDED_BACK,
+             ]}
         )
     )  # fmt: skip
     assert plugged

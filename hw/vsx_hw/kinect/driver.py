@@ -113,7 +113,10 @@ class KinectCamera(ConnectionThread):
         self._set_automatic(transport, True)  # an earlier stream or program may have locked it
 
     def _leave(self, transport: KinectTransport) -> None:
-        """Switch off first, then stop receiving."""
+        """Switch off first, then stop receiving. What was locked is automatic for the next program: the sensor would
+        keep it until it loses its power."""
+        if self._locked and self.closing.is_set():
+            self._set_automatic(transport, True)
         try:
             self._write(transport, protocol.STOP)
         finally:

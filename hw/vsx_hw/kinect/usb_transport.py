@@ -214,6 +214,8 @@ class UsbTransport:
             self._thread.join(timeout=1.0)
             self._thread = None
         if self._handle is not None:
+            with contextlib.suppress(usb1.USBError):  # gone, or not claimed
+                self._handle.releaseInterface(0)  # gives it back to the kernel's driver; closing alone does not
             self._handle.close()
             self._handle = None
         self._context.close()
