@@ -17,7 +17,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from vsx_ros.cli.calibrate import calibrate
 from vsx_ros.cli.calibrate_drives import OF_A_DRIVE
-from vsx_ros.cli.results import facts
+from vsx_ros.cli.maps import facts
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.trajectory import associate, trajectory_error
 from vsx_ros.experiments.rows import read_rows

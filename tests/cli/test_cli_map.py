@@ -2,6 +2,8 @@
 
 import dataclasses
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -164,3 +166,15 @@ def test_mistakes_are_one_sentence(lab, tmp_path, capsys):
     error = capsys.readouterr().err
     assert error.count("\n") == 6
     assert error.count("cannot be") == 6
+
+
+def test_a_robot_s_map_is_saved_without_loading_what_explores_and_reports(tmp_path):
+    """Beside a robot, that took more than a second of its processor."""
+    asked = ["map", "save", str(tmp_path / "absent")]
+    script = f"import sys; from vsx_ros.cli.main import execute; execute({asked}); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert "absent is not a run folder" in done.stderr
+    heavy = {"vsx_ros.cli.explore", "vsx_ros.cli.replay", "vsx_ros.runs.start", "vsx_ros.evaluation.report", "scipy"}
+    loaded = set(done.stdout.split())
+    assert not heavy & loaded
+    assert "vsx_ros.runs.folder" in loaded

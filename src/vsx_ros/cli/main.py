@@ -29,7 +29,7 @@ COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "report": (options_study.report, "results"),
     "reproduce": (options_study.reproduce, "campaigns"),
     "sweep": (options_study.sweep, "campaigns"),
-    "map": (options_runs.map, "results"),
+    "map": (options_runs.map, "maps"),
     "zone": (options_places.zone, "places"),
     "room": (options_places.room, "places"),
     "view": (options_robot.view, "small_commands"),
