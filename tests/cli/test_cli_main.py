@@ -9,6 +9,7 @@ from vsx_hw import bases
 from vsx_hw.errors import DeviceNotFound
 from vsx_ros import __version__
 from vsx_ros.cli import main, options_runs, options_study
+from vsx_ros.config import Config, overridden
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.planning.planners import PLANNERS
 from vsx_ros.runs.process import FAILED
@@ -41,6 +42,13 @@ def test_version(capsys):
     assert capsys.readouterr().out.strip() == f"vsx_ros {__version__}"
 
 
+def test_phi_has_the_bound_of_its_parameter():
+    least = main.parse(["explore", "--phi", "0.01"]).phi
+    assert overridden(Config(), {"planner.phi_rad_m": least}).planner.phi_rad_m == 0.01
+    with pytest.raises(ConfigError, match=r"at least 0\.01"):
+        overridden(Config(), {"planner.phi_rad_m": 0.0099})
+
+
 @pytest.mark.parametrize(
     ("line", "said"),
     [
@@ -51,7 +59,10 @@ def test_version(capsys):
         (["explore", "--base", "kobuky"], "(did you mean 'kobuki'?)"),
         (["map", "info", "x", "--jsn"], "vsx map info: unrecognized arguments: --jsn (did you mean '--json'?)"),
         (["explore", "--eye", "foo"], "'mitsuba'); 'vsx explore --help'"),  # 'fov' is a planner
-        (["plan", "--start", "0,0,0", "--goal", "1,0,0", "--phi", "-1"], "--phi: -1: give a positive number"),
+        (["plan", "--start", "0,0,0", "--goal", "1,0,0", "--phi", "-1"], "--phi: -1: give a number of at least 0.01"),
+        (["plan", "--start", "0,0,0", "--goal", "1,0,0", "--phi", "0.0099"], "--phi: 0.0099: give a number of at"),
+        (["explore", "--phi", "0.0099"], "--phi: 0.0099: give a number of at least 0.01"),
+        (["map", "load", "x.vsxmap", "--phi", "nan"], "--phi: nan: give a number of at least 0.01"),
         (["map", "load", "x.vsxmap", "--resume", "r"], "unrecognized arguments: --resume r"),
         (["replay"], "INPUT"),
         (["replay", "x", "--wings"], "--wings"),

@@ -55,6 +55,13 @@ def positive(text: str) -> float:
     return float(text)
 
 
+def phi(text: str) -> float:
+    """A bound that planner.phi_rad_m may have [rad/m]."""
+    if not 0.01 <= float(text) < math.inf:
+        raise argparse.ArgumentTypeError(f"{text}: give a number of at least 0.01, in rad/m")
+    return float(text)
+
+
 def count(text: str) -> int:
     """A whole number of at least 1."""
     if int(text) < 1:

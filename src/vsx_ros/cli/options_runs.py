@@ -12,6 +12,7 @@ from vsx_ros.cli.option_values import (
     add_models,
     add_parameters,
     camera,
+    phi,
     pose_text,
     positive,
     rate,
@@ -37,7 +38,7 @@ def explore(parser: argparse.ArgumentParser, *, with_load_map: bool = True) -> N
     _robot(parser)
     add = parser.add_argument
     add("--planner", choices=PLANNERS, metavar="fov|unconstrained|paper", help="motion planner (default fov)")
-    add("--phi", type=positive, metavar="RAD_PER_M", help="bound on the change of view per metre")
+    add("--phi", type=phi, metavar="RAD_PER_M", help="bound on the change of view per metre")
     longest = "stop after this time, the whole run's if resumed (default: none; with --fast 600)"
     add("--time", type=positive, metavar="S", help=longest)
     enough = "stop when this share of what can be seen of an emulated world is known and right, e.g. 0.9"

@@ -4,7 +4,18 @@ import argparse
 import re
 from pathlib import Path
 
-from vsx_ros.cli.option_values import PLANNERS, add_engine, add_parameters, count, map_file, pose, positive, seed, seeds
+from vsx_ros.cli.option_values import (
+    PLANNERS,
+    add_engine,
+    add_parameters,
+    count,
+    map_file,
+    phi,
+    pose,
+    positive,
+    seed,
+    seeds,
+)
 
 EXPERIMENTS = ("table1", *(f"fig{k}" for k in range(2, 8)))  # of the paper
 
@@ -22,7 +33,7 @@ def plan(parser: argparse.ArgumentParser) -> None:
     add("--start", type=pose, required=True, metavar="X,Y,DEG", help="metres and degrees")
     add("--goal", type=pose, required=True, metavar="X,Y,DEG", help="metres and degrees")
     add("--map", type=map_file, metavar="map.yaml|RUN", help="a map as map_server keeps it, or a run; else open floor")
-    add("--phi", type=positive, metavar="RAD_PER_M", help="greatest change of view per metre driven")
+    add("--phi", type=phi, metavar="RAD_PER_M", help="greatest change of view per metre driven")
     add("--planner", choices=PLANNERS, default="fov", metavar="fov|unconstrained|paper", help="motion planner (fov)")
     add("--seed", type=seed, default=0, help="of the randomised searches (default 0)")
     add("--json", action="store_true", help="print everything as JSON")
