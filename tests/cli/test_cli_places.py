@@ -57,7 +57,8 @@ def test_zones_are_drawn_listed_replaced_and_removed(map_file: Path, capsys: pyt
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["add", "rug", "no-go", "0,0 1,0"], "has 2 corners"),
+        (["add", "rug", "no-go", "0,0 1,0"], "has 2 corners; the kind no-go needs at least 3, e.g. '1,2 3,2 3,4' in"),
+        (["add", "rug", "wall", "0,0"], "has 1 corner; the kind wall needs at least 2, e.g. '1,2 3,2' in metres"),
         (["add", "rug", "no-go", "0,0 1,0 1"], "each is a pair"),
         (["add", "rug", "no-go", "0,0 1,0 a,b"], "in quotes"),
         (["add", "rug", "slow", "0,0 1,0 1,1"], "a slow zone needs its speed: add --speed 0.1"),

@@ -99,9 +99,10 @@ def _number(name: str, given: Any) -> float | None:
 
 def _checked(zone: Zone) -> Zone:
     """The zone. Raises InputError when it makes no sense."""
-    least = 2 if zone.kind is ZoneKind.WALL else 3
-    if len(zone.points) < least:
-        raise InputError(f"zone {zone.name!r} has {len(zone.points)} corners; the kind {zone.kind.value} needs {least}")
+    least, example = (2, "1,2 3,2") if zone.kind is ZoneKind.WALL else (3, "1,2 3,2 3,4")
+    if (given := len(zone.points)) < least:
+        has = f"zone {zone.name!r} has {given} corner{'' if given == 1 else 's'}"
+        raise InputError(f"{has}; the kind {zone.kind.value} needs at least {least}, e.g. '{example}' in metres")
     corners = np.array(zone.points)
     if zone.kind is ZoneKind.WALL:
         if float(np.hypot(*np.diff(corners, axis=0).T).sum()) < math.sqrt(_LEAST_M2):
