@@ -115,3 +115,28 @@ def test_naming_is_refused_for_what_is_not_there() -> None:
 def test_a_map_without_free_ground_has_no_rooms() -> None:
     grid = OccupancyGrid(np.full((9, 9), UNKNOWN, np.int8), 0.05, 0.0, 0.0)
     assert RoomTracker(CONFIG).update(grid).rooms == ()
+
+
+def _known_ratio(data: np.ndarray) -> float:
+    (room,) = RoomTracker(CONFIG).update(OccupancyGrid(data, 0.05, 0.0, 0.0)).rooms
+    return room.known_ratio
+
+
+def test_a_room_is_wholly_known_when_only_ground_behind_its_walls_is_unknown() -> None:
+    data = np.full((120, 120), UNKNOWN, np.int8)
+    data[9:111, 9:111] = OCCUPIED
+    data[10:110, 10:110] = FREE
+    data[59:111, 59:111] = OCCUPIED
+    data[60:, 60:] = UNKNOWN
+    assert _known_ratio(data) == 1.0
+    data[20:40, 20:40] = UNKNOWN  # not seen, and no wall before it
+    area = 100 * 100 - 51 * 51
+    assert _known_ratio(data) == pytest.approx(1.0 - 20 * 20 / area, abs=0.002)
+
+
+def test_the_known_share_of_a_room_of_which_half_is_seen() -> None:
+    data = np.full((120, 120), OCCUPIED, np.int8)
+    data[10:110, 10:110] = FREE
+    data[30:110, 30:92] = UNKNOWN
+    data[60, 60:80] = OCCUPIED
+    assert _known_ratio(data) == pytest.approx(0.50, abs=0.05)

@@ -22,8 +22,8 @@ MOST_ROOMS = 255  # grey values of the picture that they are saved as
 
 class Room(NamedTuple):
     """number: stays with the room while the map grows. name: as its user named it, else 'room 3'. area_m2: of its free
-    ground. known_ratio: known share of the ground within its convex hull. place: x, y [m] of its widest spot.
-    outline: corners [m] of its convex hull."""
+    ground. known_ratio: its share of that and of the unknown ground within its convex hull that no wall divides from
+    it. place: x, y [m] of its widest spot. outline: corners [m] of its convex hull."""
 
     number: int
     name: str
@@ -212,8 +212,10 @@ def _described(grid: OccupancyGrid, labels: IntArray, number: int, name: str) ->
     hull = cv2.convexHull((cells[:, ::-1] - [left, top]).astype(np.int32)).reshape(-1, 2)
     inside = np.zeros((bottom - top + 1, right - left + 1), np.uint8)
     cv2.fillConvexPoly(inside, hull, 1)
-    here = (inside > 0) & ((labels[box] == number) | (labels[box] == 0))
-    known = float(np.count_nonzero(grid.data[box][here] != UNKNOWN)) / max(1, int(here.sum()))
+    open_ground = mine[box] | ((inside > 0) & (grid.data[box] == UNKNOWN) & (labels[box] == 0))
+    _, parts = cv2.connectedComponents(open_ground.astype(np.uint8), connectivity=4)
+    whole = np.count_nonzero(open_ground & np.isin(parts, parts[mine[box]]))
+    known = len(cells) / whole
     away = cv2.distanceTransform(np.pad(mine[box].astype(np.uint8), 1), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
     row, column = np.unravel_index(int(np.argmax(away)), away.shape)
     x, y = grid.centres(np.array([[top + row, left + column]]))[0].tolist()
