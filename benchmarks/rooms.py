@@ -18,7 +18,7 @@ import numpy as np
 from vsx_ros.arrays import IntArray
 from vsx_ros.config import RoomsConfig
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.occupancy.rooms import split
+from vsx_ros.occupancy.room_cells import split
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.room_truth import right_rooms, room_truth
 from vsx_ros.sim.truth import ground_truth_grid

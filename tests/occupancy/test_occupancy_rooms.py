@@ -1,12 +1,15 @@
 """Rooms: found as the generator built them, with the same numbers and names while the map grows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from vsx_ros.config import RoomsConfig
 from vsx_ros.errors import InputError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.occupancy.rooms import MOST_ROOMS, RoomMap, RoomTracker, split, without_furniture
+from vsx_ros.occupancy.room_cells import split, without_furniture
+from vsx_ros.occupancy.rooms import MOST_ROOMS, RoomMap, RoomTracker
 from vsx_ros.runs.rooms import renamed
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.room_truth import right_rooms, room_truth
@@ -85,19 +88,61 @@ def test_rooms_keep_their_numbers_and_names_while_the_map_grows() -> None:
     assert [room.name for room in again.update(two_rooms()).rooms] == ["kitchen", "room 2"]
 
 
+def _with_opening(cells: int) -> OccupancyGrid:
+    """Two rooms, the right one larger, with an opening of so many cells between."""
+    data = np.full((90, 210), OCCUPIED, np.int8)
+    data[5:85, 5:100] = data[5:85, 104:205] = FREE
+    data[45 - cells // 2 : 45 + cells // 2, 100:104] = FREE
+    return OccupancyGrid(data, 0.05, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("named", [("kitchen", "office"), ("kitchen", ""), ("", "office"), ("", "")])
+def test_rooms_that_were_one_for_a_while_get_their_names_and_numbers_back(named: tuple[str, str]) -> None:
+    tracker = RoomTracker(CONFIG)
+    rooms = tracker.update(_with_opening(16))
+    for x, name in zip((2.5, 8.0), named, strict=True):
+        if name and (room := rooms.at(x, 2.2)):
+            tracker.rename(room.number, name)
+    before = tracker.current
+    assert before is not None
+    for cells in (60, 60, 16, 16, 60, 16):
+        rooms = tracker.update(_with_opening(cells))
+        if cells == 16:
+            assert [room.name for room in rooms.rooms] == [room.name for room in before.rooms]
+            assert (rooms.labels[:, :100] == before.labels[:, :100]).all()
+        else:
+            (one,) = rooms.rooms
+            assert one.name in (named if any(named) else {room.name for room in before.rooms})
+
+
+def test_a_part_that_splits_off_takes_no_name_with_it() -> None:
+    """A room that was found in two parts gets a nook: the rest of it is the room."""
+    tracker = RoomTracker(CONFIG)
+    for cells in (16, 60):
+        (room, *_) = tracker.update(_with_opening(cells)).rooms
+    tracker.rename(room.number, "hall")
+    nook = _with_opening(60).data.copy()
+    nook[5:85, 30:33] = OCCUPIED
+    nook[40:50, 30:33] = FREE
+    hall = tracker.update(OccupancyGrid(nook, 0.05, 0.0, 0.0)).named("hall")
+    assert hall is not None
+    assert hall.area_m2 > 30.0
+
+
 @pytest.mark.compiled  # 400 updates
 def test_numbers_stay_within_what_a_file_holds() -> None:
     """Rooms come and go with the map for hours; those that are there, and the named ones, keep their numbers."""
     tracker, elsewhere = RoomTracker(CONFIG), OccupancyGrid(np.full((9, 9), UNKNOWN, np.int8), 0.05, 0.0, 0.0)
     tracker.update(two_rooms())
     tracker.rename(2, "kitchen")
-    for _ in range(200):
+    for k in range(200):
         tracker.update(elsewhere)
-        numbers = [room.number for room in tracker.update(two_rooms()).rooms]
+        others = replace(two_rooms(), origin_x=20.0 * (k + 1))
+        numbers = [room.number for room in tracker.update(others).rooms]
         assert len(set(numbers)) == 2
         assert max(numbers) <= MOST_ROOMS
         assert 2 not in numbers, "its name belongs to a room that is out of sight"
-    assert tracker.update(two_rooms()).rooms[0].number == numbers[0]
+    assert tracker.update(others).rooms[0].number == numbers[0]
 
 
 def test_naming_is_refused_for_what_is_not_there() -> None:

@@ -1,23 +1,23 @@
-"""The ground map split into rooms: the watershed of the distance to the walls, cut where doors are.
-
-This is the distance-transform segmentation with a watershed (R. Bormann et al., "Room segmentation: survey,
-implementation, and analysis", ICRA 2016), with furniture removed first."""
+"""The rooms of a ground map, with numbers and names that stay while it grows."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.arrays import FloatArray, IntArray
 from vsx_ros.config import RoomsConfig
-from vsx_ros.kernels.occupancy.basins import flood_basins
-from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.grid import UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.room_cells import split
 
 _HULL_GROW_M = 0.3  # of a room's outline: its walls, and ground that is seen only at its edge
 _SIMPLE_M = 0.05  # tolerance of outlines
 MOST_ROOMS = 255  # grey values of the picture that they are saved as
+
+_Claim = tuple[bool, int, int, int]  # of a room to a label: whether it has a name, cells, label, number
 
 
 class Room(NamedTuple):
@@ -47,86 +47,20 @@ class RoomMap(NamedTuple):
 
     def at(self, x: float, y: float) -> Room | None:
         """The room of a place [m]; None on ground of no room."""
-        (cell,) = self.grid.cells(np.array([[x, y]]))
-        number = int(self.labels[tuple(cell)]) if self.grid.contains(cell[None])[0] else 0
+        number = _label_at(self.grid, self.labels, (x, y))
         return next((room for room in self.rooms if room.number == number), None)
 
 
-def split(grid: OccupancyGrid, config: RoomsConfig) -> IntArray:
-    """(H, W) labels of the rooms of a map from 1, 0 where the ground is not free; in no particular order."""
-    free = grid.data == FREE
-    emptied = without_furniture(free, config.furniture_m / grid.resolution)
-    padded = np.pad(emptied.astype(np.uint8), 1)
-    heights = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1].astype(np.float64)
-    heights *= grid.resolution
-    flat = heights.ravel()
-    order = np.argsort(-flat, kind="stable")
-    order = order[: int(np.count_nonzero(flat > 0.0))].astype(np.int64)
-    labels = flood_basins(heights, order, config.door_ratio)
-    labels = _merge_small(labels, config.least_room_m2 / grid.resolution**2)
-    return np.where(free, labels, 0)
-
-
-def without_furniture(free: BoolArray, most_cells: float) -> BoolArray:
-    """The free cells and all islands among them at most so many cells long: furniture, pillars, unseen spots. A piece
-    of wall between two doors is an island, too, but longer."""
-    count, islands, stats, _ = cv2.connectedComponentsWithStats((~free).astype(np.uint8), connectivity=8)
-    small = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) <= most_cells
-    rows, columns = free.shape
-    left, top = stats[:, cv2.CC_STAT_LEFT], stats[:, cv2.CC_STAT_TOP]
-    right, bottom = left + stats[:, cv2.CC_STAT_WIDTH], top + stats[:, cv2.CC_STAT_HEIGHT]
-    small &= (left > 0) & (top > 0) & (right < columns) & (bottom < rows)
-    small[0] = False
-    return np.asarray(free | small[islands])
-
-
-def _merge_small(labels: IntArray, least_cells: float) -> IntArray:
-    """Join each basin that is too small for a room with the neighbour along its longest border, smallest first; those
-    without a neighbour are no room."""
-    labels = labels.copy()
-    borders = _borders(labels)
-    sizes = np.bincount(labels.ravel())
-    into = np.arange(len(sizes))
-    for label in np.argsort(sizes, kind="stable").tolist():
-        if label == 0 or sizes[label] == 0 or sizes[label] >= least_cells:
-            continue
-        around = borders.pop(label, {})
-        target = max(around, key=lambda other: (around[other], -other), default=0)
-        into[into == label] = target
-        sizes[target] += sizes[label]
-        sizes[label] = 0
-        for other, length in around.items():
-            at = borders.get(other, {})
-            at.pop(label, None)
-            if target and other != target:
-                borders[target][other] = borders[target].get(other, 0) + length
-                at[target] = at.get(target, 0) + length
-    return into[labels]
-
-
-def _borders(labels: IntArray) -> dict[int, dict[int, int]]:
-    """Label -> neighbouring label -> number of pairs of cells side by side."""
-    pairs = np.concatenate([
-        np.stack([labels[:, :-1].ravel(), labels[:, 1:].ravel()], axis=1),
-        np.stack([labels[:-1].ravel(), labels[1:].ravel()], axis=1),
-    ])  # fmt: skip
-    pairs = pairs[(pairs[:, 0] != pairs[:, 1]) & (pairs > 0).all(axis=1)]
-    found, counts = np.unique(np.sort(pairs, axis=1), axis=0, return_counts=True)
-    borders: dict[int, dict[int, int]] = {}
-    for (a, b), n in zip(found.tolist(), counts.tolist()):
-        borders.setdefault(a, {})[b] = n
-        borders.setdefault(b, {})[a] = n
-    return borders
-
-
 class RoomTracker:
-    """Splits one map after another; a room keeps its number and name while the map grows. Call ``update`` with each new
-    map, ``rename`` at any time between. current: the last split map."""
+    """Splits one map after another; a room keeps its number and name while the map grows. One that was part of another
+    for a while, or out of the map, gets both back. Call ``update`` with each new map, ``rename`` at any time between.
+    current: the last split map."""
 
     def __init__(self, config: RoomsConfig) -> None:
         self._config = config
         self._names: dict[int, str] = {}
         self._last_number = 0
+        self._last_seen: dict[int, Room] = {}  # by number
         self.current: RoomMap | None = None
 
     def update(self, grid: OccupancyGrid) -> RoomMap:
@@ -134,7 +68,10 @@ class RoomTracker:
         labels = split(grid, self._config)
         numbers = self._numbers(grid, labels)
         labels = np.array(numbers, np.int64)[labels]
-        self.current = RoomMap(grid, labels, self._described(grid, labels))
+        found = [int(number) for number in np.unique(labels) if number]
+        rooms = tuple(_described(grid, labels, number, self._name(number)) for number in found)
+        self._last_seen.update((room.number, room) for room in rooms)
+        self.current = RoomMap(grid, labels, rooms)
         return self.current
 
     def rename(self, number: int, name: str) -> None:
@@ -148,6 +85,7 @@ class RoomTracker:
     def resume(self, saved: RoomMap) -> None:
         """Continue from the rooms of a saved map."""
         self.current = saved
+        self._last_seen = {room.number: room for room in saved.rooms}
         self._last_number = max([0, *(room.number for room in saved.rooms)])
         self._names = {room.number: room.name for room in saved.rooms if room.name != _default(room.number)}
 
@@ -155,12 +93,15 @@ class RoomTracker:
         return self._names.get(number, _default(number))
 
     def _numbers(self, grid: OccupancyGrid, labels: IntArray) -> list[int]:
-        """For each label its number: that of the earlier room that it shares most ground with. Named rooms choose
-        first."""
+        """For each label its number: that of the room of the last map that it shares most ground with, else of an
+        absent room at its last place. Named rooms choose first."""
         most = int(labels.max(initial=0))
         numbers = [0] * (most + 1)
         taken: set[int] = set()
-        for _, _, label, number in sorted(self._overlaps(grid, labels), reverse=True):
+        absent = self._absent(grid, labels)
+        for _, _, label, number in (
+            *sorted(self._overlaps(grid, labels, absent), reverse=True), *sorted(absent, reverse=True)
+        ):  # fmt: skip
             if not numbers[label] and number not in taken:
                 numbers[label] = number
                 taken.add(number)
@@ -177,10 +118,22 @@ class RoomTracker:
             return self._last_number
         return min(set(range(1, MOST_ROOMS + len(used) + 1)) - set(used) - self._names.keys())
 
-    def _overlaps(self, grid: OccupancyGrid, labels: IntArray) -> list[tuple[bool, int, int, int]]:
-        """(whether it has a name, shared cells, label, number) of each pair that shares a quarter of either room."""
+    def _absent(self, grid: OccupancyGrid, labels: IntArray) -> list[_Claim]:
+        """For each room that was not in the last map the label at its last place, and its size then."""
+        here = {room.number for room in self.current.rooms} if self.current is not None else set()
+        return [
+            (room.number in self._names, round(room.area_m2 / grid.resolution**2), label, room.number)
+            for room in self._last_seen.values()
+            if room.number not in here and (label := _label_at(grid, labels, room.place))
+        ]
+
+    def _overlaps(self, grid: OccupancyGrid, labels: IntArray, absent: Sequence[_Claim]) -> list[_Claim]:
+        """Each pair that shares a quarter of either room, and the shared cells without those of absent rooms."""
         if self.current is None:
             return []
+        others = Counter[int]()
+        for _, size, label, _ in absent:
+            others[label] += size
         cells = np.argwhere(labels)
         before_grid, before = self.current.grid, self.current.labels
         at = before_grid.cells(grid.centres(cells))
@@ -190,14 +143,15 @@ class RoomTracker:
         found, counts = np.unique(pairs[pairs[:, 1] > 0], axis=0, return_counts=True)
         now, then = np.bincount(labels.ravel()), np.bincount(before.ravel())
         return [
-            (number in self._names, n, label, number)
+            (number in self._names, n - others[label], label, number)
             for (label, number), n in zip(found.tolist(), counts.tolist())
             if n >= 0.25 * min(now[label], then[number])
         ]
 
-    def _described(self, grid: OccupancyGrid, labels: IntArray) -> tuple[Room, ...]:
-        numbers = [int(number) for number in np.unique(labels) if number]
-        return tuple(_described(grid, labels, number, self._name(number)) for number in numbers)
+
+def _label_at(grid: OccupancyGrid, labels: IntArray, place: tuple[float, float]) -> int:
+    (cell,) = grid.cells(np.array([place]))
+    return int(labels[tuple(cell)]) if grid.contains(cell[None])[0] else 0
 
 
 def _default(number: int) -> str:
