@@ -1,10 +1,13 @@
 """Two runs on one page, and the pieces that pages are made of."""
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from chromium import EXECUTABLE, Chromium
 
 from vsx_ros.evaluation.comparison import change, compare
 from vsx_ros.evaluation.page import Section, figures, interval, page, table
@@ -41,6 +44,26 @@ def test_the_page_says_what_differs_and_which_way_is_better():
     assert "vsx explore &lt;a&gt;" in text
     assert text.index("before") < text.index("time limit") < text.index("explored")
     assert not re.search(r'(src|href)="(?!data:)|url\(|<script', text)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
+    if EXECUTABLE is None:
+        pytest.skip("no chromium is installed")
+    with Chromium(tmp_path_factory.mktemp("profile")) as browser:
+        yield browser
+
+
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
+def test_it_fits_a_desk_and_a_phone(browser: Chromium, tmp_path: Path, width: int, height: int) -> None:
+    facts = {"command": "vsx explore --fast --world lab" + 20 * " --set slam.tracker.good_ratio=0.5"}
+    summary = {**A.summary, "planned_vs_executed_rms_m": 0.0123, "ate_final_rmse_sim3_m": 0.0123}
+    page = compare(("the-run-before", replace(A, facts=facts, summary=summary)), ("the-run-after", B))
+    (tmp_path / "page.html").write_text(page, encoding="utf-8")
+    browser.size(width, height)
+    browser.open((tmp_path / "page.html").as_uri())
+    browser.wait("location.protocol === 'file:' && document.readyState === 'complete'")
+    assert browser.evaluate("document.documentElement.scrollWidth") <= width
 
 
 def test_same_runs_differ_in_nothing():

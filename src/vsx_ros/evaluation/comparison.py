@@ -22,7 +22,9 @@ _LESS_IS_BETTER = {
 }  # fmt: skip
 _NO_OPTIONS = "command", "date", "versions"
 _SIDE = """
-main{max-width:1500px}.sides{display:grid;grid-template-columns:1fr 1fr;gap:24px}
+main{max-width:1500px}.sides{display:grid;grid-template-columns:repeat(2,minmax(0,1fr));gap:24px}
+td,td:first-child,th{white-space:normal;overflow-wrap:anywhere}
+@media(max-width:700px){.sides{grid-template-columns:minmax(0,1fr)}}
 .better{color:var(--green)}.worse{color:var(--red)}
 """
 
