@@ -64,6 +64,7 @@ def run(**changes: Any) -> ReportData:
             (stamp(2), "mission", "mapping", "driving 1.2 m to look at </script> & <b>walls</b> [U = 1.5 m2 / 3 m]"),
             (stamp(5), "slam", "lost", "3 of 90 points"),
             (stamp(5.5), "mission", "recovering", "tracking lost"),
+            (stamp(10), "navigation", "following", ""),
             (stamp(PAUSE_S + 1), "mission", "mapping", "driving on"),
             (stamp(4), "slam", "keyframe", "nothing to tell"),
         ],
@@ -96,7 +97,7 @@ def test_what_the_page_knows() -> None:
     assert [row[0] for row in told["pictures"]] == SECONDS
     assert base64.b64decode(told["pictures"][7][1]) == jpeg(7)
     assert [row[1] for row in told["decisions"]] == ["starting", "mapping", "recovering", "mapping"]
-    assert told["others"] == [[5, "slam", "lost", "3 of 90 points"]]
+    assert told["others"] == [[5, "slam", "lost", "3 of 90 points"], [10, "navigation", "following", ""]]
     assert [row[0] for row in told["maps"]][:2] == [10, 11]
     assert told["maps"][0][4] == pytest.approx(0.25 * 11**2, abs=0.1)
     frames = {row[0]: row[1:] for row in told["frames"]}
@@ -221,6 +222,8 @@ def test_a_lost_camera_is_told_and_its_robot_is_unsure(page: Chromium) -> None:
     assert page.evaluate(way) == 7
     place = known(scrubber(run()))["frames"][9][4]
     assert page.evaluate("document.querySelector('.robot').getAttribute('transform')").startswith(f"translate({place})")
+    press(page, "ArrowRight")
+    assert text(page, "others") == "10.0 s, navigation: following"
 
 
 def test_the_slider_leaves_out_the_interruption(page: Chromium) -> None:
