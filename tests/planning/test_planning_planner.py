@@ -93,6 +93,9 @@ def test_refusals_name_their_reason():
     assert isinstance(near_wall, Refusal)
     assert near_wall.kind is RefusalKind.GOAL_BLOCKED
     assert near_wall.reason.endswith("m to ground that is not known to be free; the base needs 0.18 m")
+    hardly = planner.plan(start, SE2(1.724, 1.0, 0.0), closed, rng())
+    assert isinstance(hardly, Refusal)
+    assert "has 0.17 m to ground" in hardly.reason  # 0.176 m: less than what the base needs
     outside = planner.plan(SE2(30.0, 1.0, 0.0), goal, closed, rng())
     assert isinstance(outside, Refusal)
     assert outside.kind is RefusalKind.START_BLOCKED

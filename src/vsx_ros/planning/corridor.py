@@ -115,7 +115,8 @@ def _why_blocked(grid: OccupancyGrid, name: str, pose: SE2, clearance_m: float, 
     what = f"the zone {keep_out.zone_near(pose.x, pose.y)!r}" if zoned else "ground that is not known to be free"
     if clearance_m < 0.0:
         return f"{at} lies {-clearance_m:.2f} m inside {what}"
-    return f"{at} has {clearance_m:.2f} m to {what}; the base needs {radius_m:.2f} m"
+    has_m = math.floor(100.0 * clearance_m) / 100.0  # rounded down: it is less than what the base needs
+    return f"{at} has {has_m:.2f} m to {what}; the base needs {radius_m:.2f} m"
 
 
 def _relax(needed: FloatArray, field: DistanceField, pose: SE2, clearance: float, need: float) -> None:
