@@ -50,6 +50,11 @@ def test_without_odometry_jumps_are_unknown_and_a_loss_for_good_is_not(
     assert f"found 90 % of the points searched, {counted}" in told
 
 
+@pytest.mark.parametrize(("jumps", "told"), [(1, "1 time, see"), (2, "2 times, see")])
+def test_jumps_of_odometry_are_counted_in_words(jumps: int, told: str) -> None:
+    assert one_line_facts({"odometry_jumps": jumps}) == [f"odometry jumped {told} events.jsonl"]
+
+
 @pytest.mark.parametrize("content", [b"", b"{\n", b"\0" * 100 + b"\n"])
 def test_a_journal_that_tells_nothing_leaves_all_unknown(tmp_path: Path, content: bytes) -> None:
     folder = RunFolder(tmp_path)

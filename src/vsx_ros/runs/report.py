@@ -155,7 +155,8 @@ def one_line_facts(summary: Mapping[str, Any]) -> list[str]:
         breaks = f"{summary['breaks']} breaks" if known("breaks") else "jumps unknown: no odometry"
         lines.append(f"found {100 * summary['u1']:.0f} % of the points searched, {breaks}")
     if summary.get("odometry_jumps"):
-        lines.append(f"odometry jumped {summary['odometry_jumps']} times, see events.jsonl")
+        times = summary["odometry_jumps"]
+        lines.append(f"odometry jumped {times} time{'s' * (times > 1)}, see events.jsonl")
     if known("keyframes", "map_points") and summary["keyframes"]:
         lines.append(f"map of {summary['keyframes']} keyframes and {summary['map_points']} points")
     if known("ate_rmse_m", "scale_error"):
