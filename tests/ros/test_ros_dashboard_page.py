@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from waiting import Lateness
 
 from vsx_ros.evaluation.events import collapsed
 from vsx_ros.exploration.time_left import left_words
+from vsx_ros.ros.status import screen
 
 pytestmark = pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
 
@@ -111,13 +113,21 @@ def test_the_page_says_that_the_stack_is_away_and_comes_back_with_it(page: Serve
     page.wait(f"known.pictures > {before} + 2 && $('banner').hidden")
 
 
-@pytest.mark.parametrize("left_s", [None, 3, 44, 50, 89, 91, 3600])
+@pytest.mark.parametrize("left_s", [None, 3, 44, 50, 89, 91, 150, 3600])
 def test_the_time_left_is_told_as_by_vsx_status(page: ServedPage, left_s: float | None) -> None:
     page.open()
     page.post("mission", {"state": "mapping", "reason": "on the way", "left_s": left_s})
     page.wait("$('why').textContent.startsWith('On the way.')")
     said = page.value("$('why').textContent").split(" · ")
     assert said == ["On the way.", *filter(None, [left_words(left_s)])]
+
+
+def test_what_the_battery_lasts_is_told_as_by_vsx_status(page: ServedPage) -> None:
+    page.open()
+    for left_s, words in ((150, "3 min"), (3569, "59 min"), (3590, "1 h 0 min"), (7190, "2 h 0 min")):
+        page.post("dock", {"state": "idle", "reason": "", "docked": False, "known": False, "battery_left_s": left_s})
+        page.wait(f"$('numbers').innerText.includes('\\n{words}\\nbattery lasts')")
+        assert f", lasts about {words}\n" in screen(defaultdict(lambda: None, battery_left_s=left_s))
 
 
 def test_events_are_collapsed_as_in_the_report(page: ServedPage) -> None:

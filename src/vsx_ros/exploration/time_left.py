@@ -6,6 +6,7 @@ from now, were right within 30 %."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -88,9 +89,14 @@ class TimeLeft:
         return None if left_s is None or since_s > _LONGEST_GAP_S else max(left_s - since_s, 0.0)
 
 
+def whole_minutes(seconds: float) -> int:
+    """Half a minute counts as one, also in the live view (``status.js``)."""
+    return math.floor(seconds / 60.0 + 0.5)
+
+
 def left_words(left_s: float | None) -> str:
     """The time in words; empty if unknown."""
     if left_s is None:
         return ""
-    minutes = round(left_s / 60.0)
+    minutes = whole_minutes(left_s)
     return "less than a minute left" if left_s < 45.0 else f"about {minutes} minute{'s' * (minutes > 1)} left"

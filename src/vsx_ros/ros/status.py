@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import BatteryState, CameraInfo
 from std_msgs.msg import Float32, String, UInt8
 
-from vsx_ros.exploration.time_left import left_words
+from vsx_ros.exploration.time_left import left_words, whole_minutes
 from vsx_ros.navigation.docking_state import DockingState
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import convert, operator_command, topics
@@ -164,7 +164,7 @@ def screen(facts: dict[str, Any]) -> str:
 
 def _words(seconds: float) -> str:
     """A time of minutes or hours."""
-    hours, minutes = divmod(round(seconds / 60.0), 60)
+    hours, minutes = divmod(whole_minutes(seconds), 60)
     return f"{hours} h {minutes} min" if hours else f"{minutes} min"
 
 

@@ -123,9 +123,9 @@ function component(name) {
 }
 
 function lasts(left_s) {
-  const hours = Math.floor(left_s / 3600),
-    minutes = Math.round((left_s % 3600) / 60);
-  return hours ? `${hours} h ${minutes} min` : `${minutes} min`;
+  const minutes = Math.round(left_s / 60),
+    hours = Math.floor(minutes / 60);
+  return hours ? `${hours} h ${minutes % 60} min` : `${minutes} min`;
 }
 
 const elapsed = s => (s == null ? "–" : Math.floor(s / 60) + ":" + String(Math.floor(s % 60)).padStart(2, "0"));
