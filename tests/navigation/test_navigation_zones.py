@@ -15,7 +15,7 @@ from vsx_ros.navigation.way_watch import WayWatch
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import ZonedGrid, with_zones
 from vsx_ros.occupancy.zones import Zone, ZoneKind
-from vsx_ros.planning.path import Refusal, RefusalKind, Trajectory
+from vsx_ros.planning.path import Plan, Refusal, RefusalKind, Trajectory
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.robot import Odometry
@@ -187,3 +187,14 @@ def test_from_within_a_zone_no_way_leads_across_it() -> None:
     assert isinstance(refused, Refusal)
     assert refused.kind is RefusalKind.ZONE
     assert "'rug'" in refused.reason
+
+
+def test_beside_a_zone_the_way_leads_around_it() -> None:
+    """The body reaches into the margin of the zone: it is left, and not crossed because it is left."""
+    run, rug = LockStep(), box(0.5, 0.0, 0.4)
+    run.planner.take_grid(zoned(rug), run.base.now_ns)
+    plan = run.planner.plan(SE2(-0.1, 0.0, 0.0), SE2(2.0, 0.0, 0.0), "map")
+    assert isinstance(plan, Plan)
+    places = plan.path.sample(0.01)[:, :2]
+    assert 0.0 < np.hypot(*np.maximum(np.abs(places - [0.5, 0.0]) - 0.4, 0.0).T).min() - BODY_M + 0.001 < 0.03
+    assert plan.path.length_m < 4.0

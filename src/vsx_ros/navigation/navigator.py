@@ -84,10 +84,12 @@ class GoalPlanner:
             return Refusal(RefusalKind.INFEASIBLE, f"goals are in map or odom, not in frame {frame!r}")
         if grid is None:
             return Refusal(RefusalKind.INFEASIBLE, "there is no map yet to plan in")
-        around, in_zone = grid, self._keep_out(grid).zone_at(start.x, start.y)
-        if isinstance(grid, ZonedGrid) and in_zone:
-            around = grid.opened_at(start.x, start.y)
-        return self._outside(self._planner.plan(start, goal, around, self._rng, self._visibility()), grid, SE2())
+        plan = self._outside(self._planner.plan(start, goal, grid, self._rng, self._visibility()), grid, SE2())
+        stuck = isinstance(plan, Refusal) and self._keep_out(grid).zone_at(start.x, start.y)
+        if stuck and isinstance(grid, ZonedGrid):  # out of the zone the way may lead through more of it
+            opened = grid.opened_at(start.x, start.y)
+            plan = self._outside(self._planner.plan(start, goal, opened, self._rng, self._visibility()), grid, SE2())
+        return plan
 
     def _outside(self, plan: Plan | Refusal, grid: OccupancyGrid | None, T_map_frame: SE2 | None) -> Plan | Refusal:
         """The plan, or a refusal when it enters a zone. A base in a zone may leave it."""
