@@ -158,7 +158,8 @@ class BaseDriver(ConnectionThread):
         self._command, self._shown, self._heard_bytes, self._row = None, "", 0, 0
         for data, pause_s in self._dialect.hello():
             transport.write(data)
-            self.closing.wait(pause_s)
+            if self.closing.wait(pause_s):
+                return
         self._last_reading_ns = time.monotonic_ns()
         sent_ns, answered = 0, False
         while not self.closing.is_set():
@@ -236,7 +237,11 @@ class BaseDriver(ConnectionThread):
         return command.v_m_s, command.omega_rad_s
 
     def _leave(self, transport: SerialTransport) -> None:
-        """Send the stop bytes on every exit; a base that did not receive them may still drive."""
+        """Send the stop bytes on every exit; a base that did not receive them may still drive. To a deaf one they are
+        said again when it hears."""
         transport.write(self._dialect.farewell())
+        if self._dialect.deaf:
+            time.sleep(KEEP_ALIVE_NS * 1e-9)
+            transport.write(self._dialect.farewell())
         self._sent = _STILL
         self._on_command(False)

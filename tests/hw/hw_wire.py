@@ -31,7 +31,7 @@ class Wire:
         on_reading = on_reading or self.readings.append
         self.driver = base_driver.BaseDriver(BASES[kind].dialect(1.0, 1.0), lambda: self, kind, on_reading)
         self.driver.closing = self
-        clock = SimpleNamespace(monotonic_ns=lambda: self.now_ns, time_ns=lambda: self.now_ns)
+        clock = SimpleNamespace(monotonic_ns=lambda: self.now_ns, time_ns=lambda: self.now_ns, sleep=self.sleep)
         monkeypatch.setattr(base_driver, "time", clock)
 
     def serve(self, seconds: float) -> None:
@@ -39,8 +39,19 @@ class Wire:
         self._end_ns = self.now_ns + round(seconds * 1e9)
         self.driver._serve(self)
 
-    def wait(self, pause_s: float) -> None:
+    def close_now(self) -> None:
+        """The driver shall close."""
+        self._end_ns = self.now_ns
+
+    def wait(self, pause_s: float) -> bool:
         """The driver rests; see ``threading.Event``."""
+        end_ns = self.now_ns + round(pause_s * 1e9)
+        while self.now_ns < end_ns and not self.is_set():
+            self._advance(end_ns)
+        return self.is_set()
+
+    def sleep(self, pause_s: float) -> None:
+        """The driver rests, whether it shall close or not."""
         end_ns = self.now_ns + round(pause_s * 1e9)
         while self.now_ns < end_ns:
             self._advance(end_ns)

@@ -121,8 +121,10 @@ class CreateDialect(Dialect):
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """See Dialect. To Passive, to Safe, with the pauses that the robots need; stores the song of an alarm."""
         self._forget()
+        self.deaf = True
         yield bytes((Opcode.START,)), MODE_PAUSE_S
         yield bytes((Opcode.SAFE,)), MODE_PAUSE_S
+        self.deaf = False
         yield protocol.encode_song(ALARM_SONG, ALARM_NOTES), 0.0
 
     def halt(self) -> bytes:
