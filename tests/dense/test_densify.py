@@ -14,6 +14,7 @@ from vsx_ros.slam.snapshot import MapSnapshot
 CONFIG = DenseConfig()
 X = 2.2
 GAP = 0.3
+ALL = 10**9  # cells in one update
 FLOOR = scene.floor(grey=90.0, contrast=40.0, seed=1)
 BACK = scene.wall(4.5, -5.0, 5.0, 2.5, grey=120.0, contrast=60.0, seed=8)
 
@@ -54,6 +55,16 @@ def first(snapshot: MapSnapshot, n: int) -> MapSnapshot:
         T_world_cams=snapshot.T_world_cams[:n],
         images=snapshot.images[:n],
         **{name: getattr(snapshot, name)[kept] for name in ("obs_keyframe", "obs_point", "obs_uv", "obs_level")},
+    )
+
+
+def shifted(snapshot: MapSnapshot, x: float, y: float) -> MapSnapshot:
+    """The same map, all of it corrected by this much [m]."""
+    shift = SE3(np.eye(3), np.array([x, y, 0.0]))
+    return dataclasses.replace(
+        snapshot,
+        T_world_cams=tuple(shift @ T for T in snapshot.T_world_cams),
+        points_world=shift @ snapshot.points_world,
     )
 
 
@@ -157,18 +168,28 @@ def test_work_beyond_the_budget_waits_for_the_next_update(textured: MapSnapshot)
 
 
 def test_the_whole_map_may_move_and_its_cells_move_along(textured: MapSnapshot) -> None:
-    shift = SE3(np.eye(3), np.array([0.3, 0.2, 0.0]))
     dense = densifier()
     before = dense.update(textured)
-    after = dense.update(
-        dataclasses.replace(
-            textured,
-            T_world_cams=tuple(shift @ T for T in textured.T_world_cams),
-            points_world=shift @ textured.points_world,
-        )
-    )
+    after = dense.update(shifted(textured, 0.3, 0.2))
     low, high = before.cells.centre.mean(axis=0), after.cells.centre.mean(axis=0)
     assert high - low == pytest.approx([0.3, 0.2, 0.0], abs=0.04)
+
+
+@pytest.mark.parametrize("look", ["textured", "plain"])
+def test_cells_are_right_again_after_the_map_slid_along_their_plane(look: str, request: pytest.FixtureRequest) -> None:
+    snapshot = request.getfixturevalue(look)
+    dense = densifier()
+    for slid in (snapshot, shifted(snapshot, 0.0, 0.5)):
+        dense.update(slid, ALL, settled=True)
+    after, fresh = (each.update(slid, ALL, settled=True).cells for each in (dense, densifier()))
+    for name in ("cell", "kind", "score", "keyframe", "witnesses"):
+        assert np.array_equal(getattr(after, name), getattr(fresh, name)), name
+
+
+def test_millimetres_of_adjustment_make_no_work(textured: MapSnapshot) -> None:
+    dense = densifier()
+    dense.update(textured, ALL)
+    assert dense.update(shifted(textured, 0.0, 0.003), 0).complete
 
 
 def test_planes_without_keyframes_yet_settled_give_no_cell(textured: MapSnapshot) -> None:

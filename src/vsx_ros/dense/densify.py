@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import IntArray, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points3
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.cells import Cells
 from vsx_ros.dense.levelling import aligned, gravity
 from vsx_ros.dense.photoconsistency import KeyframeImages
 from vsx_ros.dense.plane_finding import PlaneFinder
 from vsx_ros.dense.planes import Plane, PlaneKind
-from vsx_ros.dense.surface import Surface, moved
+from vsx_ros.dense.surface import Surface, has_moved
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.kernels.dense.view_choice import Views
@@ -22,6 +22,7 @@ from vsx_ros.slam.snapshot import MapSnapshot
 _UNSETTLED = 2  # the newest keyframes, whose poses bundle adjustment is about to move
 _OBLIQUE = math.log(1e4)  # log likelihood ratio needed by a plane that is neither level nor vertical
 _MOVED_M = 0.02  # in a building; a quarter of a cell. Smaller moves do not change what its patches show
+_AHEAD_M = 2.0  # where a keyframe's turns count: the typical distance of what it shows
 UPDATE_EVERY_S = 1.5  # planes change slowly, and merging costs the same for one new keyframe as for three
 _KEYFRAMES_OF_A_LAB = 800  # with more, updates cost more and come less often in proportion
 
@@ -60,6 +61,7 @@ class Densifier:
         self._images = KeyframeImages(camera)
         self._surfaces: dict[int, Surface] = {}
         self._used: IntArray = np.zeros(0, np.int64)
+        self._places = np.zeros((0, 3, 3))  # see ``_taken_over``
 
     @property
     def unit(self) -> float:
@@ -80,13 +82,12 @@ class Densifier:
         views = self._images.views(snapshot, max(0, len(snapshot.images) - (0 if settled else _UNSETTLED)))
         rays = snapshot.rays
         used = rays.ids <= views.ids.max(initial=-1)
-        anew = used & ~np.isin(rays.ids, self._used)
-        fresh = np.flatnonzero(~np.isin(views.ids, self._used))
-        self._used = rays.ids[used]
+        R, centres = stacked(rays.T_world_cams)
+        anew, moved = self._taken_over(rays.ids, used, R, centres)
         looks = np.flatnonzero(anew[rays.keyframe]), np.flatnonzero(used[rays.keyframe])
-        centres = stacked(rays.T_world_cams)[1]
+        fresh = views.at(np.flatnonzero(np.isin(views.ids, rays.ids[anew | moved])))
         self._surfaces = {
-            plane.id: self._prepared(plane, snapshot, views, fresh, centres, *looks) for plane in surfaces
+            plane.id: self._prepared(plane, snapshot, fresh, rays.ids[moved], centres, *looks) for plane in surfaces
         }
         self._work(surfaces, snapshot, views, self._config.cells_per_update if budget is None else budget)
         seen_by = np.full(len(snapshot.points_world), -1)
@@ -113,21 +114,36 @@ class Densifier:
         wanted = {plane.id: 0.0 if aligned(plane.normal, up) else _OBLIQUE for plane in planes}
         return tuple(plane for plane in planes if said.get(plane.id, 0.0) >= wanted[plane.id])
 
+    def _taken_over(
+        self, ids: IntArray, used: BoolArray, R: FloatArray, centres: Points3
+    ) -> tuple[BoolArray, BoolArray]:
+        """(K,) which of the used keyframes are new, and which have moved since they were new or last moved. ids,
+        used, R (T_world_cam), centres: of all keyframes. A place (3, 3) of one are points ahead of it along its axes.
+        """
+        places, limit = centres[:, None] + _AHEAD_M * self.unit * R.transpose(0, 2, 1), _MOVED_M * self.unit
+        _, now, before = np.intersect1d(ids, self._used, assume_unique=True, return_indices=True)
+        anew, moved = used.copy(), np.zeros(len(ids), np.bool_)
+        anew[now] = False
+        moved[now] = used[now] & (np.linalg.norm(places[now] - self._places[before], axis=2) > limit).any(axis=1)
+        places[now] = np.where(moved[now, None, None], places[now], self._places[before])
+        self._used, self._places = ids[used], places[used]
+        return anew, moved
+
     def _prepared(
-        self, plane: Plane, snapshot: MapSnapshot, views: Views, fresh: IntArray, centres: Points3, anew: IntArray,
+        self, plane: Plane, snapshot: MapSnapshot, fresh: Views, moved: IntArray, centres: Points3, anew: IntArray,
         every: IntArray,
     ) -> Surface:  # fmt: skip
-        """The plane's surface, with all cells that the fresh keyframes show marked as due; a new surface if the plane
-        has moved. centres: of all keyframes. anew, every: rows of the rays from fresh and from all keyframes, ordered
-        by keyframe."""
+        """The plane's surface, with all cells due that the fresh keyframes, new or moved, show; a new surface if the
+        plane has moved. moved: ids. centres: of all keyframes. anew, every: rows of the rays from new and from all
+        keyframes, ordered by keyframe."""
         surface, unit = self._surfaces.get(plane.id), self._finder.unit
-        if surface is None or moved(surface.judged_at, plane, _MOVED_M * unit):
-            surface, looks = Surface(plane, self._config, unit, self._has_floor), every
+        if surface is None or has_moved(surface.judged_at, plane, _MOVED_M * unit):
+            surface, afresh = Surface(plane, self._config, unit, self._has_floor), True
         else:
-            looks = every if surface.extended(plane) else anew
-            surface.mark_seen(plane, views.at(fresh))
-        rays = snapshot.rays
-        surface.look_through(plane, centres, snapshot.points_world, rays.keyframe[looks], rays.point[looks])
+            afresh = surface.extended(plane) or len(moved) > 0
+            surface.mark_seen(plane, fresh, moved)
+        rays, looks = snapshot.rays, every if afresh else anew
+        surface.look_through(plane, centres, snapshot.points_world, rays.keyframe[looks], rays.point[looks], afresh)
         return surface
 
     def _work(self, planes: list[Plane], snapshot: MapSnapshot, views: Views, budget: int) -> None:

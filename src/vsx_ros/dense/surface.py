@@ -56,8 +56,8 @@ class Surface:
         return low, (int(shape[0]), int(shape[1]))
 
     def extended(self, plane: Plane) -> bool:
-        """Enlarge the grid for a plane that has grown; new cells are due. Returns whether it was enlarged: then the
-        counts of ``look_through`` begin anew, as keyframes of before also look through the new cells."""
+        """Enlarge the grid for a plane that has grown; new cells are due. Returns whether it was enlarged: then
+        ``look_through`` must begin afresh, as keyframes of before also look through the new cells."""
         low, shape = self._bounds(plane)
         before = np.maximum(self.low - low, 0)
         after = np.maximum(low + shape - self.low - self.due.shape, 0)
@@ -66,7 +66,6 @@ class Surface:
         pad = [(int(before[0]), int(after[0])), (int(before[1]), int(after[1]))]
         self.low = self.low - before
         self.due = np.pad(self.due, pad, constant_values=True)
-        self._passing = np.zeros(self.due.shape, np.int64)
         self._said = Judgement._make(np.pad(a, pad, constant_values=blank) for a, blank in zip(self._said, _UNJUDGED))
         known, self._contact = self._contact, Contact.none(len(self.due))
         for column, before_it in zip(self._contact, known):
@@ -80,18 +79,23 @@ class Surface:
         return plane.points_at(coordinates)
 
     def look_through(
-        self, plane: Plane, centres: Points3, points: Points3, keyframe: Int32Array, point: Int32Array
+        self, plane: Plane, centres: Points3, points: Points3, keyframe: Int32Array, point: Int32Array, afresh: bool
     ) -> None:
         """Count the keyframes that see a point behind the plane through each cell. keyframe, point (O,): rows of
-        centres and of points for each observation, ordered by keyframe."""
+        centres and of points for each observation, ordered by keyframe. afresh: forget those counted before."""
+        if afresh:
+            self._passing = np.zeros(self.due.shape, np.int64)
         behind = np.array([_BEHIND_M * self._unit, _BEHIND_SHARE])
         frame = np.vstack([plane.axes, plane.normal])
         count_passing(
             frame, plane.offset, centres, points, keyframe, point, behind, self.low, self._size, self._passing
         )
 
-    def mark_seen(self, plane: Plane, views: Views) -> None:
-        """Mark as due again what is visible in some of the views: cells that are not yet consistent, and the foot."""
+    def mark_seen(self, plane: Plane, views: Views, moved: IntArray) -> None:
+        """Mark as due again what is visible in some of the views: cells that are not yet consistent, and the foot; and
+        what was judged in keyframes that have moved (ids)."""
+        self.due |= np.isin(self._said.keyframe, moved)
+        self._untested |= np.isin(self._contact.keyframe, moved)
         open_cells = np.argwhere(~self.due & ~self._said.consistent(self._config))
         self.due[tuple(open_cells[self._shown(plane, open_cells, views)].T)] = True
         if self._stands:
@@ -212,7 +216,7 @@ def _log_ratio(asked: BoolArray, yes: BoolArray, shares: tuple[float, float]) ->
     return agree * math.log(first / second) + (all_of - agree) * math.log((1.0 - first) / (1.0 - second))
 
 
-def moved(before: Plane, now: Plane, limit: float) -> bool:
+def has_moved(before: Plane, now: Plane, limit: float) -> bool:
     """Whether any corner of the plane's former extent has moved by more than ``limit``."""
     a, b, c, d = before.extent
     corners: FloatArray = np.array([[a, c], [a, d], [b, c], [b, d]])
