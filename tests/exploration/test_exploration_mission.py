@@ -225,6 +225,27 @@ def test_what_failed_is_tried_again_when_nothing_else_is_left_but_not_for_ever()
     assert sum("tried again" in event.reason for event in mission.drain_events()) == 2
 
 
+def test_a_region_whose_views_all_fail_is_given_up_soon_and_is_not_explored():
+    mission, chosen = mapping_mission(), 0
+    for k in range(60):
+        refused = situation(navigation=NavigationState.ABORTED, navigation_reason="a shut door")
+        decision = mission.decide((2 + 2 * k) * SECOND, refused)
+        chosen += decision.action is Action.GO
+        if decision.action is Action.FINISH:
+            break
+    assert mission.outcome is Outcome.BOXED_IN
+    assert "blacklisted" in decision.reason
+    assert 4 <= chosen <= 10
+
+
+def test_one_region_whose_views_fail_after_many_others_were_seen_ends_explored():
+    mission = mapping_mission()
+    mission.view_selector.looked_from += [SE2(-1.0, 0.02 * k, 3.0) for k in range(20)]
+    for k in range(60):
+        mission.decide((2 + 2 * k) * SECOND, situation(navigation=NavigationState.ABORTED))
+    assert mission.outcome is Outcome.EXPLORED
+
+
 def test_a_bumper_stops_and_then_backs_off():
     mission = mapping_mission()
     for k in range(20):

@@ -143,12 +143,14 @@ class GoalBlacklist:
         self._radius_m, self._first_s = radius_m, first_s
         self._failures: list[_Failure] = []
         self._place: SE2 | None = None
-        self._failed_here: list[SE2] = []
+        self._failed_here: list[SE2] = []  # since the last release
+        self._times_here = self._releases_here = 0
 
     def choose_at(self, T_map_base: SE2) -> None:
         """Where the robot is when it chooses a goal."""
         if self._place is None or self._place.distance_to(T_map_base) > _STANDS_M:
-            self._place, self._failed_here = T_map_base, []
+            self._place = T_map_base
+            self._forget_here()
 
     def add(self, now_ns: int, pose: SE2) -> float:
         """Blacklist the goal from now on. Returns for how long [s]: twice as long as for its last failure, up to 128
@@ -159,17 +161,21 @@ class GoalBlacklist:
         self._failures.append(_Failure(pose, now_ns + int(seconds * SECOND_NS), times, now_ns))
         if self._place is not None:
             self._failed_here.append(pose)
+            self._times_here += 1
         return seconds
 
     def withdraw(self, since_ns: int) -> None:
         """Forget failures since then: they were nobody's fault."""
         self._failures = [failure for failure in self._failures if failure.at_ns < since_ns]
-        self._failed_here = []
+        self._forget_here()
+
+    def _forget_here(self) -> None:
+        self._failed_here, self._times_here, self._releases_here = [], 0, 0
 
     def near(self, now_ns: int, poses: FloatArray) -> BoolArray:
         """(N,) which of the poses (N, 3) are blacklisted now."""
         near = self._near(poses, [failure.pose for failure in self._failures if failure.until_ns > now_ns])
-        if (again := len(self._failed_here) - 2) >= 0:
+        if (again := self._times_here - 2) >= 0:
             wide_m = self._radius_m * 2.0 ** min(again, _MOST_WIDENINGS)
             near |= near_poses(poses, pose_rows(self._failed_here), wide_m, math.inf)
         return near
@@ -179,11 +185,17 @@ class GoalBlacklist:
 
     def release(self, now_ns: int) -> int:
         """Allow goals that have not failed too often to be tried again at once, and those that never failed but lie
-        near failed ones; returns how many failures count for less."""
-        kept = [f for f in self._failures if f.until_ns > now_ns and f.times < _MOST_FAILURES]
+        near failed ones; both at most twice where the robot stands. Returns how many failures count for less."""
+        freed: list[SE2] = []
+        if self._releases_here < _MOST_FAILURES - 1:
+            freed, self._failed_here = self._failed_here if self._times_here > 1 else [], []
+            self._releases_here += self._times_here > 0
+        kept = [
+            f for f in self._failures
+            if f.until_ns > now_ns and f.times < _MOST_FAILURES and f.pose not in self._failed_here
+        ]  # fmt: skip
         self._failures = [f._replace(until_ns=now_ns) if f in kept else f for f in self._failures]
-        narrowed, self._failed_here = max(len(self._failed_here) - 1, 0), []
-        return max(len(kept), narrowed)
+        return max(len(kept), len(freed))
 
     def left(self, now_ns: int) -> list[tuple[SE2, float, int]]:
         """The failed goals, the remaining blacklist time of each [s] (0: none), and how often it failed."""

@@ -5,7 +5,7 @@ from vsx_ros.config import Config
 from vsx_ros.exploration.decision import SECOND_NS, Action, Decision, MissionLog, NavigationState, Outcome, Situation
 from vsx_ros.exploration.home import Home
 from vsx_ros.exploration.recovery import SPOT_TURN, Trail, escape_arc
-from vsx_ros.exploration.utility import Rejection, View
+from vsx_ros.exploration.utility import Ranking, Rejection, View
 from vsx_ros.exploration.view_selector import ExpectedGain, ViewSelector
 from vsx_ros.exploration.zone_exit import ZoneWatch
 from vsx_ros.geometry.se2 import SE2
@@ -16,6 +16,7 @@ _EMPTY_WAIT_NS = 2 * SECOND_NS  # no view: the mapper may still be making the ma
 _SETTLE_NS, BRAKE_NS = SECOND_NS, SECOND_NS // 2  # wait for the map after a failed goal; for the base to stand
 _HOME_AGAIN_NS = 5 * SECOND_NS  # between tries to get home
 _MOST_BLOCKED = 30  # failed steps away from a hazard
+_SHOWS_TOO_LITTLE = Rejection.NO_ROOM, Rejection.NO_GAIN
 _AHEAD_M, _AHEAD_RAD = 0.2, 0.3  # braking from there at full speed ends at the view; the camera sees what it shows
 
 
@@ -171,7 +172,7 @@ class ViewTour:
 
     def _nothing_left(self, now_ns: int, situation: Situation, grid: OccupancyGrid) -> Decision:
         """No view is worth its drive: try failed goals again, then look from elsewhere. It is explored only when all
-        ground is within reach, or when nothing helps."""
+        ground is within reach, or when nothing helps, and the drives have not mostly failed."""
         ranking, blacklist = self._view_selector.ranking, self._view_selector.blacklist
         why, boxed_in = ranking.why(), ranking.boxed_in()
         self._empty_rankings += 1
@@ -182,6 +183,8 @@ class ViewTour:
         if self._empty_rankings > (self._config.retries_boxed_in if boxed_in else self._config.retries_without_view):
             if boxed_in and not self.has_gone:
                 return self._log.finish(now_ns, Outcome.BOXED_IN, f"no view can be driven to from the start ({why})")
+            if _mostly_failed(ranking) and len(blacklist.left(now_ns)) > len(self._view_selector.looked_from):
+                return self._log.finish(now_ns, Outcome.BOXED_IN, f"most views could not be driven to ({why})")
             return self._log.finish(now_ns, Outcome.EXPLORED, f"no view is worth its way any more ({why})")
         if boxed_in and self._empty_rankings > self._config.retries_without_view:
             reason, ahead = f"no view found ({why}): turning to look elsewhere", self._empty_rankings % 2 == 1
@@ -224,3 +227,9 @@ class ViewTour:
     def _go(self, now_ns: int, goal: SE2, frame: str, reason: str) -> Decision:
         self._stopped_for = ""
         return self._log.go(now_ns, goal, frame, reason)
+
+
+def _mostly_failed(ranking: Ranking) -> bool:
+    """Whether goals have failed near most of the poses that would show enough."""
+    enough = [count for reason, count in ranking.rejected.items() if reason not in _SHOWS_TOO_LITTLE]
+    return 2 * ranking.rejected[Rejection.BLACKLISTED] > sum(enough)
