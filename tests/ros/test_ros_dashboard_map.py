@@ -239,3 +239,29 @@ def test_a_room_is_named(page: ServedPage) -> None:
     page.browser.key("Enter", "\r")
     page.wait("$('sheet').hidden && $('said').textContent === 'Name-room is done.'")
     assert page.done == [("name-room", {"room": 1, "name": "my den"})]
+
+
+def test_the_button_of_a_room_stays_while_its_figures_change(page: ServedPage) -> None:
+    page.open()
+    [rooms] = page.value("known.rooms.rooms")
+
+    def post(*numbers: int, **changes: object) -> None:
+        page.post("rooms", {"version": 1, "rooms": [{**rooms, "number": number, **changes} for number in numbers]})
+
+    page.value("document.querySelector('#rooms button').focus()")
+    x, y = page.value("(b => [b.x + 9, b.y + 9])(document.activeElement.getBoundingClientRect())")
+    page.browser.mouse("Pressed", x, y)
+    post(1, known_ratio=0.5)
+    page.wait("$('rooms').textContent.includes('50 % known')")
+    page.browser.mouse("Released", x, y)
+    assert page.value("$('roomName').value") == "room 1"
+    page.browser.key("Escape")
+    page.value("document.querySelector('#rooms button').focus()")
+    post(1, 2, name="den")
+    page.wait("$('rooms').children.length === 2")
+    page.browser.key("Enter", "\r")
+    assert page.value("$('roomName').value") == "den"  # the present name
+    post(2, name="study")
+    page.wait("$('rooms').textContent.startsWith('study')")
+    page.browser.click("#rooms button")
+    assert page.value("$('roomName').value") == "study"  # of its own room

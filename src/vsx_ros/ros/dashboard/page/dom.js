@@ -6,17 +6,31 @@ export function element(kind, words = "", properties = {}) {
   return Object.assign(document.createElement(kind), {textContent: words}, properties);
 }
 
-// A list whose items are the parts of each entry; nothing changes on the page while the words stay the same.
-export function lines(id, list, parts) {
-  const items = list.map(entry => {
+// A list whose items are the parts of each entry; nothing changes on the page while the words stay the same. With a
+// key, the item of an entry stays, and its buttons with it, when other parts of it change.
+export function lines(id, list, parts, key = null) {
+  const made = list.map(entry => {
     const item = document.createElement("li");
     item.append(...parts(entry));
-    return item;
+    return Object.assign(item, {key: key && key(entry)});
   });
-  const told = items.map(item => item.outerHTML).join("");
+  const told = made.map(item => item.outerHTML).join("");
   if ($(id).told === told) return;
   $(id).told = told;
-  $(id).replaceChildren(...items);
+  const before = key ? [...$(id).children] : [],
+    items = made.map(item => renewed(before.find(old => old.key === item.key), item));
+  for (const old of [...$(id).children]) if (!items.includes(old)) old.remove();
+  items.forEach((item, i) => {
+    if ($(id).children[i] !== item) $(id).insertBefore(item, $(id).children[i] || null);
+  });
+}
+
+function renewed(old, made) {
+  const before = old ? [...old.childNodes] : [],
+    parts = [...made.childNodes];
+  if (before.map(part => part.nodeName).join() !== parts.map(part => part.nodeName).join()) return made;
+  before.forEach((part, i) => part.nodeName === "BUTTON" || part.replaceWith(parts[i]));
+  return old;
 }
 
 export function pill(id, words, kind) {

@@ -1,10 +1,10 @@
 // Zones and rooms as lists: what there is, and how to name and remove it.
 import {$, element, lines} from "./dom.js";
-import {command, hear, token} from "./robot.js";
+import {command, hear, known, token} from "./robot.js";
 import {askingButton, button, closeSheet, openSheet, row} from "./sheet.js";
 
 hear("zones", ({zones}) =>
-  list("zones", zones, "none yet: draw one on the map", zone => [
+  list("zones", zones, "none yet: draw one on the map", "name", zone => [
     element("i", "", {className: zone.kind}),
     element("b", zone.name),
     zone.kind + (zone.v_m_s ? `, at most ${zone.v_m_s} m/s` : ""),
@@ -12,17 +12,19 @@ hear("zones", ({zones}) =>
   ]),
 );
 hear("rooms", ({rooms}) =>
-  list("rooms", rooms, "none found yet", room => [
+  list("rooms", rooms, "none found yet", "number", room => [
     element("b", room.name),
     `${room.area_m2.toFixed(0)} m², ${(100 * room.known_ratio).toFixed(0)} % known`,
-    ...(token ? [button("Name", () => nameRoom(room))] : []),
+    ...(token ? [button("Name", () => nameRoom(roomNow(room.number)))] : []),
   ]),
 );
 lines("zones", ["none yet"], words => [words]);
 lines("rooms", ["none found yet"], words => [words]);
 
-function list(id, entries, none, parts) {
-  if (entries.length) lines(id, entries, parts);
+const roomNow = number => known.rooms.rooms.find(room => room.number === number); // its name may be another one by now
+
+function list(id, entries, none, key, parts) {
+  if (entries.length) lines(id, entries, parts, entry => entry[key]);
   else lines(id, [none], words => [words]);
 }
 
