@@ -10,6 +10,7 @@ from driving import CONFIG, PLAN_MS, LockStep, Scene, lock_step, open_floor, wit
 from vsx_ros.config import Config, FollowerConfig
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.slam.state import TrackingState
 
 AHEAD = SE2(3.5, 0.0, 0.0)
@@ -160,3 +161,23 @@ def test_between_two_goals_the_base_rests_where_it_was_expected_and_not_longer_t
     rests = np.abs(rows[:, 3]) < 0.005
     assert np.count_nonzero(rests) * 0.005 < 0.25
     assert run.navigator.plans == 2
+
+
+def narrow_gates() -> OccupancyGrid:
+    """The base at the origin stands between two posts of 1.5 cm, 10 cm from its middle; between two others 24 cm ahead
+    there are 16 cm, and behind it is a wall."""
+    data = np.zeros((240, 340), np.int8)
+    data[[113, 126], 66] = data[[109, 131], 82] = data[:, 46] = OCCUPIED
+    return OccupancyGrid(data, 0.015, -1.0, -1.8)
+
+
+def test_a_base_leaves_a_narrow_place_in_one_go_while_the_map_stays_the_same():
+    run, goal = LockStep(), SE2(2.0, 0.0, 0.0)
+    run.planner.take_grid(narrow_gates(), run.base.now_ns)
+    run.go(goal)
+    while run.navigator.state is NavigationState.ACTIVE:
+        run.drive(0.2)
+        run.planner.take_grid(narrow_gates(), run.base.now_ns)
+    assert run.navigator.state is NavigationState.SUCCEEDED
+    assert run.base.pose.distance_to(goal) < 0.02
+    assert run.navigator.plans == 1

@@ -9,7 +9,7 @@ from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.occupancy.distance import clearance_field
 from vsx_ros.occupancy.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.planning import corridor
-from vsx_ros.planning.corridor import braking_before, obstacle_ahead
+from vsx_ros.planning.corridor import braking_before, obstacle_ahead, planned_clearance
 from vsx_ros.planning.joint_qp import connect
 from vsx_ros.planning.path import Path, Trajectory
 from vsx_ros.planning.retiming import Timing, retime
@@ -64,6 +64,17 @@ def test_a_base_that_stands_closer_already_may_leave_but_not_approach():
     grid = with_post(0.5, 0.1)
     assert obstacle_ahead(STRAIGHT, 5.2, grid, RADIUS_M) is None
     assert obstacle_ahead(STRAIGHT, 3.0, grid, RADIUS_M) is not None
+
+
+def test_where_the_plan_had_little_room_so_little_is_not_news_but_less_is():
+    near, nearer = with_post(1.5, 0.16), with_post(1.5, 0.11)
+    planned_m = planned_clearance(STRAIGHT, near, RADIUS_M)
+    assert planned_m.shape == (401,)
+    assert planned_m.min() == pytest.approx(0.15, abs=0.01)
+    for at_s in (0.0, 5.0, 9.03, 12.0):
+        assert obstacle_ahead(STRAIGHT, at_s, near, RADIUS_M, planned_m) is None
+    assert obstacle_ahead(STRAIGHT, 5.0, nearer, RADIUS_M, planned_m) is not None
+    assert obstacle_ahead(STRAIGHT, 5.0, with_post(1.2, 0.16), RADIUS_M, planned_m) is not None
 
 
 def test_on_bends_too_the_nearest_obstacle_that_is_braked_for_softly_is_not_come_too_near() -> None:

@@ -180,7 +180,7 @@ class GoalExecution:
             self._replans_left, self._least_m = self._replans, way_m
         self._driven = follow = Follow(now_ns, self._answer, self._frame)
         self._braking_m_s2 = 0.0
-        self._watch.begin(self._asked_in)
+        self._watch.begin(self._asked_in, self._answer.clearance_m)
         self._enter(_Phase.DRIVING, now_ns)
         return [follow]
 

@@ -14,7 +14,7 @@ from vsx_ros.navigation.follower import Follower
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import KeepOut, ZonedGrid
-from vsx_ros.planning.corridor import Visibility
+from vsx_ros.planning.corridor import Visibility, planned_clearance
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind, TimedPlan
 from vsx_ros.planning.planner import Planner
 from vsx_ros.planning.planners import PLANNERS
@@ -63,7 +63,10 @@ class GoalPlanner:
             if frame == ODOM_FRAME and not len(self._landmarks):  # the camera has no map
                 slow = blind_spans(np.array([[0.0, plan.path.length_m]]), config.planner.unmapped_v_m_s)
             slow = np.vstack([slow, zone_spans(plan.path, grid, T_map_frame)])
-            return TimedPlan(plan, time_scale(plan.path, config.limits, slow))
+            trajectory = time_scale(plan.path, config.limits, slow)
+            if frame == ODOM_FRAME or grid is None:
+                return TimedPlan(plan, trajectory)
+            return TimedPlan(plan, trajectory, planned_clearance(trajectory, grid, config.robot.radius_m))
         except PlanningError as error:
             return Refusal(RefusalKind.INFEASIBLE, str(error))
 

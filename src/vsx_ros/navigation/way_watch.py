@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vsx_ros.arrays import FloatArray
 from vsx_ros.config import Config
 from vsx_ros.control.localization import LocalizationState
 from vsx_ros.geometry.se2 import SE2
@@ -35,10 +36,12 @@ class WayWatch:
         self._checked: OccupancyGrid | None = None
         self._checked_s = 0.0
         self._drawn: int | None = None
+        self._planned_m: FloatArray | None = None
 
-    def begin(self, grid: OccupancyGrid | None) -> None:
-        """Another way is driven. grid: the map when its plan was asked for; zones may have been drawn since."""
-        self._checked, self._drawn = None, _drawing(grid)
+    def begin(self, grid: OccupancyGrid | None, clearance_m: FloatArray | None = None) -> None:
+        """Another way is driven. grid: the map when its plan was asked for; zones may have been drawn since.
+        clearance_m: (N,) ``planned_clearance`` of its samples; None: enough."""
+        self._checked, self._drawn, self._planned_m = None, _drawing(grid), clearance_m
 
     def hindrance(
         self, trajectory: Trajectory, frame: str, at_s: float, grid: OccupancyGrid, where: LocalizationState
@@ -52,7 +55,7 @@ class WayWatch:
         self._checked, self._checked_s = grid, at_s
         found = [(math.inf, "")]
         if frame == MAP_FRAME:
-            obstacle_m = obstacle_ahead(trajectory, at_s, grid, self._radius_m)
+            obstacle_m = obstacle_ahead(trajectory, at_s, grid, self._radius_m, self._planned_m)
             if obstacle_m is not None:
                 found.append((obstacle_m, f"an obstacle has come to light {obstacle_m:.1f} m ahead on the way"))
         zone = zone_ahead(trajectory, at_s, grid, self._radius_m, T_map_frame)

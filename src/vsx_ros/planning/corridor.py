@@ -132,21 +132,41 @@ def _relax(needed: FloatArray, field: DistanceField, pose: SE2, clearance: float
     np.minimum(needed, have + (need - have) * away / escape, out=needed)
 
 
-def obstacle_ahead(trajectory: Trajectory, from_s: float, grid: OccupancyGrid, radius_m: float) -> float | None:
+def planned_clearance(trajectory: Trajectory, grid: OccupancyGrid, radius_m: float) -> FloatArray:
+    """(N,) the clearances [m] of the samples of a trajectory from ground that is not known to be free in the map of its
+    plan, as far as they matter to ``obstacle_ahead``; zones aside."""
+    positions = trajectory.poses[:, :2]
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    x, y = (0.5 * (low + high)).tolist()
+    near = grid.around(x, y, 0.5 * float(np.max(high - low)) + 2.0 * radius_m)
+    return _field_around(near, near.data != FREE, radius_m).at(positions)
+
+
+def obstacle_ahead(
+    trajectory: Trajectory, from_s: float, grid: OccupancyGrid, radius_m: float, planned_m: FloatArray | None = None
+) -> float | None:
     """How far the base (radius_m) can drive until it touches something, on the next 1.5 m of a trajectory [m]; None
     when it touches nothing.
 
-    from_s: position on the trajectory, in its own time [s]. Only obstacles count: ground that is unknown again was free
-    when the plan was made. A base that already stands closer to an obstacle may leave."""
+    from_s: position on the trajectory, in its own time [s]. planned_m: its ``planned_clearance``; where the plan had
+    little room, so little is not news. Only obstacles count: ground that is unknown again was free when the plan was
+    made. A base that already stands closer to an obstacle may leave."""
     positions = _watched(trajectory, from_s)
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(positions, axis=0).T))])
     near = grid.around(float(positions[0, 0]), float(positions[0, 1]), _AHEAD_M + 2.0 * radius_m)
-    ground = np.where(near.data == OCCUPIED, OCCUPIED, FREE).astype(np.int8)
-    obstacles = OccupancyGrid(ground, near.resolution, near.origin_x, near.origin_y)
-    field = clearance_field(obstacles, 2.0 * radius_m)
-    clearance_m = field.at(positions)
-    touching = np.flatnonzero(clearance_m < min(radius_m, float(clearance_m[0])) - _GIVE_AHEAD_M)
+    clearance_m = _field_around(near, near.data == OCCUPIED, radius_m).at(positions)
+    enough_m = np.full(len(positions), min(radius_m, float(clearance_m[0])))
+    if planned_m is not None:
+        rest_m = planned_m[int(np.searchsorted(trajectory.times_s - trajectory.times_s[0], from_s)) :]
+        enough_m[1:] = np.minimum(enough_m[1:], rest_m[: len(positions) - 1])
+    touching = np.flatnonzero(clearance_m < enough_m - _GIVE_AHEAD_M)
     return float(way_m[touching[0]]) if len(touching) else None
+
+
+def _field_around(grid: OccupancyGrid, closed: BoolArray, radius_m: float) -> DistanceField:
+    """Distances to some cells (H, W) of a map, as far as they matter to a base on its way."""
+    ground = np.where(closed, OCCUPIED, FREE).astype(np.int8)
+    return clearance_field(OccupancyGrid(ground, grid.resolution, grid.origin_x, grid.origin_y), 2.0 * radius_m)
 
 
 def _watched(trajectory: Trajectory, from_s: float) -> FloatArray:

@@ -225,10 +225,11 @@ class Trajectory:
 
 
 class TimedPlan(NamedTuple):
-    """A plan and the speeds to drive it at."""
+    """A plan and the speeds to drive it at. clearance_m: (N,) ``planned_clearance``; None for a way without a map."""
 
     plan: Plan
     trajectory: Trajectory
+    clearance_m: FloatArray | None = None
 
 
 def _cubic(a: FloatArray, b: FloatArray, da: FloatArray, db: FloatArray, u: float) -> tuple[FloatArray, FloatArray]:
