@@ -13,18 +13,30 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import BatteryState, CameraInfo
 from std_msgs.msg import Float32, String, UInt8
 
+from vsx_ros.exploration.decision import MissionState
 from vsx_ros.exploration.time_left import left_words, whole_minutes
 from vsx_ros.navigation.docking_state import DockingState
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import convert, operator_command, topics
 from vsx_ros.ros.callbacks import hear_operator_hold, json_object, subscribe
 from vsx_ros.ros.rooms import heard_rooms
+from vsx_ros.ros.silence import Silence
 from vsx_ros.ros.zones import heard_zones
 from vsx_ros.runs import process
 from vsx_ros.runs.process import DONE, FAILED
 
 _LISTEN_S, _PERIOD_S = 2.0, 1.0  # measuring time for rates; time between two outputs
 _PATIENCE_S, _TICK_S = 4.0, 0.1  # longest wait for values that nobody has published yet; between looks at them
+
+_TOLD_BY = {
+    "explore": ("state", "reason", "left_s"),
+    "vslam": ("slam_state", "slam_reason", "tracked_ratio"),
+    "mobile_base": (
+        "base_reason", "estop", "held_by", "driver", "hazards", "battery_fraction", "battery_v", "charging"
+    ),
+    "dock": ("docking", "docking_reason", "battery_left_s"),
+}  # fmt: skip
+"""Node -> facts that are old once it is silent."""
 
 
 class StatusBoard:
@@ -37,7 +49,9 @@ class StatusBoard:
              "estop", "held_by", "held_since_ns", "hazards", "battery_fraction", "battery_v", "charging",
              "battery_left_s", "docking", "docking_reason", "zones", "zones_entered", "room", "left_s")
         )  # fmt: skip
+        self._silence = Silence()
         self._safety = f"{rospy.resolve_name('mobile_base').lstrip('/')}: safety"
+        self._tracking = f"{rospy.resolve_name('vslam').lstrip('/')}: tracking"
         self._first_image_s = math.inf
         self._images: deque[tuple[float, float]] = deque(maxlen=200)  # when heard, and of when
         ratio = f"{topics.STATS}/tracked_ratio"
@@ -57,8 +71,14 @@ class StatusBoard:
         ]
 
     def facts(self) -> dict[str, Any]:
-        """What is known now; None for unknown values."""
-        return {**self._facts, "camera_hz": self._camera_hz()}
+        """What is known now; None for unknown values. The first fact of a node that has spoken before is "silent", the
+        others None; the end of a mission stays true."""
+        silent = self._silence.names()
+        facts = {**self._facts, "camera_hz": self._camera_hz()}
+        for node, (first, *others) in _TOLD_BY.items():
+            if node in silent and facts[first] != MissionState.DONE.value:
+                facts |= {**dict.fromkeys(others), first: "silent"}
+        return facts
 
     def wait(self) -> None:
         """Until all is known, or nobody has been connected for a while. Counted in ticks: a machine that is late gives
@@ -92,14 +112,17 @@ class StatusBoard:
     def _on_explore(self, msg: String) -> None:
         status = json_object(msg, "state", "reason")
         left_s = status.get("left_s")
+        self._silence.heard("explore")
         self._set(state=status["state"], reason=status["reason"])
         self._set(left_s=left_s if isinstance(left_s, int | float) else None)
 
     def _on_slam(self, msg: DiagnosticStatus) -> None:
+        self._silence.heard("vslam")
         self._set(slam_state=msg.name, slam_reason=msg.message)
 
     def _on_dock(self, msg: String) -> None:
         status = json_object(msg, "state", "reason", "battery_left_s")
+        self._silence.heard("dock")
         self._set(docking=status["state"], docking_reason=status["reason"], battery_left_s=status["battery_left_s"])
 
     def _on_hold(self, hold: OperatorHold | None) -> None:
@@ -111,7 +134,10 @@ class StatusBoard:
 
     def _on_diagnostics(self, msg: DiagnosticArray) -> None:
         for status in msg.status:
+            if status.name == self._tracking:
+                self._silence.heard("vslam")  # its state comes on change and with each map
             if status.name == self._safety:
+                self._silence.heard("mobile_base")
                 values = {pair.key: pair.value for pair in status.values}
                 self._set(estop=values.get("estop") == "True", base_reason=status.message)
 

@@ -25,6 +25,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN
 from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.callbacks import json_object, subscribe
+from vsx_ros.ros.dashboard.conditions import Conditions
 
 _GRACE_S = 3.0  # A reloaded page comes back within this time and finds all data still there
 
@@ -88,9 +89,16 @@ class Feed:
         self._viewers = count
         self._changed.set()
 
+    def tell_silent(self) -> None:
+        """Post who has become silent, and who speaks again; called once a second."""
+        if (silent := self._conditions.changed()) is not None:
+            self._board.post("health", text(self._conditions.health()))
+            self._board.post("silent", text(silent))
+
     def _follow(self) -> None:
         while not rospy.is_shutdown():
             if not self._changed.wait(timeout=1.0):
+                self.tell_silent()
                 continue
             self._changed.clear()
             if self._viewers and not self._subscribers:
@@ -103,17 +111,19 @@ class Feed:
     def _forget(self) -> None:
         self._subscribers = []
         self._stats: dict[str, float] = {}
-        self._health: dict[str, list[Any]] = {}
+        self._conditions = Conditions()
         self._events: deque[Any] = deque(maxlen=_EVENTS)
         self._board.clear()
 
     def _subscribe(self) -> None:
         def hear(topic: str, kind: type[Any], subject: str, shown: Callable[[Any], Any], **options: Any) -> None:
             def on_message(msg: Any) -> None:
+                self._conditions.heard(subject)
                 self._board.post(subject, text(shown(msg)))
 
             self._subscribers.append(subscribe(topic, kind, on_message, **{"queue_size": 1, **options}))
 
+        self._board.post("silent", "[]")
         hear(
             topics.PREVIEW, CompressedImage, "camera", lambda msg: base64.b64encode(msg.data).decode(), buff_size=2**20
         )
@@ -132,7 +142,7 @@ class Feed:
         hear(topics.OPERATOR_HOLD, String, "held", json_object)
         hear(topics.DOCK_STATUS, String, "dock", json_object)
         hear(topics.MUX_ACTIVE, String, "driver", lambda msg: msg.data)
-        hear(topics.DIAGNOSTICS, DiagnosticArray, "health", self._condition, queue_size=20)
+        hear(topics.DIAGNOSTICS, DiagnosticArray, "health", self._conditions.take, queue_size=20)
         hear(topics.PLAN_MS, Float32, "stats", self._statistic("plan_ms"))
         for name in _SHOWN_STATS:
             hear(f"{topics.STATS}/{name}", get_message_class(topics.STAT_TYPES[name]), "stats", self._statistic(name))
@@ -149,15 +159,6 @@ class Feed:
         with self._lock:
             self._events.append(json_object(msg))
             return list(self._events)
-
-    def _condition(self, msg: DiagnosticArray) -> dict[str, list[Any]]:
-        with self._lock:
-            for status in msg.status:
-                if not f"/{status.name}".startswith(rospy.get_namespace()):
-                    continue  # from another robot
-                values = {pair.key: pair.value for pair in status.values}
-                self._health[status.name] = [int(status.level), status.message, values]
-            return dict(self._health)
 
 
 def text(value: Any) -> str:

@@ -7,11 +7,12 @@ const MOODS = {
   mapping: "good", done: "good", recovering: "fair", paused: "fair", "user goal": "fair", held: "bad",
   "no images": "bad",
 };
+const SILENT = 3;
 const LEVELS = [
   ["good", "well"],
   ["fair", "warning"],
   ["bad", "error"],
-  ["fair", "silent"],
+  ["soft", "silent"],
 ];
 
 hear("camera", jpeg => {
@@ -28,6 +29,7 @@ hear("mission", mission => {
 });
 hear("slam", state);
 hear("hazards", state);
+hear("silent", state);
 hear("held", state);
 hear("dock", dock => {
   $("dock").hidden = !dock.known && !dock.docked;
@@ -74,8 +76,13 @@ const clock = stamp_ns => new Date(stamp_ns / 1e6).toLocaleTimeString();
 function state() {
   const mission = known.mission || {},
     slam = known.slam || ["", ""];
-  if (mission.state) pill("mission", mission.state.toUpperCase(), known.hazards ? "bad" : MOODS[mission.state] || "");
-  if (slam[0]) pill("slam", slam[0].replaceAll("_", " "), {TRACKING: "good", LOST: "bad"}[slam[0]] || "fair");
+  const quiet = known.silent || [],
+    lost = quiet.includes("mission") && mission.state !== "done";
+  if (lost) pill("mission", "SILENT", "");
+  else if (mission.state)
+    pill("mission", mission.state.toUpperCase(), known.hazards ? "bad" : MOODS[mission.state] || "");
+  if (quiet.includes("slam")) pill("slam", "camera silent", "");
+  else if (slam[0]) pill("slam", slam[0].replaceAll("_", " "), {TRACKING: "good", LOST: "bad"}[slam[0]] || "fair");
   const paused = mission.state === "paused";
   $("pause").textContent = paused ? "Resume" : "Pause";
   $("pause").dataset.command = paused ? "resume" : "pause";
@@ -85,8 +92,8 @@ function state() {
     [
       known.hazards && "hazard: " + known.hazards,
       docking(),
-      sentence(words),
-      left(mission.left_s),
+      lost ? "the exploration says nothing any more; before: " + words : sentence(words),
+      lost ? "" : left(mission.left_s),
       slam[1] && "camera: " + slam[1],
     ]
       .filter(Boolean)
@@ -133,7 +140,8 @@ const elapsed = s => (s == null ? "–" : Math.floor(s / 60) + ":" + String(Math
 export function numbers() {
   const s = known.stats || {},
     [, images, input] = component("vslam: input"),
-    battery = component("mobile_base: battery")[2];
+    [mood, , cells] = component("mobile_base: battery"),
+    battery = mood === SILENT ? {} : cells;
   const mission = known.mission || {},
     dock = known.dock || {},
     unit = (value, digits, name) => (value == null ? "–" : value.toFixed(digits) + " " + name);
