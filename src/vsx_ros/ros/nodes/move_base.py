@@ -103,7 +103,7 @@ class MoveBaseNode:
         if isinstance(act, PlanRequest):
             self._planner.ask(act)
         elif isinstance(act, Follow):
-            self._follower.follow(*act.way, act.frame, act.identity)
+            self._follower.follow(act.way.plan, act.way.trajectory, act.frame, act.identity)
             self._diagnostics.set("goal", OK, f"driving {act.way.plan.path.length_m:.1f} m")
         elif isinstance(act, Brake):
             self._follower.brake(now_ns, act.a_m_s2)
