@@ -114,7 +114,7 @@ def test_it_listens_to_the_stack_only_while_somebody_looks(stack: Stack, port: i
     stack.wait_until_driving()
     assert subscriptions() <= {"/clock"}
     viewer = Viewer(port)
-    viewer.hear("camera", "pose", "map", "keyframes", "slam", "mission", "stats", "health", "hazards", "stack")
+    viewer.hear("camera", "pose", "way", "map", "keyframes", "slam", "mission", "stats", "health", "hazards", "stack")
     viewer.hear_health_of("mobile_base: safety")
     listened = subscriptions()
     known = viewer.known

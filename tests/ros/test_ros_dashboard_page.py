@@ -81,6 +81,17 @@ def test_frontiers_views_plan_and_keyframes_are_drawn_on_the_map(page: ServedPag
         assert page.pixels("map", f"delete known.{subject}, paint()", *gone) == [0] * len(gone)
 
 
+def test_the_way_of_the_whole_run_is_drawn_but_not_where_the_robot_was_carried(page: ServedPage) -> None:
+    page.open()
+    page.value("Object.entries(layers).forEach(([name, layer]) => { layer.shown = name === 'way'; })")
+    page.post("way", [[0.0, 1.5], [1.0, 1.5], None, [3.0, 1.5], [4.0, 1.5]])
+    page.wait("known.way")
+    for x, drawn in ((0.5, True), (2.0, False), (3.5, True)):
+        place = f"toScreen({x}, 1.5).map(Math.round).map((v, i) => v - [1, 4][i])"
+        ink = page.value(f"(paint(), Math.max(...$('map').getContext('2d').getImageData(...{place}, 3, 9).data))")
+        assert (ink > 100) is drawn, x
+
+
 def test_the_charts_show_latency_and_planning_time(page: ServedPage) -> None:
     page.open()
     page.wait("series.latency.length > 20 && $('latencyNow').textContent && $('planningNow').textContent")

@@ -3,6 +3,9 @@
 import base64
 import json
 import math
+import threading
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -13,6 +16,7 @@ import numpy as np
 from geometry_msgs.msg import Point, PoseArray
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
+from waiting import wait_for
 
 from vsx_ros.errors import InputError
 from vsx_ros.exploration.utility import View
@@ -22,7 +26,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import Frontier
 from vsx_ros.robot import Frame
-from vsx_ros.ros import convert
+from vsx_ros.ros import convert, topics
 from vsx_ros.ros.callbacks import json_object
 from vsx_ros.ros.dashboard import feed
 from vsx_ros.ros.mission_output import frontier_markers
@@ -85,6 +89,33 @@ def test_a_long_plan_is_thinned_and_keeps_its_ends() -> None:
     assert len(told) < 250
     assert (told[0], told[-1]) == ([0.0, 0.0], [10.0, 0.0])
     assert feed.plan(convert.path_msg("odom", 1, poses)) == []
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 1999, 2000, 50_000])
+def test_the_way_is_thinned_and_ends_where_the_robot_is(count: int) -> None:
+    told = feed.way(convert.path_msg("map", 1, [SE2(0.05 * k, 0.0, 0.0) for k in range(count)]))
+    assert min(count, 1000) <= len(told) <= 2001
+    assert told[:1] + told[-1:] == [[round(0.05 * k, 2), 0.0] for k in (0, count - 1) if count]
+
+
+def test_the_way_is_broken_where_the_robot_was_carried() -> None:
+    pieces = [0.0, 0.1], [3.0], [5.0, 5.4]
+    told = feed.way(convert.path_msg("map", 1, [SE2(x, 1.0, 0.0) for piece in pieces for x in piece]))
+    assert told == [[0.0, 1.0], [0.1, 1.0], None, [3.0, 1.0], None, [5.0, 1.0], [5.4, 1.0]]
+
+
+def test_a_page_that_is_opened_late_gets_the_way_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard: dict[str, Callable[[Any], None]] = {}
+    board, over = feed.Board(), threading.Event()
+    monkeypatch.setattr(feed, "subscribe", lambda topic, kind, act, **options: heard.setdefault(topic, act))
+    monkeypatch.setattr(feed.rospy, "is_shutdown", over.is_set)
+    feed.Feed(board).viewers(1)
+    wait_for(lambda: topics.PLAN_MS in heard and f"{topics.STATS}/latency_ms" in heard, "the topics")
+    over.set()
+    heard[topics.SLAM_PATH](convert.path_msg("map", 1, [SE2(0.0, 0.0, 0.0), SE2(0.3, 0.2, 1.0)]))  # it is latched
+    assert [(note.subject, json.loads(note.text)) for note in board.newer_than(0, 0.0)] == [
+        ("way", [[0, 0], [0.3, 0.2]])
+    ]
 
 
 @pytest.mark.parametrize("data", ["", "{", "[1]", "null", "3", '{"state": "mapping"}', "[" * 10_000])

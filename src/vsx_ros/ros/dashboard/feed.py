@@ -34,7 +34,8 @@ _SHOWN_STATS = ("tracked", "attempted", "keyframes", "points", "latency_ms")
 """The others follow from these, or are in the diagnostics, once a second instead of with every image."""
 _FREE_BGRA, _OCCUPIED_BGRA = (92, 70, 52, 255), (236, 232, 228, 255)  # of the map in the browser
 _UTILITY = re.compile(r"\bU ([0-9.]+)")
-_PLAN_POINTS = 200  # more would not be visible on a screen
+_PLAN_POINTS, _WAY_POINTS = 200, 2000  # more would not be visible on a screen
+_GAP_M = 0.5  # between poses of the way; the robot leaves one every few centimetres
 
 
 class Note(NamedTuple):
@@ -138,6 +139,7 @@ class Feed:
         hear(topics.PLANES, MarkerArray, "planes", planes)
         hear(topics.KEYFRAMES, PoseArray, "keyframes", keyframes)
         hear(topics.GLOBAL_PLAN, PathMsg, "plan", plan)
+        hear(topics.SLAM_PATH, PathMsg, "way", way)
         hear(topics.HAZARDS, UInt8, "hazards", lambda msg: convert.hazard_words(msg.data))
         hear(topics.OPERATOR_HOLD, String, "held", json_object)
         hear(topics.DOCK_STATUS, String, "dock", json_object)
@@ -229,3 +231,17 @@ def plan(msg: PathMsg) -> list[list[float]]:
     step = max(1, len(msg.poses) // _PLAN_POINTS)
     kept = [*msg.poses[::step], *msg.poses[-1:]]
     return [[round(p.pose.position.x, 3), round(p.pose.position.y, 3)] for p in kept]
+
+
+def way(msg: PathMsg) -> list[list[float] | None]:
+    """x, y [m] of where the robot has been, thinned; None where the way between two of them is not known."""
+    if not msg.poses:
+        return []
+    places = np.array([[p.pose.position.x, p.pose.position.y] for p in msg.poses]).round(2)
+    broken = np.append(np.hypot(*np.diff(places, axis=0).T) > _GAP_M, True)  # after each place
+    begins = np.append(True, broken[:-1])
+    kept = np.flatnonzero((np.arange(len(places)) % (1 + len(places) // _WAY_POINTS) == 0) | broken | begins)
+    told: list[list[float] | None] = []
+    for k in kept.tolist():
+        told += [None, places[k].tolist()] if k and begins[k] else [places[k].tolist()]
+    return told

@@ -1,6 +1,6 @@
 """Node ``dashboard``: the live view in a browser.
 
-Subscribers, while there is a viewer: vslam/{preview/compressed,pose,state,keyframes,planes,stats/*}, map,
+Subscribers, while there is a viewer: vslam/{preview/compressed,pose,path,state,keyframes,planes,stats/*}, map,
     explore/{status,events,frontiers}, zones, rooms, move_base/{global_plan,stats/plan_ms},
     mobile_base/{hazards,operator_hold}, dock/status, cmd_vel_mux/active, /diagnostics.
 Publishers, when somebody drives: move_base/{goal,cancel}, cmd_vel_mux/input/teleop.

@@ -11,15 +11,13 @@ const FOV_RAD = 1.0,
 const way = [];
 
 hear("way", points => {
+  // of the whole run, with null where the robot was carried
   way.splice(0, way.length, ...points);
   redraw();
 });
 hear("pose", ([x, y]) => {
   const last = way[way.length - 1];
   if (!last || Math.hypot(x - last[0], y - last[1]) > WAY_STEP_M) way.push([x, y]);
-});
-hear("mission", mission => {
-  if (mission.state === "starting") way.length = 0;
 });
 for (const subject of ["pose", "mission", "frontiers", "keyframes", "plan", "planes", "zones", "rooms", "slam"])
   hear(subject, redraw);
@@ -32,7 +30,7 @@ export const layers = {
   frontiers: {title: "frontiers", swatch: "frontier", shown: true, draw: drawFrontiers},
   walls: {title: "walls", swatch: "wall", shown: true, draw: pen => lay(pen, ground.walls)},
   zones: {title: "zones", swatch: "no-go", shown: true, draw: drawZones},
-  way: {title: "way", swatch: "way", shown: true, draw: pen => trace(pen, way, ink("map-way"), 1.2)},
+  way: {title: "way", swatch: "way", shown: true, draw: drawWay},
   keyframes: {title: "keyframes", swatch: "keyframe", shown: true, draw: drawKeyframes},
   views: {title: "views", swatch: "view", shown: true, draw: drawViews},
   plan: {title: "plan", swatch: "plan", shown: true, draw: drawPlan},
@@ -88,6 +86,17 @@ export function label(pen, words, x, y, colour) {
   pen.fillStyle = colour;
   pen.fillText(words, px, py + 4);
   pen.textAlign = "left";
+}
+
+function drawWay(pen) {
+  let piece = [];
+  for (const point of [...way, null]) {
+    if (point) piece.push(point);
+    else {
+      trace(pen, piece, ink("map-way"), 1.2);
+      piece = [];
+    }
+  }
 }
 
 function drawRooms(pen) {
