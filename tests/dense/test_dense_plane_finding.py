@@ -8,6 +8,7 @@ from plane_scene import FOCAL_PX, angle_deg, looking, on_floor, on_wall, seen
 
 from vsx_ros.config.maps import PlanesConfig, SlamConfig
 from vsx_ros.dense import plane_finding
+from vsx_ros.dense.mapped_ground import _off_plane
 from vsx_ros.dense.plane_finding import PlaneFinder
 from vsx_ros.dense.planes import PlaneKind
 from vsx_ros.geometry.se3 import SE3
@@ -46,6 +47,15 @@ def test_two_crossing_walls_and_the_floor(seed):
     assert 100 <= len(back.points) <= 130
     assert np.diff(back.extent[:2])[0] == pytest.approx(2.4, abs=0.25)
     assert back.extent[2:] == pytest.approx([0.1, 1.2], abs=0.1)
+
+
+def test_a_wall_is_best_known_where_most_of_its_points_are():
+    rng = np.random.default_rng(4)
+    most, few = on_wall((2.5, -1.2), (2.5, -0.6), 90, rng), on_wall((2.5, -0.6), (2.5, 1.2), 20, rng)
+    (wall,) = finder().update(seen(np.vstack([most, few]), CAMERAS, rng))
+    y = np.linspace(-1.2, 1.2, 25)
+    places = np.column_stack([np.full(25, 2.5), y, np.full(25, 0.6)])
+    assert y[np.argmin(_off_plane(wall, places))] < -0.5
 
 
 def test_floor_points_are_no_wall():

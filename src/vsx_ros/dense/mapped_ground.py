@@ -98,8 +98,7 @@ def _every(snapshot: MapSnapshot) -> tuple[IntArray, tuple[SE3, ...]]:
 
 def _off_plane(plane: Plane, points: Points3) -> FloatArray:
     """(N,) standard deviation [m] of the plane's position along its normal, at points on it."""
-    middle = np.array([0.5 * (plane.extent[0] + plane.extent[1]), 0.5 * (plane.extent[2] + plane.extent[3])])
-    right, up = (plane.coordinates(points) - middle).T
+    right, up = plane.coordinates(points - plane.middle).T
     lever = np.column_stack([up, -right, np.ones(len(points))])
     return np.asarray(np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", lever, plane.covariance, lever), 0.0)))
 

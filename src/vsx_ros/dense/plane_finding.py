@@ -90,7 +90,8 @@ class PlaneFinder:
             planes += [_plane(_FLOOR_ID, _FLOOR_NORMAL, 0.0, _FLOOR_COVARIANCE, PlaneKind.FLOOR, points, on_floor)]
         for number, (fit, rows) in zip(self._numbers(found, candidates), found):
             kind = kind_of(fit.normal, fit.offset) if fit.attitude is not Attitude.FREE else PlaneKind.OTHER
-            planes.append(_plane(number, fit.normal, fit.offset, fit.covariance, kind, points, usable[rows]))
+            plane = _plane(number, fit.normal, fit.offset, fit.covariance, kind, points, usable[rows])
+            planes.append(plane._replace(covariance=fit.covariance_at(plane.middle)))
         return tuple(planes)
 
     def _on_floor(self, points: ObservedPoints) -> BoolArray:

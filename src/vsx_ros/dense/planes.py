@@ -49,6 +49,11 @@ class Plane(NamedTuple):
         """(N, 3) points of the plane at (N, 2) right and up [m]."""
         return coordinates @ self.axes + self.offset * self.normal
 
+    @property
+    def middle(self) -> FloatArray:
+        """(3,) the middle of the extent."""
+        return self.points_at(self.extent.reshape(2, 2).mean(axis=1))
+
     def distances(self, points_world: Points3) -> FloatArray:
         """(N,) signed distances [m] of (N, 3) points, positive on the observers' side."""
         return points_world @ self.normal - self.offset
@@ -73,8 +78,8 @@ class Attitude(IntEnum):
 
 
 class Fit(NamedTuple):
-    """A plane and how well it is known: see ``Plane``. middle (3,): the weighted mean of its points, on the plane.
-    spread (2,): standard deviations [m] of its points along right and up."""
+    """A plane and how well it is known: see ``Plane``; but covariance has the offset at ``middle`` (3,), the weighted
+    mean of its points, on the plane. spread (2,): standard deviations [m] of its points along right and up."""
 
     normal: FloatArray
     offset: float
@@ -87,6 +92,12 @@ class Fit(NamedTuple):
     def plane(self) -> FloatArray:
         """(4,) normal and offset."""
         return np.append(self.normal, self.offset)
+
+    def covariance_at(self, place: FloatArray) -> FloatArray:
+        """(3, 3) the covariance with the offset at another place (3,) of the plane, which tilts move, too."""
+        right, up = plane_fits.in_plane_axes(self.normal) @ (place - self.middle)
+        there = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [up, -right, 1.0]])
+        return there @ self.covariance @ there.T
 
 
 def on_plane(points: ObservedPoints, rows: IntArray, fit: Fit, noise: Noise) -> BoolArray:
