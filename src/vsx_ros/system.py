@@ -19,6 +19,7 @@ from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.navigation.navigator import ComputingTime, GoalPlanner, Navigator
+from vsx_ros.occupancy.anchored_poses import KeyframePlaces
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.planner import Planner
 from vsx_ros.robot import Frame, Odometry, OdometryEpochs, OperatorHold, VelocityCommand
@@ -77,6 +78,7 @@ class ExplorationSystem:
         ways = Planner(config.planner, config.robot)
         self.mission = Mission(config, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
         self.grid: OccupancyGrid | None = None
+        self._keyframes: KeyframePlaces | None = None
         self.dense: DenseMap | None = None
         self._saved = None if saved is None else saved.mission
         while self._densify(self.slam.snapshot()):  # process all of an earlier map
@@ -135,6 +137,7 @@ class ExplorationSystem:
             self._next_dense_ns = now_ns + round(1e9 * update_every_s(len(snapshot.keyframe_ids)))
         self._next_map_ns = now_ns + _MAP_EVERY_NS
         self._mapped = known
+        self._keyframes = KeyframePlaces.of(snapshot.rays.ids, snapshot.rays.T_world_cams)
         self._take_ground(now_ns, self.ground.grid(snapshot))
         self.planner.take_landmarks(snapshot.points_world, now_ns)
 
@@ -163,7 +166,7 @@ class ExplorationSystem:
             T_map_base=where.T_map_base, T_odom_base=T_odom_base, odom_epoch=where.odom_epoch,
             grid=self.grid, landmarks_world=self.slam.snapshot().points_world,
             navigation=self.navigator.state, navigation_reason=self.navigator.reason,
-            hazard=hazard or where.stuck or None, held=held,
+            hazard=hazard or where.stuck or None, held=held, keyframes=self._keyframes,
         )  # fmt: skip
         decision = self.mission.decide(now_ns, situation)
         cost_ns = 0

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from vsx_ros.arrays import FloatArray
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.anchored_poses import KeyframePlaces
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import MAP_FRAME, OperatorHold, UserGoal
 from vsx_ros.slam.state import TrackingState
@@ -36,7 +37,7 @@ class Situation(NamedTuple):
     odom_epoch: that of T_odom_base; poses of different epochs cannot be compared.
     lifted: whether the robot is held in the air. held: the operator holds the wheels. user_goal: move_base pursues a
     goal of somebody else, in place of ours; user_goal_end: how the last such goal has ended. blind_s: time since vslam
-    has used an image [s]."""
+    has used an image [s]. keyframes: of the grid; None if unknown."""
 
     slam_state: TrackingState
     slam_reason: str
@@ -53,6 +54,7 @@ class Situation(NamedTuple):
     user_goal: UserGoal | None = None
     user_goal_end: str = ""
     blind_s: float = 0.0
+    keyframes: KeyframePlaces | None = None
 
 
 class Action(Enum):

@@ -2,6 +2,7 @@
 
 from vsx_ros.exploration.decision import Situation
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.anchored_poses import MapCorrections
 
 _MOST_TRIES = 5  # in a row, none of them nearer; then the run ends where the robot is
 _NEARER_M = 0.5  # to home than after all tries before: the way there is not blocked
@@ -29,6 +30,11 @@ class Home:
             self._begun = situation.odom_epoch, situation.T_odom_base
         if situation.slam_state.tracked and situation.T_map_base is not None:
             self.pose = situation.T_map_base @ situation.T_odom_base.inverse() @ self._begun[1]
+
+    def moved(self, corrections: MapCorrections) -> None:
+        """The map was corrected."""
+        if self.pose is not None:
+            (self.pose,) = corrections.moved([self.pose])
 
     def failed(self, now_ns: int, reason: str) -> str:
         """Count a failed drive home; returns words with the number of tries and this reason. A robot that came nearer

@@ -131,9 +131,7 @@ class Mission:
         self._recovery.observe(situation, self._trail)
         if situation.T_odom_base is not None:
             (self._trail.driven_back_to if backing else self._trail.add)(situation.T_odom_base)
-        self._home.observe(situation)
-        if situation.T_map_base is not None and situation.slam_state is TrackingState.GOOD:
-            self.view_selector.look_from(situation.T_map_base)
+        self._tour.observe(situation)
         if self.state is MissionState.DONE:
             return self._log.answer(Action.FINISH, self._log.reason)
         active, claim = situation.navigation is NavigationState.ACTIVE, claim_of(now_ns, situation)

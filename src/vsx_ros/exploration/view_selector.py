@@ -14,6 +14,7 @@ from vsx_ros.exploration.time_left import TimeLeft, left_to_see
 from vsx_ros.exploration.utility import RANKERS, Ranking, RankingInput, TravelCostsFrom, View, gain_at, near_poses
 from vsx_ros.exploration.zone_exit import exit_pose
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.anchored_poses import MapCorrections
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import WALL_ROW_M, Frontier, find_frontiers
 from vsx_ros.occupancy.zoned_grid import ZonedGrid
@@ -82,6 +83,12 @@ class ViewSelector:
         apart = math.inf if last is None else max(last.distance_to(T_map_base), abs(last.angle_to(T_map_base)))
         if apart > self._config.look_spacing_m:
             self.looked_from.append(T_map_base)
+
+    def moved(self, corrections: MapCorrections) -> None:
+        """The map was corrected, and with it moves what is remembered."""
+        self.looked_from = corrections.moved(self.looked_from)
+        self.blacklist.moved(corrections)
+        self._exits.moved(corrections)
 
     def rank(self, now_ns: int, T_map_base: SE2, grid: OccupancyGrid, landmarks_world: FloatArray) -> Ranking:
         """The views worth the drive from here, best first, and the rejected candidates for each reason."""
@@ -168,6 +175,13 @@ class GoalBlacklist:
         """Forget failures since then: they were nobody's fault."""
         self._failures = [failure for failure in self._failures if failure.at_ns < since_ns]
         self._forget_here()
+
+    def moved(self, corrections: MapCorrections) -> None:
+        """The map was corrected."""
+        poses = corrections.moved([failure.pose for failure in self._failures])
+        self._failures = [failure._replace(pose=pose) for failure, pose in zip(self._failures, poses, strict=True)]
+        self._failed_here = corrections.moved(self._failed_here)
+        self._place = corrections.moved([self._place])[0] if self._place is not None else None
 
     def _forget_here(self) -> None:
         self._failed_here, self._times_here, self._releases_here = [], 0, 0

@@ -9,8 +9,10 @@ from vsx_ros.exploration.utility import Ranking, Rejection, View
 from vsx_ros.exploration.view_selector import ExpectedGain, ViewSelector
 from vsx_ros.exploration.zone_exit import ZoneWatch
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.anchored_poses import MapCorrections
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import MAP_FRAME, ODOM_FRAME
+from vsx_ros.slam.state import TrackingState
 
 _EMPTY_WAIT_NS = 2 * SECOND_NS  # no view: the mapper may still be making the map
 _SETTLE_NS, BRAKE_NS = SECOND_NS, SECOND_NS // 2  # wait for the map after a failed goal; for the base to stand
@@ -21,8 +23,9 @@ _AHEAD_M, _AHEAD_RAD = 0.2, 0.3  # braking from there at full speed ends at the 
 
 
 class ViewTour:
-    """Call ``decide`` while the map is known. backing_off: whether it drives away from something, back along the trail.
-    has_gone: whether it ever drove to a view, in this session or an earlier one."""
+    """Call ``observe`` with every situation, ``decide`` while the map is known. backing_off: whether it drives away
+    from something, back along the trail. has_gone: whether it ever drove to a view, in this session or an earlier
+    one."""
 
     def __init__(self, config: Config, log: MissionLog, home: Home, trail: Trail, view_selector: ViewSelector) -> None:
         self._config = config.exploration
@@ -33,9 +36,19 @@ class ViewTour:
         self._stopped_for = self._leaving = ""
         self._exit = SE2()  # of the zone that it leaves
         self._has_looked = False  # from the goal, before the base stands there
+        self._corrections = MapCorrections()
         self._zones = ZoneWatch(config.robot.radius_m)
         self._empty_rankings = self._blocked = 0
         self.backing_off = self.has_gone = False
+
+    def observe(self, situation: Situation) -> None:
+        """Remember from where the camera looks. What is remembered moves when the map is corrected."""
+        if situation.keyframes is not None and self._corrections.update(situation.keyframes):
+            self._view_selector.moved(self._corrections)
+            self._home.moved(self._corrections)
+        self._home.observe(situation)
+        if situation.T_map_base is not None and situation.slam_state is TrackingState.GOOD:
+            self._view_selector.look_from(situation.T_map_base)
 
     def decide(self, now_ns: int, situation: Situation) -> Decision:
         """Choose a view, wait until it is reached, choose the next."""

@@ -1,6 +1,8 @@
 """The base's trail, its bumps, and the places where its wheels turned without effect. All are stored relative to
 keyframes and move when the map is adjusted."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from itertools import compress
@@ -19,6 +21,8 @@ BUMP_STEP_M, BUMP_STEP_RAD = 0.1, 0.5  # closer bumps count as one
 _WHOLE, _THINNED_M = 4000, 0.1
 """So many of the newest poses are kept as they came, 200 m of trail. Of older ones, one is kept at each place of this
 size: the body is wider, and a trail that is driven again and again must not grow."""
+_MOVED_M, _MOVED_RAD = 0.05, 0.03  # keyframes that moved less: no correction
+_AT_ONCE = 1000  # poses whose distances to all keyframes are computed together
 NEAREST = -1  # keyframe to tie a pose to; others to be tied to are stored as NEAREST - 1 - id
 _FIRST_NS = 20_000_000_000
 """How long a spot is avoided at first where wheels turned without effect; twice as long each time it happens again."""
@@ -141,6 +145,53 @@ def _relative(a: FloatArray, b: FloatArray) -> FloatArray:
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
     x, y = (b[:, :2] - a[:, :2]).T
     return np.column_stack([c * x + s * y, -s * x + c * y, b[:, 2] - a[:, 2]])
+
+
+class KeyframePlaces(NamedTuple):
+    """ids (K,), ascending, of keyframes, and poses (K, 3): x, y [m] and heading of the optical axis [rad] of each."""
+
+    ids: IntArray
+    poses: FloatArray
+
+    @staticmethod
+    def of(ids: IntArray, T_world_cams: Sequence[SE3]) -> KeyframePlaces:
+        """The places of these keyframes."""
+        return KeyframePlaces(np.asarray(ids, np.int64), _headings(T_world_cams) if len(ids) else np.zeros((0, 3)))
+
+    def known_in(self, other: KeyframePlaces) -> tuple[FloatArray, FloatArray]:
+        """(N, 3) poses of the keyframes that are in both, here and in the other."""
+        _, here, there = np.intersect1d(self.ids, other.ids, assume_unique=True, return_indices=True)
+        return self.poses[here], other.poses[there]
+
+
+class MapCorrections:
+    """Tells how the map has moved, for poses that are kept elsewhere. Call ``update`` with the keyframes of each map,
+    and move all kept poses with ``moved`` when it was corrected."""
+
+    def __init__(self) -> None:
+        self._last: KeyframePlaces | None = None
+        self._before, self._now = np.zeros((0, 3)), np.zeros((0, 3))
+
+    def update(self, now: KeyframePlaces) -> bool:
+        """Whether keyframes have moved since the last correction, or since they were made."""
+        last, self._last = self._last or now, now
+        self._before, self._now = before, there = last.known_in(now)
+        x, y, turn = _relative(before, there).T
+        if (np.hypot(x, y) > _MOVED_M).any() or (np.abs(np.sin(0.5 * turn)) > 0.5 * _MOVED_RAD).any():
+            return True
+        made = ~np.isin(now.ids, last.ids)
+        order = np.argsort(ids := np.append(last.ids, now.ids[made]), kind="stable")
+        self._last = KeyframePlaces(ids[order], np.vstack([last.poses, now.poses[made]])[order])
+        return False
+
+    def moved(self, poses: Sequence[SE2]) -> list[SE2]:
+        """The poses after the correction: each has moved with the keyframe that was nearest."""
+        rows = np.array([pose.as_array() for pose in poses]).reshape(-1, 3)
+        for first in range(0, len(rows) if len(self._before) else 0, _AT_ONCE):
+            some = rows[first : first + _AT_ONCE]
+            nearest = np.linalg.norm(some[:, None, :2] - self._before[None, :, :2], axis=2).argmin(axis=1)
+            rows[first : first + _AT_ONCE] = _composed(self._now[nearest], _relative(self._before[nearest], some))
+        return [SE2(*row) for row in rows.tolist()]
 
 
 class _Expiry(NamedTuple):
