@@ -97,7 +97,7 @@ class Fit(NamedTuple):
         """(3, 3) the covariance with the offset at another place (3,) of the plane, which tilts move, too."""
         right, up = plane_fits.in_plane_axes(self.normal) @ (place - self.middle)
         there = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [up, -right, 1.0]])
-        return there @ self.covariance @ there.T
+        return np.asarray(there @ self.covariance @ there.T)
 
 
 def on_plane(points: ObservedPoints, rows: IntArray, fit: Fit, noise: Noise) -> BoolArray:
