@@ -52,6 +52,16 @@ def test_a_plain_wall_says_nothing() -> None:
     assert said.texture[high].max() < 0.5
 
 
+@pytest.mark.parametrize("unit", [0.02, 50.0])
+def test_a_judgement_does_not_depend_on_the_unit_of_the_map(unit: float) -> None:
+    images, poses, cells = KeyframeImages(scene.CAMERA), scene.DRIVE, cells_at(2.2)
+    views = images.views(scene.snapshot([FLOOR, textured(2.2)], poses, np.zeros((0, 3))), len(poses))
+    scaled = views._replace(t=unit * views.t, centres=unit * views.centres)
+    metric, other = judge(views, FRAME, cells, CONFIG, 1.0), judge(scaled, FRAME, unit * cells, CONFIG, unit)
+    assert other.score == pytest.approx(metric.score, abs=1e-6)
+    assert (other.views == metric.views).all()
+
+
 def test_stripes_along_the_motion_are_alike_at_every_depth_and_say_nothing() -> None:
     poses = [scene.SE3(scene.pose(0.0, 0.0, 0.0).rotation, [0.0, y, 0.4]) for y in np.linspace(-0.5, 0.5, 8)]
     good, said = judged([textured(2.2, stripes=True)], 2.2, poses)

@@ -15,6 +15,7 @@ from vsx_ros.kernels.geometry import transform
 
 LEVELS = 4
 SIDE = 8  # samples along the square that is compared
+_NEAR_SHARE = 0.25  # of the least distance at which cells are judged; hypotheses of other depths come nearer
 
 
 @kernel
@@ -32,13 +33,14 @@ def sample(pixels: NDArray[np.uint8], offset: int, height: int, width: int, u: f
 
 @kernel
 def _sample_patch(
-    views: Views, k: int, frame: FloatArray, x: float, y: float, z: float, half: float, out: FloatArray
+    views: Views, k: int, frame: FloatArray, x: float, y: float, z: float, half: float, near: float, out: FloatArray
 ) -> bool:
-    """Fill out (SIDE * SIDE,) with the grey values of a square centred at (x, y, z) [m], ``half`` [m] from its middle
-    to its outer samples; False where any lies outside the image or behind the camera."""
+    """Fill out (SIDE * SIDE,) with the grey values of a square centred at (x, y, z), ``half`` from its middle to its
+    outer samples; False where any lies outside the image, behind the camera or close to it: the middle nearer than
+    ``near``, or a sample than half of that. Lengths are those of the map."""
     pixels, R, t, K = views.store[views.slots[k]], views.R[k], views.t[k], views.K
     px, py, pz = transform(R, t, x, y, z)
-    if pz < 0.1:
+    if pz < near:
         return False
     rx = R[0, 0] * frame[0, 0] + R[0, 1] * frame[0, 1] + R[0, 2] * frame[0, 2]
     ry = R[1, 0] * frame[0, 0] + R[1, 1] * frame[0, 1] + R[1, 2] * frame[0, 2]
@@ -59,7 +61,7 @@ def _sample_patch(
         for j in range(SIDE):
             a = j * step - half
             qz = pz + a * rz + b * uz
-            if qz < 0.05:
+            if qz < 0.5 * near:
                 return False
             u = ((px + a * rx + b * ux) / qz * K[0] + K[2] + 0.5) * shrink - 0.5
             v = ((py + a * ry + b * uy) / qz * K[1] + K[3] + 0.5) * shrink - 0.5
@@ -129,7 +131,7 @@ def judge_cells(
     counts, reference = np.zeros(n, np.int64), np.full(n, -1, np.int64)
     chosen, centres = np.zeros(VIEWS + 1, np.int64), views.centres
     look, other = np.zeros(SIDE * SIDE), np.zeros(SIDE * SIDE)
-    alike = np.zeros(VIEWS)
+    alike, near = np.zeros(VIEWS), _NEAR_SHARE * limits[0]
     worth = np.zeros(centres.shape[0])
     for i in range(n):
         x, y, z = cells[i, 0], cells[i, 1], cells[i, 2]
@@ -137,7 +139,7 @@ def judge_cells(
         if count == 0:
             continue
         k = chosen[0]
-        if not _sample_patch(views, k, frame, x, y, z, half, look):
+        if not _sample_patch(views, k, frame, x, y, z, half, near, look):
             continue
         reference[i] = k
         texture[i] = _inner_texture(look)
@@ -152,7 +154,7 @@ def judge_cells(
             cz = centres[k, 2] + depth * (z - centres[k, 2])
             seen = 0
             for m in range(1, count):
-                if not _sample_patch(views, chosen[m], frame, cx, cy, cz, depth * half, other):
+                if not _sample_patch(views, chosen[m], frame, cx, cy, cz, depth * half, near, other):
                     continue
                 _standardise(other)
                 dot = 0.0
