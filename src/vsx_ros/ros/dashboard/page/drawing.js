@@ -1,7 +1,7 @@
 // A zone is drawn: each click on the map is a corner, then it gets a kind and a name.
 import {$, element} from "./dom.js";
 import {command, known} from "./robot.js";
-import {onChoose, onPaint, redraw} from "./map.js";
+import {onChoose, onPaint, redraw, showAbove} from "./map.js";
 import {dot, drawZone, trace, zoneInk} from "./layers.js";
 import {choose} from "./place.js";
 import {button, closeSheet, openSheet, row} from "./sheet.js";
@@ -51,6 +51,7 @@ function changed() {
   $("undo").disabled = !count;
   $("saveZone").disabled = missing > 0;
   $("speedBox").hidden = draft.kind !== "slow";
+  showAbove($("sheet"));
   redraw();
 }
 

@@ -6,6 +6,8 @@ const LEAST_PX_M = 2,
   STEP = 1.25,
   KEY_PX = 60,
   CLICK_PX = 6,
+  RING_PX = 12, // around a chosen place
+  MOST_COVERED = 0.7,
   MARGIN = 0.94;
 const canvas = $("map");
 
@@ -13,7 +15,8 @@ const canvas = $("map");
 export const view = {x: 0, y: 0, pxPerM: 60, w: 1, h: 1, follows: true};
 const fingers = new Map(); // pointer -> where it was last
 let box = [-2, -2, 2, 2]; // of what is known: x, y, x, y [m]
-let moved = false,
+let covered = 0, // pixels of its lower part, by a sheet
+  moved = false,
   drawn = true,
   painters = [],
   chosen = () => {},
@@ -42,10 +45,26 @@ export function show(left, bottom, right, top) {
 
 export function fit() {
   view.follows = true;
-  const pxPerM = MARGIN * Math.min(view.w / (box[2] - box[0]), view.h / (box[3] - box[1]));
-  Object.assign(view, {x: (box[0] + box[2]) / 2, y: (box[1] + box[3]) / 2, pxPerM: clamped(pxPerM)});
+  const pxPerM = clamped(MARGIN * Math.min(view.w / (box[2] - box[0]), (view.h - covered) / (box[3] - box[1])));
+  Object.assign(view, {x: (box[0] + box[2]) / 2, y: (box[1] + box[3]) / 2 - covered / 2 / pxPerM, pxPerM});
   redraw();
 }
+
+// As long as the map shows all that is known, it does so above this sheet; null: no sheet any more.
+export function showAbove(sheet) {
+  covered = sheet ? Math.min(view.h - clearance(sheet), MOST_COVERED * view.h) : 0;
+  if (view.follows) fit();
+}
+
+// The same if the sheet hides a place; then that is shown, whatever the map shows.
+export function showPlaceAbove(sheet, x, y) {
+  const low = () => Math.max(0, toScreen(x, y)[1] + RING_PX - clearance(sheet));
+  if (!low()) return;
+  showAbove(sheet);
+  if (low()) pan(0, -low());
+}
+// Pixels between the upper edges of the map and of a sheet that may lie over it.
+const clearance = sheet => Math.min(view.h, sheet.getBoundingClientRect().top - canvas.getBoundingClientRect().top);
 
 export function paint() {
   const [pen, w, h] = sized(canvas);

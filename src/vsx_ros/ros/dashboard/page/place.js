@@ -1,7 +1,7 @@
 // A place that was chosen on the map: the way there before it is driven, and the rooms and zones it lies in.
 import {$, element, ink, sentence} from "./dom.js";
 import {ask, command, hear, known, mayCommand, token} from "./robot.js";
-import {onChoose, onPaint, redraw, view} from "./map.js";
+import {onChoose, onPaint, redraw, showPlaceAbove, view} from "./map.js";
 import {dot, ring, trace} from "./layers.js";
 import {metres} from "./measures.js";
 import {contains, distance} from "./shapes.js";
@@ -21,6 +21,7 @@ export async function choose(x, y) {
   );
   $("sheet").dataset.matter = "place";
   const place = (chosen.place = [x, y]);
+  showPlaceAbove($("sheet"), x, y);
   redraw();
   if (!mayCommand()) return;
   asking = new AbortController();
@@ -31,6 +32,7 @@ export async function choose(x, y) {
   chosen.way = told.ok ? told.data : null;
   const go = $("go");
   if (go) go.disabled = !told.ok;
+  showPlaceAbove($("sheet"), x, y); // more words may have made it higher
   redraw();
 }
 

@@ -1,11 +1,12 @@
 // The sheet at the bottom of the map: one matter at a time, closed by its cross or by Escape.
 import {$, element} from "./dom.js";
+import {showAbove} from "./map.js";
 
 let closed = () => {};
 
 // parts: elements and words; onClose: what ends with it.
 export function openSheet(parts, onClose = () => {}) {
-  closeSheet();
+  leave();
   closed = onClose;
   const cross = element("button", "×", {className: "cross", title: "Close (Escape)"});
   cross.setAttribute("aria-label", "Close");
@@ -16,6 +17,11 @@ export function openSheet(parts, onClose = () => {}) {
 }
 
 export function closeSheet() {
+  leave();
+  showAbove(null);
+}
+
+function leave() {
   const end = closed;
   closed = () => {};
   $("sheet").hidden = true;
