@@ -71,7 +71,7 @@ def test_what_is_heard_tells_for_how_long_the_camera_is_silent(monkeypatch: pyte
     heard: Any = HeardSituation.__new__(HeardSituation)
     heard.where, heard.grid = SimpleNamespace(at=lambda now_ns: UNLOCALIZED), None
     heard._hazards, heard._landmarks, heard._held = 0, np.zeros((0, 3)), None
-    heard._user_goals = UserGoals("/explore-")
+    heard._user_goals, heard._keyframes = UserGoals("/explore-"), None
     heard._leases = SimpleNamespace(is_known=lambda name: name in ages, age_s=lambda name: ages.get(name, math.inf))
     assert (heard.has_seen, heard.at(1, NavigationState.IDLE, "").blind_s) == (False, 0.0)
     ages["vslam"] = 5.0

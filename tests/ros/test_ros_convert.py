@@ -11,6 +11,7 @@ from geometry_msgs.msg import Pose, Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
 from sensor_msgs.msg import Image
+from std_msgs.msg import Float64MultiArray
 
 from vsx_ros.config import MountConfig
 from vsx_ros.errors import CalibrationError, InputError, MapFileError
@@ -157,6 +158,18 @@ def test_maps_that_lie_are_refused() -> None:
     for msg in (short, rotated):
         with pytest.raises(MapFileError):
             convert.grid(msg)
+
+
+def test_places_of_keyframes_survive_and_others_are_refused() -> None:
+    cameras = [SE3.from_quaternion(np.array([1.0, k, 0.3]), (-0.5, 0.5, -0.5, 0.5)) for k in range(3)]
+    msg = convert.places_msg(np.array([0, 4, 7]), cameras)
+    places = convert.keyframe_places(msg)
+    assert places.ids.tolist() == [0, 4, 7]
+    np.testing.assert_allclose(places.poses, [[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 2.0, 0.0]], atol=1e-12)
+    assert convert.keyframe_places(convert.places_msg(np.zeros(0, np.int64), [])).poses.shape == (0, 3)
+    for numbers in (msg.data[:-1], msg.data[4:] + msg.data[:4], [0.0, math.nan, 0.0, 0.0]):
+        with pytest.raises(InputError, match="no places of keyframes"):
+            convert.keyframe_places(Float64MultiArray(data=numbers))
 
 
 def test_clouds_survive_in_single_precision() -> None:

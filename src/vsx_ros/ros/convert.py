@@ -12,14 +12,16 @@ from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Odometry as OdometryMsg
 from nav_msgs.msg import Path as PathMsg
 from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Float64MultiArray
 
 from vsx_hw.readings import Hazard
-from vsx_ros.arrays import FloatArray, Points3
+from vsx_ros.arrays import FloatArray, IntArray, Points3
 from vsx_ros.config import MountConfig
 from vsx_ros.errors import InputError, MapFileError
 from vsx_ros.geometry.mount import mount_pose, mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.occupancy.anchored_poses import KeyframePlaces
 from vsx_ros.occupancy.grid import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.robot import UNSURE_HEADING_RAD2, Odometry, VelocityCommand
 from vsx_ros.ros import topics
@@ -206,6 +208,20 @@ def grid_msg(grid: OccupancyGrid, frame_id: str, stamp_ns: int) -> OccupancyGrid
     msg.info.origin = pose_msg(SE2(grid.origin_x, grid.origin_y, 0.0))
     msg.data = grid.percent().ravel().tolist()
     return msg
+
+
+def places_msg(ids: IntArray, T_world_cams: Sequence[SE3]) -> Float64MultiArray:
+    """Where these keyframes are, for ``keyframe_places``."""
+    places = KeyframePlaces.of(ids, T_world_cams)
+    return Float64MultiArray(data=np.column_stack(places).ravel().tolist())
+
+
+def keyframe_places(msg: Float64MultiArray) -> KeyframePlaces:
+    """Raises InputError for what ``places_msg`` does not make."""
+    rows = np.asarray(msg.data, np.float64)
+    if len(rows) % 4 or not (np.abs(rows) < 2**53).all() or (np.diff(rows[::4]) <= 0.0).any():
+        raise InputError(f"{len(rows)} numbers are no places of keyframes, each with id, x, y and heading")
+    return KeyframePlaces(rows[::4].astype(np.int64), rows.reshape(-1, 4)[:, 1:])
 
 
 def cloud_msg(points: Points3, frame_id: str, stamp_ns: int) -> PointCloud2:

@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from move_base_msgs.msg import MoveBaseActionGoal
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import UInt8
+from std_msgs.msg import Float64MultiArray, UInt8
 
 from vsx_hw.readings import Hazard
 from vsx_ros.arrays import Points3
@@ -19,6 +19,7 @@ from vsx_ros.config import Config
 from vsx_ros.control.localization import Localization, LocalizationState
 from vsx_ros.exploration.decision import NavigationState, Situation
 from vsx_ros.exploration.user_goals import GoalState, UserGoals
+from vsx_ros.occupancy.anchored_poses import KeyframePlaces
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry, OperatorHold
 from vsx_ros.ros import convert, headers, topics
@@ -68,8 +69,9 @@ class LocalizationSubscriber:
 
 
 class HeardSituation:
-    """Subscribers: map, zones, vslam/map_points, mobile_base/{hazards,operator_hold}, move_base/{goal,status},
-    follower/lease, and those of ``LocalizationSubscriber``. grid: the newest map with the zones, if any."""
+    """Subscribers: map, zones, vslam/{map_points,keyframe_places}, mobile_base/{hazards,operator_hold},
+    move_base/{goal,status}, follower/lease, and those of ``LocalizationSubscriber``. grid: the newest map with the
+    zones, if any."""
 
     def __init__(self, config: Config) -> None:
         self._lock = threading.Lock()
@@ -77,11 +79,13 @@ class HeardSituation:
         self.where = LocalizationSubscriber()
         self._leases = LeaseWatch(topics.FOLLOWER_LEASE)
         self._landmarks: Points3 = np.zeros((0, 3))
+        self._keyframes: KeyframePlaces | None = None
         self._hazards = 0
         self._held: OperatorHold | None = None
         self._user_goals = UserGoals(f"{rospy.get_name()}-")
         ZonedMap(config, self._on_map)
         subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
+        subscribe(topics.KEYFRAME_PLACES, Float64MultiArray, self._on_keyframes, queue_size=1, buff_size=2**20)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
         hear_operator_hold(self._on_hold)
         subscribe(topics.MOVE_BASE_GOAL, MoveBaseActionGoal, self._on_goal, queue_size=5, tcp_nodelay=True)
@@ -92,6 +96,9 @@ class HeardSituation:
 
     def _on_points(self, msg: PointCloud2) -> None:
         self._landmarks = convert.cloud_points(msg)
+
+    def _on_keyframes(self, msg: Float64MultiArray) -> None:
+        self._keyframes = convert.keyframe_places(msg)
 
     def _on_hazards(self, msg: UInt8) -> None:
         self._hazards = msg.data
@@ -133,5 +140,5 @@ class HeardSituation:
             hazard=convert.hazard_words(self._hazards) or where.stuck or None,
             landmarks_world=self._landmarks, odom_epoch=where.odom_epoch, held=self._held,
             user_goal=self._user_goals.current, user_goal_end=self._user_goals.last_end,
-            blind_s=self._leases.age_s("vslam") if self.has_seen else 0.0,
+            blind_s=self._leases.age_s("vslam") if self.has_seen else 0.0, keyframes=self._keyframes,
         )  # fmt: skip

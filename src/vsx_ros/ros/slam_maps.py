@@ -13,7 +13,7 @@ from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from nav_msgs.msg import Path as PathMsg
 from nav_msgs.srv import GetMap, GetMapResponse
 from sensor_msgs.msg import LaserScan, PointCloud2
-from std_msgs.msg import ColorRGBA
+from std_msgs.msg import ColorRGBA, Float64MultiArray
 from visualization_msgs.msg import Marker, MarkerArray
 
 from vsx_ros.arrays import Points3, array_bytes
@@ -53,8 +53,8 @@ _SCAN_BEARINGS = 720  # every half degree
 
 class SlamMaps:
     """Makes the ground map on one thread and the dense map on another. Publishers: map, map_metadata, vslam/map_points,
-    vslam/keyframes, vslam/path (all latched), and those of ``DenseMapping``, ``DockMemory``, ``ZoneServer`` and
-    ``RoomServer``. Services: static_map.
+    vslam/keyframes, vslam/keyframe_places, vslam/path (all latched), and those of ``DenseMapping``, ``DockMemory``,
+    ``ZoneServer`` and ``RoomServer``. Services: static_map.
 
     driven: the newest state of the session's ground."""
 
@@ -74,6 +74,7 @@ class SlamMaps:
         self._metadata_pub = rospy.Publisher(topics.MAP_METADATA, MapMetaData, queue_size=1, latch=True)
         self._points_pub = rospy.Publisher(topics.MAP_POINTS, PointCloud2, queue_size=1, latch=True)
         self._keyframes_pub = rospy.Publisher(topics.KEYFRAMES, PoseArray, queue_size=1, latch=True)
+        self._places_pub = rospy.Publisher(topics.KEYFRAME_PLACES, Float64MultiArray, queue_size=1, latch=True)
         self._path_pub = rospy.Publisher(topics.SLAM_PATH, PathMsg, queue_size=1, latch=True)
         rospy.Service(topics.STATIC_MAP, GetMap, lambda _: GetMapResponse(self._message))
         self._dock = DockMemory(session)
@@ -136,6 +137,7 @@ class SlamMaps:
         self._points_pub.publish(convert.cloud_msg(snapshot.points_world, topics.MAP_FRAME, stamp_ns))
         cameras = [convert.pose_msg(T) for T in snapshot.T_world_cams]
         self._keyframes_pub.publish(PoseArray(headers.header(topics.MAP_FRAME, stamp_ns), cameras))
+        self._places_pub.publish(convert.places_msg(snapshot.rays.ids, snapshot.rays.T_world_cams))
         return grid
 
     def _densify(self) -> None:

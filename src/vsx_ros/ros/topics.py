@@ -86,6 +86,8 @@ PLANES = _topic("vslam/planes", "visualization_msgs/MarkerArray", "vslam")
 DENSE_POINTS = _topic("vslam/dense_points", "sensor_msgs/PointCloud2", "vslam")
 SCAN = _topic("scan", "sensor_msgs/LaserScan", "vslam")
 KEYFRAMES = _topic("vslam/keyframes", "geometry_msgs/PoseArray", "vslam")
+# id, x, y [m] and heading [rad] of the optical axis of each keyframe of the map, also of culled ones; ids ascending
+KEYFRAME_PLACES = _topic("vslam/keyframe_places", "std_msgs/Float64MultiArray", "vslam")
 SLAM_PATH = _topic("vslam/path", "nav_msgs/Path", "vslam")
 PREVIEW = _topic("vslam/preview/compressed", "sensor_msgs/CompressedImage", "vslam")
 MAP = _topic("map", "nav_msgs/OccupancyGrid", "vslam")

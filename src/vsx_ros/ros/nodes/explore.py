@@ -1,7 +1,7 @@
 """Node ``explore``: chooses the next view and lets move_base drive there.
 
-Subscribers: map, zones, vslam/map_points, vslam/pose, vslam/state, odom, mobile_base/{hazards,operator_hold}, battery
-    (nearly empty: the robot goes home, once, if no dock is known), dock/pose, follower/lease,
+Subscribers: map, zones, vslam/{map_points,keyframe_places,pose,state}, odom, mobile_base/{hazards,operator_hold},
+    battery (nearly empty: the robot goes home, once, if no dock is known), dock/pose, follower/lease,
     move_base/{goal,status} (goals of others come first).
 Publishers: explore/frontiers (as explore_lite), explore/status (latched String, JSON, 1 Hz and on change),
     explore/events (String, JSON: every change of state and every choice, with its reason), explore/coverage (known

@@ -3,8 +3,8 @@
 Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, camera/rgb/shutter, odom, mobile_base/{hazards,docked}.
 Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera, gyro),
     vslam/state, vslam/stats/*, follower/lease; vslam/preview/compressed (while someone looks); map, map_metadata,
-    vslam/{map_points,keyframes,path}, zones, zones/markers, rooms, rooms/markers, dock/pose (latched); vslam/planes,
-    vslam/dense_points, scan (while someone listens).
+    vslam/{map_points,keyframes,keyframe_places,path}, zones, zones/markers, rooms, rooms/markers, dock/pose (latched);
+    vslam/planes, vslam/dense_points, scan (while someone listens).
 Services: static_map; zones/change (AddDiagnostics: JSON {"add": zone}, {"remove": name} or {"clear": true});
     rooms/name (AddDiagnostics: JSON {"room": name or number, "name": new name});
     vslam/save_map (Trigger: saves the SLAM map, the answer is its path).
