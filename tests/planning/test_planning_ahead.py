@@ -41,6 +41,14 @@ def test_beside_behind_and_far_ahead_is_none(post: tuple[float, float]):
     assert obstacle_ahead(STRAIGHT, 5.0, with_post(*post), RADIUS_M) is None
 
 
+@pytest.mark.parametrize(("gap_m", "told"), [(0.005, True), (0.013, True), (0.025, False), (0.04, False)])
+def test_what_the_body_would_pass_at_less_than_the_map_may_be_off_is_told(gap_m: float, told: bool):
+    grid = with_post(1.5, 0.21)  # its edge is 20 cm from the way
+    moved = OccupancyGrid(grid.data, grid.resolution, grid.origin_x, grid.origin_y + RADIUS_M + gap_m - 0.2)
+    said = obstacle_ahead(STRAIGHT, 5.0, moved, RADIUS_M, np.full(401, 0.25))
+    assert (said is not None) == told
+
+
 def test_only_the_ground_that_is_watched_costs_time(monkeypatch: pytest.MonkeyPatch):
     searched = []
 

@@ -20,6 +20,7 @@ from vsx_ros.planning.retiming import stop_m
 # Searches check single points, with a centimetre of margin for the gaps; finished paths are checked at this step.
 _SEARCH_MARGIN_M, _CHECK_STEP_M = 0.01, 0.005
 _GIVE_M, _GIVE_AHEAD_M = 0.02, 0.005  # tolerance below the clearance where the base stands; that while driving
+_MAP_OFF_M = 0.02  # beside the body on its way, as the map may be so much off
 _ESCAPE_M, _ESCAPE_SLOPE = 0.3, 2.0  # distance until the full need holds again; extra distance per missing metre
 _AHEAD_M, _LEFT_M = 1.5, 0.1  # length of path that is watched, several stops long; room left before an obstacle
 REVERSE_SLACK_M = 1e-6  # rounding
@@ -145,8 +146,8 @@ def planned_clearance(trajectory: Trajectory, grid: OccupancyGrid, radius_m: flo
 def obstacle_ahead(
     trajectory: Trajectory, from_s: float, grid: OccupancyGrid, radius_m: float, planned_m: FloatArray | None = None
 ) -> float | None:
-    """How far the base (radius_m) can drive until it touches something, on the next 1.5 m of a trajectory [m]; None
-    when it touches nothing.
+    """How far the base (radius_m) can drive until it may touch something, on the next 1.5 m of a trajectory [m]; None
+    when it touches nothing, even in a map that is 2 cm off.
 
     from_s: position on the trajectory, in its own time [s]. planned_m: its ``planned_clearance``; where the plan had
     little room, so little is not news. Only obstacles count: ground that is unknown again was free when the plan was
@@ -155,7 +156,7 @@ def obstacle_ahead(
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(positions, axis=0).T))])
     near = grid.around(float(positions[0, 0]), float(positions[0, 1]), _AHEAD_M + 2.0 * radius_m)
     clearance_m = _field_around(near, near.data == OCCUPIED, radius_m).at(positions)
-    enough_m = np.full(len(positions), min(radius_m, float(clearance_m[0])))
+    enough_m = np.full(len(positions), min(radius_m + _MAP_OFF_M, float(clearance_m[0])))
     if planned_m is not None:
         rest_m = planned_m[int(np.searchsorted(trajectory.times_s - trajectory.times_s[0], from_s)) :]
         enough_m[1:] = np.minimum(enough_m[1:], rest_m[: len(positions) - 1])
