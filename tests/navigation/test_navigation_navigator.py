@@ -47,6 +47,34 @@ def test_a_base_that_strays_again_and_again_gives_up_with_the_reason():
     assert run.navigator.plans == 2
 
 
+def before_the_goal(run: LockStep, goal: SE2) -> None:
+    run.go(goal)
+    while run.base.pose.distance_to(goal) > 0.08:
+        run.drive(1.0 / 15.0)
+
+
+@pytest.mark.parametrize("push", [SE2(0.0, 0.09, 0.0), SE2(0.0, 0.0, 0.2)])
+def test_a_base_pushed_just_before_its_goal_plans_again_to_reach_it(push: SE2):
+    run, goal = LockStep(), SE2(1.5, 0.0, 0.0)
+    before_the_goal(run, goal)
+    run.base.pose = run.base.pose @ push
+    run.drive(30.0)
+    assert run.navigator.state is NavigationState.SUCCEEDED
+    assert run.base.pose.distance_to(goal) < 0.02
+    assert abs(run.base.pose.angle_to(goal)) < 0.05
+    assert run.navigator.plans == 2
+
+
+def test_a_base_that_comes_to_stand_beside_its_goal_again_and_again_gives_up_with_the_reason():
+    run, goal = LockStep(Config(follower=FollowerConfig(replans_after_divergence=0))), SE2(1.5, 0.0, 0.0)
+    before_the_goal(run, goal)
+    run.base.pushed(0.09)
+    run.drive(10.0)
+    assert run.navigator.state is NavigationState.ABORTED
+    assert "cm" in run.navigator.reason
+    assert "too far" in run.navigator.reason
+
+
 def test_dubious_tracking_is_driven_slowly_and_lost_not_at_all():
     run = LockStep()
     run.go(SE2(3.0, 0.0, 0.0))

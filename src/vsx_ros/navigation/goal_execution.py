@@ -3,7 +3,7 @@
              begin              way found, base stands or will
     IDLE ------------> PLANNING ---------------------------------> DRIVING ----(arrived)----> IDLE
       ^                 |    ^                                      |   |
-      |   (no way)      |    +--(left its path; obstacle: brake)----+   |
+      |   (no way)      |    +--(strayed; off goal; obstacle: brake)+   |
       +-----------------+                                               |
       +<---- RESTING <----(cancelled: brake; nothing left to try)-------+
 
@@ -29,7 +29,7 @@ _FOLLOWER_S = 1.0  # The follower reports its status five times a second
 _PLANNER_S = 15.0  # Plans take a second or two; a planner that needs this long hangs
 _STAND_WAIT_S = 1.5  # longest wait until odometry says that the base stands; then a plan is made anyway
 _NEARER_M = 1.0  # A plan shorter than all before by more is progress: the goal gets its tries again
-_NEAR_ALONG_M, _NEAR_BESIDE_M, _NEAR_RAD = 0.08, 0.04, 0.06  # off a plan's start: the follower corrects it
+_NEAR_ALONG_M, _NEAR_BESIDE_M, _NEAR_RAD = 0.08, 0.04, 0.06  # off a plan's start, or off the goal
 
 
 class ExecutionInput(NamedTuple):
@@ -205,12 +205,13 @@ class GoalExecution:
             return self._done(False, "the follower is silent")
         if seen.follower.trajectory != self._driven.identity:
             return None
-        status, reason = seen.follower.status, seen.follower.reason
-        if status in (FollowStatus.ARRIVED, FollowStatus.STOPPED):
+        status, reason, error = seen.follower.status, seen.follower.reason, seen.follower.error
+        missed = status is FollowStatus.ARRIVED and error is not None and not _near(SE2(), SE2(*error))
+        if status in (FollowStatus.ARRIVED, FollowStatus.STOPPED) and not missed:
             return self._done(status is FollowStatus.ARRIVED, reason)
-        if status is FollowStatus.DIVERGED:
+        if status is FollowStatus.DIVERGED or missed:
             self._driven = None
-            self._try_again(now_ns, reason)
+            self._try_again(now_ns, f"{reason}, too far" if missed else reason)
         return None
 
     def _try_again(self, now_ns: int, reason: str) -> None:
@@ -224,8 +225,7 @@ class GoalExecution:
             self._enter(_Phase.RESTING, now_ns)
 
     def _brake(self, now_ns: int, seen: ExecutionInput) -> list[Act]:
-        """Brake for what a new map shows on the path, in every phase; and when the path is not to be driven to its
-        end."""
+        """Brake for what a new map shows on the path, in every phase, and for a path that is not driven to its end."""
         if self._driven is None:
             return []
         found, wanted = None, 0.0
