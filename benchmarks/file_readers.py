@@ -38,8 +38,8 @@ from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, read_journal
 from vsx_ros.runs.parameters import commented_yaml, update_robot_file
 from vsx_ros.runs.parameters import load as load_config
+from vsx_ros.runs.previous import PreviousSessions, end_trail
 from vsx_ros.runs.report import write_report
-from vsx_ros.runs.session import PreviousSessions, end_trail
 from vsx_ros.runs.world import save_world
 from vsx_ros.session import SlamSession
 from vsx_ros.sim.gazebo_world import load_gazebo

@@ -28,8 +28,8 @@ RESULTS = ROOT / "benchmarks" / "results"
 
 _CORE = (
     "config", "control", "dense", "evaluation", "exploration", "geometry", "kernels", "navigation", "occupancy",
-    "planning", "robot", "runs/judge", "runs/lockstep", "runs/record", "runs/session", "session", "sim", "slam",
-    "system", "vision",
+    "planning", "robot", "runs/judge", "runs/lockstep", "runs/previous", "runs/record", "runs/session", "session",
+    "sim", "slam", "system", "vision",
 )  # fmt: skip
 _NODES = (
     "hw/vsx_hw",

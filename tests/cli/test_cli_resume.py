@@ -21,12 +21,12 @@ from vsx_ros.exploration.decision import SavedMission
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import Odometry
-from vsx_ros.runs.checkpoint import Checkpoint
+from vsx_ros.runs.checkpoint import Checkpoint, CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.interrupted import REASON
 from vsx_ros.runs.journal import FrameLine, Journal, read_journal
 from vsx_ros.runs.moments import Moments
-from vsx_ros.runs.session import PreviousSessions
+from vsx_ros.runs.previous import PreviousSessions, end_trail
 from vsx_ros.runs.start import REMEMBERED, begin
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
@@ -332,6 +332,26 @@ def test_the_way_driven_after_the_missions_last_word_is_in_the_journal(tmp_path)
         begin(parse(["explore", "--resume", str(tmp_path)]))
         trail = SavedMission.of(folder.checkpoint.read_mission(), tmp_path).trail
         assert [pose.x for pose in trail] == pytest.approx([-0.3, -0.2, -0.1, 0.0])
+
+
+def test_what_came_after_is_known_by_the_journal_s_order_and_not_by_the_clock(tmp_path, monkeypatch):
+    """The clock was set back by 50 s behind the third second, and the last checkpoint is of the fifth frame."""
+    folder = RunFolder.create(tmp_path)
+    stamps_ns = [second * SECOND for second in (100, 101, 102, 53, 54, 55)]
+    result = TrackingResult(0, TrackingState.GOOD, None, 0, 0, False, "")
+    frames = [
+        FrameLine.of(result._replace(stamp_ns=stamp_ns), Odometry(0, SE2(0.1 * k, 0.0, 0.0)), 1.0, None)
+        for k, stamp_ns in enumerate(stamps_ns)
+    ]
+    Journal(folder.journal).add(*frames)
+    (folder.checkpoint.path / "map.zip").touch()
+    monkeypatch.setattr(Checkpoint, "read", lambda _: CheckpointData(None, stamps_ns[4], {}, {}))
+    assert PreviousSessions(folder).lines == frames[:5]
+    saved = SavedMission([], [], [SE2(-0.1, 0.0, 0.0)], False, None)
+    folder.checkpoint.write_mission(saved.tree(), stamps_ns[2])
+    end_trail(folder, moved=False)
+    trail = SavedMission.of(folder.checkpoint.read_mission(), tmp_path).trail
+    assert [pose.x for pose in trail] == pytest.approx([-0.4, -0.2, -0.1, 0.0])
 
 
 def test_only_the_robot_of_a_run_to_resume_can_have_been_moved(tmp_path, monkeypatch, capsys):

@@ -24,6 +24,9 @@ from vsx_ros.ros.driving import SHUTTING_DOWN
 from vsx_ros.ros.mission_output import TAKEN_WITHIN_S, GoalSender, MissionTopics, MissionWriter
 from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import FrameLine, Journal, RunEvent
+from vsx_ros.runs.previous import end_trail
+from vsx_ros.slam.state import TrackingResult, TrackingState
 
 
 class Sent:
@@ -95,7 +98,7 @@ def test_a_goal_that_move_base_leaves_for_itself_has_not_failed(sent: Sent, stat
 class Session:
     """A mission's output in a run folder; the clock and the wheels are the test's."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path, at: SE2 | None = None) -> None:
         self.now_s, self.told = 1000.0, list[Any]()
         stamps = SimpleNamespace(now_ns=lambda: round(self.now_s * 1e9), timer_ns=lambda: round(self.now_s * 1e9))
         monkeypatch.setattr(mission_output.time, "monotonic", lambda: self.now_s)
@@ -108,11 +111,11 @@ class Session:
         monkeypatch.setattr(mission_output.threads, "every", lambda *_: None)
         ranking = SimpleNamespace(views=[])
         selector = SimpleNamespace(ranking=ranking, time_left=SimpleNamespace(at=lambda _: None))
-        saved = SavedMission([], [], [], going_home=False, home=None)
+        saved = SavedMission([], [], [SE2()] if at else [], going_home=False, home=None)
         mission: Any = SimpleNamespace(
             paused_by=set(), outcome=None, view_selector=selector, to_save=lambda *_: saved, restore=lambda *_: None
         )
-        where: Any = SimpleNamespace(at=lambda _: LocalizationState(odometry=Odometry(0, SE2())))
+        where: Any = SimpleNamespace(at=lambda _: LocalizationState(odometry=Odometry(0, at or SE2())))
         self.topics = MissionTopics(mission, 0.5)
         self.writer = MissionWriter(mission, threading.Lock(), where, self.topics)
         self.writer.restore(0, SE2())
@@ -135,3 +138,26 @@ def test_time_and_way_of_a_resumed_run_go_on(monkeypatch: pytest.MonkeyPatch, tm
         session.drive(60, 3.0)
         assert session.status() == ((1000 - before_s) * 10**9, before_s + 60, pytest.approx(before_m + 3.0, abs=0.06))
         session.writer.write()
+
+
+@pytest.mark.parametrize("off_m", [0.03, 9.0])  # the wheels are a little further than the last frame, or began anew
+def test_the_memory_is_as_old_as_the_journal_s_last_frame_whatever_the_clock_says(
+    off_m: float, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """vslam goes on in its own time where the clock is set back."""
+    folder = RunFolder.create(tmp_path / "run")
+    folder.checkpoint.write(CheckpointData(file_samples.slam_map(), 1, {}, {}))
+    result = TrackingResult(0, TrackingState.GOOD, None, 0, 0, keyframe_added=False)
+    frames = [
+        FrameLine.of(result._replace(stamp_ns=(2000 + k) * 10**9), Odometry(0, SE2(0.1 * k, 0.0, 0.0)), 1.0, None)
+        for k in range(6)
+    ]
+    journal = Journal(folder.journal)
+    journal.add(*frames[:4], RunEvent(2003 * 10**9, "slam", "gap", "no odometry"))
+    session = Session(monkeypatch, folder.path, SE2(0.3 + off_m, 0.0, 0.0))
+    session.writer.write()
+    journal.add(*frames[4:])
+    end_trail(folder, moved=False)
+    trail = SavedMission.of(folder.checkpoint.read_mission() or {}, folder.path).trail
+    expected = [SE2(0.3 + (off_m if off_m < 1.0 else 0.0), 0.0, 0.0), SE2(0.4, 0.0, 0.0), SE2(0.5, 0.0, 0.0)]
+    assert [pose.x for pose in trail] == pytest.approx([pose.x - 0.5 for pose in expected])

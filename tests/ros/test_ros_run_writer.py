@@ -26,7 +26,8 @@ from vsx_ros.runs import record, session
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, RunEvent
 from vsx_ros.runs.moments import Moments
-from vsx_ros.runs.session import PreviousSessions, RunWriter
+from vsx_ros.runs.previous import PreviousSessions
+from vsx_ros.runs.session import RunWriter
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.robot import EmulatedRobot
 from vsx_ros.slam.slam import SequentialSlam

@@ -27,6 +27,7 @@ from vsx_ros.ros.callbacks import hear_odometry
 from vsx_ros.ros.driving import SHUTTING_DOWN
 from vsx_ros.ros.situation import LocalizationSubscriber
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.journal import last_driven
 
 _STATUS_PERIOD_S = 1.0  # also without a change
 _BLUE = ColorRGBA(0.0, 0.0, 1.0, 1.0)  # frontiers
@@ -156,10 +157,10 @@ class MissionWriter:
         self._writing = threading.Lock()
         self._saved: SavedMission | None = None
         run_dir = node.run_dir()
-        self._checkpoint = RunFolder(Path(run_dir)).checkpoint if run_dir else None
-        if self._checkpoint is not None:
-            if (remembered := self._checkpoint.read_mission()) is not None:
-                self._saved = SavedMission.of(remembered, self._checkpoint.path)
+        self._folder = RunFolder(Path(run_dir)) if run_dir else None
+        if self._folder is not None:
+            if (remembered := self._folder.checkpoint.read_mission()) is not None:
+                self._saved = SavedMission.of(remembered, self._folder.checkpoint.path)
                 told.go_on(self._saved.elapsed_s, self._saved.driven_m)
             threads.every(_WRITE_PERIOD_S, "memory", self.write)
 
@@ -173,14 +174,16 @@ class MissionWriter:
         """Write everything now; this may wait for the disk."""
         now_ns = headers.timer_ns()
         odometry = self._where.at(headers.now_ns()).odometry
-        if self._checkpoint is None or self._saved is not None or odometry is None:
+        if self._folder is None or self._saved is not None or odometry is None:
             return
         with self._lock:
             saved = self._mission.to_save(now_ns, odometry.T_odom_base, odometry.odom_epoch)
         elapsed_s, driven_m = self._told.so_far
         saved = saved._replace(elapsed_s=elapsed_s, driven_m=driven_m)
+        newest, at = last_driven(self._folder.journal), odometry.T_odom_base.as_array().tolist()
         with logs.log_errors(), self._writing:
-            self._checkpoint.write_mission(saved.tree(), headers.now_ns())
+            stamp_ns = headers.now_ns() if newest is None else newest.stamp_ns
+            self._folder.checkpoint.write_mission({**saved.tree(), "T_odom_base": at}, stamp_ns)
 
 
 class GoalSender:

@@ -19,8 +19,9 @@ from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import logs, node
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.places import begin_places, resume_places, rooms_known
+from vsx_ros.runs.previous import PreviousSessions
 from vsx_ros.runs.self_calibration import write_self_calibration
-from vsx_ros.runs.session import PreviousSessions, RunWriter
+from vsx_ros.runs.session import RunWriter
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.slam import ThreadedSlam
 from vsx_ros.slam.snapshot import SlamMap

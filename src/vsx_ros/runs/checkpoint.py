@@ -122,8 +122,9 @@ class Checkpoint:
         return content if content.startswith(_PNG) else b""
 
     def write_mission(self, memory: Mapping[str, Any], stamp_ns: int) -> None:
-        """Write the memory of a mission in a separate process, apart from the map, in one step. stamp_ns: its time.
-        Raises InputError if it cannot be written."""
+        """Write the memory of a mission in a separate process, apart from the map, in one step. stamp_ns: that of
+        the journal's last frame, by which ``end_trail`` finds what came after. Raises InputError if it cannot be
+        written."""
         with self._writing():
             self.path.mkdir(parents=True, exist_ok=True)
             write_text(self.path / "mission.json", json.dumps({**memory, "stamp_ns": stamp_ns}), durable=True)

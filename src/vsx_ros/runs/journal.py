@@ -133,6 +133,7 @@ class MapLine(Struct, frozen=True, kw_only=True, tag="map"):
 
 
 Line: TypeAlias = FrameLine | TruthLine | RunEvent | ClockLine | PictureLine | MapLine
+_TAIL_BYTES = 1 << 16  # a hundred frames
 _ENCODE, _DECODE = msgspec.json.Encoder(), msgspec.json.Decoder(Line)
 
 
@@ -181,6 +182,17 @@ def read_journal(path: Path, most: int = LOG_BYTES, remedy: str = "start a new r
     with explained(InputError, f"journal {path} is damaged", remedy, (OSError, RecursionError, ValueError)):
         *lines, _ = file_bytes(path, most).split(b"\n")
         return [_checked(_DECODE.decode(line)) for line in lines]
+
+
+def last_driven(path: Path) -> FrameLine | None:
+    """The newest frame that has odometry, of a journal that is being written; None if its last lines hold none."""
+    with suppress(OSError), path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - _TAIL_BYTES))
+        for text in reversed(file.read().split(b"\n")):
+            with suppress(ValueError):  # the first and the last are parts of lines
+                if isinstance(line := _DECODE.decode(text), FrameLine) and line.T_odom_base is not None:
+                    return line
+    return None
 
 
 def _checked(line: Line) -> Line:

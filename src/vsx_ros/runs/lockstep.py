@@ -20,11 +20,12 @@ from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent, TruthLine, flat, unflat
 from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.places import begin_places, resume_places, rooms_known, write_places
+from vsx_ros.runs.previous import PreviousSessions
 from vsx_ros.runs.process import DONE, LOST, STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.rooms import write_rooms
 from vsx_ros.runs.self_calibration import write_self_calibration
-from vsx_ros.runs.session import PreviousSessions, RunWriter
+from vsx_ros.runs.session import RunWriter
 from vsx_ros.runs.start import begin
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.robot import RASTER, EmulatedRobot, Observation, simulation_of

@@ -1,4 +1,4 @@
-"""A run that may be killed at any moment, and the next session that resumes it (``vsx explore --resume``)."""
+"""A run that may be killed at any moment, and what it leaves."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,85 +16,20 @@ from vsx_ros.arrays import Points3
 from vsx_ros.config import RunsConfig
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.summary import Summary
-from vsx_ros.exploration.decision import MissionEvent, SavedMission
-from vsx_ros.geometry.se2 import SE2
+from vsx_ros.exploration.decision import MissionEvent
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.journal import FrameLine, Journal, Line, RunEvent, TruthLine, read_journal
+from vsx_ros.runs.journal import FrameLine, Journal, Line, RunEvent, read_journal
 from vsx_ros.runs.moments import Moments, MomentWriter
+from vsx_ros.runs.previous import PreviousSessions
 from vsx_ros.runs.record import RunRecord, counts_all
 from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.state import SlamEvent, TrackingResult
-from vsx_ros.system import SavedSystem
 
 _USUAL = RunsConfig()
-
-
-class PreviousSessions:
-    """Data of the earlier sessions: the checkpoint, and the journal, which reaches further. lines: of the journal;
-    frames and events up to the checkpoint, the truth up to the last moment."""
-
-    def __init__(self, folder: RunFolder) -> None:
-        """Raises MapFileError or InputError when damaged."""
-        self._path = folder.checkpoint.path
-        self.saved, self._journal = folder.checkpoint.read(), read_journal(folder.journal)
-        stamp_ns = self.saved.stamp_ns
-        self.lines = [line for line in self._journal if line.stamp_ns <= stamp_ns or isinstance(line, TruthLine)]
-
-    @staticmethod
-    def of(folder: RunFolder) -> PreviousSessions | None:
-        """None if the run was interrupted before it had a map. Raises MapFileError or InputError when damaged."""
-        return PreviousSessions(folder) if folder.checkpoint.exists else None
-
-    @property
-    def ended_ns(self) -> int:
-        """The last known moment."""
-        return max([self.saved.stamp_ns, *(line.stamp_ns for line in self._journal)])
-
-    @property
-    def truth(self) -> TruthLine | None:
-        """The last true state of the emulated robot."""
-        return next((line for line in reversed(self._journal) if isinstance(line, TruthLine)), None)
-
-    @property
-    def T_odom_base(self) -> SE2:
-        """The base in the odometry frame at the last known moment."""
-        return _driven(self._journal)[-1][1]
-
-    @cached_property
-    def system(self) -> SavedSystem:
-        """Of a lock-step run. Raises InputError if the checkpoint or the journal lacks a part of it."""
-        saved, driven = self.saved, _driven(self._journal)
-        if not driven or not {"errors_m", "plans"} <= saved.state.keys():
-            raise InputError(f"{self._path} holds a map but not how it came about; start a new run")
-        since = [T for stamp_ns, T in driven if stamp_ns >= saved.stamp_ns]
-        mission = SavedMission.of(saved.mission, self._path)
-        # If the journal ends before the checkpoint, the robot does not stand at the end of its trail.
-        mission = mission.carried([since[0].inverse() @ T for T in since]) if since else mission.moved()
-        return SavedSystem(saved.slam_map, saved.state, mission)
-
-
-def end_trail(folder: RunFolder, moved: bool) -> None:
-    """Extend the stored trail of a live mission to the last place of the base; the journal holds this last part. moved:
-    the robot was carried elsewhere, so the trail does not end at its place. Raises InputError when one of the files is
-    damaged."""
-    remembered = folder.checkpoint.read_mission()
-    if remembered is None:
-        return
-    saved, told_ns = SavedMission.of(remembered, folder.checkpoint.path), remembered.get("stamp_ns")
-    driven = _driven(read_journal(folder.journal))
-    since = [T for stamp_ns, T in driven if isinstance(told_ns, int) and stamp_ns > told_ns]
-    if moved:
-        saved = saved.moved()
-    elif 0 < len(since) < len(driven):
-        there = driven[-len(since) - 1][1].inverse()
-        saved = saved.carried([there @ T for T in since])
-    else:
-        return
-    folder.checkpoint.write_mission(saved.tree(), driven[-1][0] if driven else 0)
 
 
 def results_of_slam(folder: RunFolder, T_base_cam: SE3) -> tuple[Summary, str]:
@@ -121,12 +55,6 @@ def _has_trajectory_of_summary(folder: Path) -> bool:
     """Whether trajectory.txt is of the same session as summary.json, which is written before it."""
     trajectory = folder / "trajectory.txt"
     return trajectory.exists() and trajectory.stat().st_mtime_ns >= (folder / "summary.json").stat().st_mtime_ns
-
-
-def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
-    """Stamp and T_odom_base of each frame that has odometry, in the odometry's last epoch."""
-    readings = [line.odometry for line in lines if isinstance(line, FrameLine) and line.odometry is not None]
-    return [(r.stamp_ns, r.T_odom_base) for r in readings if r.odom_epoch == readings[-1].odom_epoch]
 
 
 class RunWriter:

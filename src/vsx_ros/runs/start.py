@@ -18,8 +18,8 @@ from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.runs.folder import RunFolder, dated
 from vsx_ros.runs.parameters import load, robot_file_here
 from vsx_ros.runs.places import given_zones
+from vsx_ros.runs.previous import end_trail
 from vsx_ros.runs.rooms import room_beside
-from vsx_ros.runs.session import end_trail
 from vsx_ros.runs.world import open_world, save_world, world_files
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.mesh_world import MeshWorld
