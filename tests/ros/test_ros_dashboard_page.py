@@ -172,15 +172,29 @@ def test_held_wheels_are_red_and_say_by_what(page: ServedPage) -> None:
 
 
 def test_buttons_need_the_token(page: ServedPage) -> None:
-    page.open(fragment="")
-    page.wait("$('said').textContent.includes('Looking only')")
-    for name in ("pause", "stop", "estop", "drawZone", "byHand"):
-        assert page.value(f"$('{name}').disabled"), name
-    page.click_map(0.0, 0.0)
-    assert page.wait("!$('sheet').hidden && $('sheet').querySelectorAll('button').length") == 1  # that closes it
-    page.browser.key(" ")
-    for fragment, said in (("#wrong", "wrong token"), (f"#{TOKEN}", "Pause is done.")):
+    """A page of an earlier run at the same port has an old one."""
+    for fragment in ("", "#wrong"):
         page.open(fragment=fragment)
-        page.browser.click("#pause")
-        page.wait(f"$('said').textContent.includes({said!r})")
+        page.wait("$('said').textContent.includes('Looking only') && $('estop').disabled")
+        for name in ("pause", "stop", "estop", "drawZone", "byHand", "endDrive"):
+            assert page.value(f"$('{name}').disabled"), name
+        assert page.value("document.querySelectorAll('#zones button, #rooms button').length") == 0
+        page.click_map(0.0, 0.0)
+        assert page.wait("!$('sheet').hidden && $('sheet').querySelectorAll('button').length") == 1  # that closes it
+        page.browser.key(" ")
+    page.value(f"location.hash = {TOKEN!r}")  # the address of now, in the same tab
+    page.wait("!$('pause').disabled && !$('release').hidden")
+    page.browser.click("#pause")
+    page.wait("$('said').textContent.includes('Pause is done.')")
     assert page.done == [("pause", None)]
+
+
+def test_the_buttons_follow_the_robot_that_answers(page: ServedPage) -> None:
+    """A stack with another token comes at the same port, and that of the page comes back."""
+    page.open()
+    page.wait("!$('estop').disabled")
+    for token, said in (("another", "Looking only"), (TOKEN, "The buttons work")):
+        page.server.close()
+        page.serve(page.port)
+        page.server.token = token
+        page.wait(f"$('estop').disabled === {str(token != TOKEN).lower()} && $('said').textContent.includes({said!r})")

@@ -294,6 +294,7 @@ def test_the_stream_tells_what_is_known_then_what_is_new(served: Served) -> None
         lines = [answer.readline().decode().strip() for _ in range(3)]
         return lines[0].removeprefix("event: "), lines[1].removeprefix("data: ")
 
+    assert event() == ("operator", "false")
     assert event() == ("pose", "[1,2,3]")
     assert event() == ("beat", "0")
     served.board.post("slam", '["LOST","dark"]')
@@ -302,6 +303,13 @@ def test_the_stream_tells_what_is_known_then_what_is_new(served: Served) -> None
     connection.close()
     served.board.post("pose", "[0,0,0]")
     served.wait_for_viewers(1, 0)
+
+
+@pytest.mark.parametrize(("token", "told"), [(TOKEN, b"true"), (TOKEN + "x", b"false"), ("", b"false")])
+def test_a_viewer_hears_first_whether_its_commands_are_obeyed(served: Served, token: str, told: bytes) -> None:
+    stream = served.stream(**{TOKEN_HEADER: token})
+    assert [stream.readline() for _ in range(2)] == [b"event: operator\n", b"data: " + told + b"\n"]
+    stream.close()
 
 
 def test_many_words_between_two_looks_are_one() -> None:

@@ -187,11 +187,14 @@ class Handler(BaseHTTPRequestHandler):
         return hmac.compare_digest(given, self.server.token.encode())
 
     def _stream(self) -> None:
-        """Send everything known, then changes, at most ten times a second; a heartbeat if nothing changes."""
-        if not self.server.connections.view(self.connection, self._shows_the_token()):
+        """Send whether commands will be obeyed, then everything known, then changes, at most ten times a second; a
+        heartbeat if nothing changes."""
+        operator = self._shows_the_token()
+        if not self.server.connections.view(self.connection, operator):
             self._say(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_VIEWERS} viewers are enough")
             return
         self._begin(HTTPStatus.OK, {"Content-Type": "text/event-stream"})
+        self.wfile.write(f"event: operator\ndata: {json.dumps(operator)}\n\n".encode())
         seen = 0
         while not self.server.closing:
             notes = self.server.board.newer_than(seen, _BEAT_S)

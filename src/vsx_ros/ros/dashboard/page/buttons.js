@@ -1,20 +1,26 @@
 // The buttons of the mission, and the emergency stop by the space bar.
 import {$} from "./dom.js";
-import {command, say, token} from "./robot.js";
+import {command, hear, isOperator, say} from "./robot.js";
 
-for (const button of document.querySelectorAll("button[data-command]")) {
-  button.disabled = !token;
+for (const button of document.querySelectorAll("button[data-command]"))
   if (button.id !== "estop") button.addEventListener("click", () => command(button.dataset.command));
-}
 // The emergency stop acts when it is pressed, not when it is let go: a second finger, while a first one holds the
 // stick, makes no click.
 $("estop").addEventListener("pointerdown", () => command("estop"));
 $("estop").addEventListener("click", event => {
   if (event.detail === 0) command("estop");
 }); // by Enter
-for (const id of ["stop", "drawZone", "byHand"]) $(id).disabled = !token;
-if (!token)
-  say("Looking only: the buttons need the whole address that the terminal showed, with what follows #.", true);
+
+// The robot says first whether it obeys this page; a page of an earlier run has an old token.
+const LOOKING = "Looking only: the buttons need the whole address that the terminal shows now, with what follows #.";
+function arm() {
+  for (const button of document.querySelectorAll("[data-command], #stop, #drawZone, #byHand, #endDrive"))
+    button.disabled = !isOperator();
+  if (!isOperator()) say(LOOKING, true);
+  else if ($("said").textContent === LOOKING) say("The buttons work.");
+}
+hear("operator", arm);
+arm();
 
 function stopAsks(asks) {
   $("stopAsks").hidden = !asks;
@@ -34,7 +40,7 @@ window.addEventListener(
   event => {
     if (event.key !== " " || writes(event.target)) return;
     event.preventDefault();
-    if (token && !event.repeat) command("estop");
+    if (isOperator() && !event.repeat) command("estop");
   },
   true,
 );

@@ -1,6 +1,6 @@
 // Zones and rooms as lists: what there is, and how to name and remove it.
 import {$, element, lines} from "./dom.js";
-import {command, hear, known, token} from "./robot.js";
+import {command, hear, isOperator, known} from "./robot.js";
 import {askingButton, button, closeSheet, openSheet, row} from "./sheet.js";
 
 hear("zones", ({zones}) =>
@@ -8,14 +8,14 @@ hear("zones", ({zones}) =>
     element("i", "", {className: zone.kind}),
     element("b", zone.name),
     zone.kind + (zone.v_m_s ? `, at most ${zone.v_m_s} m/s` : ""),
-    ...(token ? [removeZoneButton(zone, "Remove")] : []),
+    ...(isOperator() ? [removeZoneButton(zone, "Remove")] : []),
   ]),
 );
 hear("rooms", ({rooms}) =>
   list("rooms", rooms, "none found yet", "number", room => [
     element("b", room.name),
     `${room.area_m2.toFixed(0)} m², ${(100 * room.known_ratio).toFixed(0)} % known`,
-    ...(token ? [button("Name", () => nameRoom(roomNow(room.number)))] : []),
+    ...(isOperator() ? [button("Name", () => nameRoom(roomNow(room.number)))] : []),
   ]),
 );
 lines("zones", ["none yet"], words => [words]);

@@ -1,7 +1,8 @@
 // The robot at the other end: what it tells (a stream of subjects), and commands to it.
 import {$, sentence} from "./dom.js";
 
-export const token = location.hash.slice(1);
+const token = location.hash.slice(1);
+window.addEventListener("hashchange", () => location.reload()); // another token was typed in
 export const known = {}; // the newest word on each subject
 export const link = {heard: 0, refused: ""}; // when the last word came, and why none comes
 const hearers = {};
@@ -53,8 +54,9 @@ async function listen(reader) {
   }
 }
 
-// Whether commands make sense: with the token, and before the end of the run.
-export const mayCommand = () => token !== "" && !known.end;
+// Whether commands are obeyed; and whether they make sense: not after the end of the run.
+export const isOperator = () => known.operator ?? token !== "";
+export const mayCommand = () => isOperator() && !known.end;
 
 // Send a command, with a value if it takes one; returns {ok, message, data}. A browser opens only six connections to a
 // server, so the emergency stop gives up whatever still waits for an answer.
