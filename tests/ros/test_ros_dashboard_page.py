@@ -157,6 +157,16 @@ def test_events_are_collapsed_as_in_the_report(page: ServedPage) -> None:
     assert max(times for _, _, _, times, _ in expected) >= 49
 
 
+def test_events_of_the_run_before_are_not_told(page: ServedPage) -> None:
+    page.open()
+    times_s = -6.8, 0.0, 1.5
+    events = [{"stamp_ns": 10**18 + round(1e9 * t), "state": "mapping", "reason": f"at {t}"} for t in times_s]
+    page.post("events", events)
+    page.wait("$('events').innerText.includes('at 1.5')")
+    told = page.value("[...$('events').children].map(item => item.querySelector('time').textContent)")
+    assert told == ["1.5 s", "0.0 s"]
+
+
 def test_held_wheels_are_red_and_say_by_what(page: ServedPage) -> None:
     page.open()
     page.wait("$('banner').hidden")

@@ -35,7 +35,8 @@ const seconds = stamp_ns => ((stamp_ns - begun_ns) / 1e9).toFixed(1) + " s";
 
 function show() {
   if (begun_ns === null || !known.events) return;
-  lines("events", collapsed(known.events).reverse(), event => [
+  const ours = known.events.filter(event => event.stamp_ns >= begun_ns); // not of the run before
+  lines("events", collapsed(ours).reverse(), event => [
     element("time", seconds(event.stamp_ns)),
     element("b", event.state),
     event.reason.split(" [")[0] + (event.times > 1 ? ` (${event.times} times until ${seconds(event.last_ns)})` : ""),
