@@ -159,12 +159,13 @@ def test_events_are_collapsed_as_in_the_report(page: ServedPage) -> None:
 
 def test_events_of_the_run_before_are_not_told(page: ServedPage) -> None:
     page.open()
-    times_s = -6.8, 0.0, 1.5
-    events = [{"stamp_ns": 10**18 + round(1e9 * t), "state": "mapping", "reason": f"at {t}"} for t in times_s]
-    page.post("events", events)
-    page.wait("$('events').innerText.includes('at 1.5')")
-    told = page.value("[...$('events').children].map(item => item.querySelector('time').textContent)")
-    assert told == ["1.5 s", "0.0 s"]
+    told_at_s = {"old": -6.8, "first": 0.0, "second": 1.5}
+    page.post(
+        "events",
+        [{"stamp_ns": 10**18 + round(1e9 * t), "state": "mapping", "reason": word} for word, t in told_at_s.items()],
+    )
+    page.wait("$('events').innerText.includes('second')")
+    assert page.value("[...$('events').children].map(e => e.innerText)") == ["1.5 smappingsecond", "0.0 smappingfirst"]
 
 
 def test_held_wheels_are_red_and_say_by_what(page: ServedPage) -> None:
