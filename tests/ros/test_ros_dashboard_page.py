@@ -168,6 +168,25 @@ def test_events_of_the_run_before_are_not_told(page: ServedPage) -> None:
     assert page.value("[...$('events').children].map(e => e.innerText)") == ["1.5 smappingsecond", "0.0 smappingfirst"]
 
 
+def test_the_end_takes_the_tools_out_of_the_hand(page: ServedPage) -> None:
+    """Its server knows none of their commands."""
+    page.open()
+    page.browser.click("#drawZone")
+    page.browser.click("#byHand")
+    page.browser.key("ArrowUp", up=False)
+    page.wait("hand.holds && !$('sheet').hidden && !$('stick').hidden")
+    page.post("end", {"reason": "time", "ok": True, "facts": [], "folder": "/run", "report": False})
+    page.wait("!$('end').hidden")
+    assert page.value("hand.holds || $('healthCard').checkVisibility() || draft !== null") is False
+    assert page.value("$('sheet').hidden && $('stick').hidden && $('byHand').ariaPressed === 'false'")
+    page.value("document.querySelector('[data-command=explore_on]').focus()")
+    done = len(page.done)
+    page.browser.key(" ", " ")
+    page.browser.key("ArrowUp")
+    time.sleep(0.3)
+    assert page.done[done:] == []
+
+
 def test_held_wheels_are_red_and_say_by_what(page: ServedPage) -> None:
     page.open()
     page.wait("$('banner').hidden")

@@ -1,6 +1,6 @@
 // The buttons of the mission, and the emergency stop by the space bar.
 import {$} from "./dom.js";
-import {command, hear, isOperator, say} from "./robot.js";
+import {command, hear, isOperator, mayCommand, say} from "./robot.js";
 
 for (const button of document.querySelectorAll("button[data-command]"))
   if (button.id !== "estop") button.addEventListener("click", () => command(button.dataset.command));
@@ -40,7 +40,7 @@ window.addEventListener(
   event => {
     if (event.key !== " " || writes(event.target)) return;
     event.preventDefault();
-    if (isOperator() && !event.repeat) command("estop");
+    if (mayCommand() && !event.repeat) command("estop");
   },
   true,
 );

@@ -1,6 +1,8 @@
 // The state in words, figures and health.
 import {$, element, fixed, lines, pill, sentence} from "./dom.js";
 import {hear, known, link} from "./robot.js";
+import {closeSheet} from "./sheet.js";
+import {putAway} from "./stick.js";
 
 const STALE_MS = 2500;
 const MOODS = {
@@ -39,6 +41,10 @@ hear("dock", dock => {
   numbers();
 });
 function showEnd(over) {
+  if (over && $("end").hidden) {
+    closeSheet();
+    putAway();
+  }
   document.body.classList.toggle("ended", over);
   $("end").hidden = !over;
   $("buttons").hidden = over;

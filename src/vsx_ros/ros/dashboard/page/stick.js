@@ -1,7 +1,7 @@
 // The stick for a thumb, or for the arrow keys. The robot drives only as long as it is held: letting go stops at once,
 // and the base itself forgets a movement that is not said again within half a second.
 import {$, sentence} from "./dom.js";
-import {ask, say} from "./robot.js";
+import {ask, mayCommand, say} from "./robot.js";
 
 const PERIOD_MS = 100,
   DEAD = 0.12;
@@ -18,6 +18,9 @@ $("byHand").addEventListener("click", () => {
   if (stick.hidden) letGo();
   else stick.focus();
 });
+export function putAway() {
+  if (!stick.hidden) $("byHand").click();
+}
 
 stick.addEventListener("pointerdown", event => {
   if (thumb !== null) return;
@@ -110,7 +113,7 @@ async function drive() {
 
 async function stand() {
   // said again if it gets no answer, unless a hand holds the stick again
-  for (let i = 0; i < 5 && !hand.holds; i++) {
+  for (let i = 0; i < 5 && !hand.holds && mayCommand(); i++) {
     const answer = await ask("drive", {forward: 0, left: 0, ticket: 0});
     if (answer.ok) return;
     if (!hand.holds) say(sentence("not done: " + answer.message));
