@@ -56,8 +56,8 @@ def plan(args: argparse.Namespace) -> int:
         tree = {"solved": False, "refusal": {"kind": timed.kind.value, "reason": timed.reason}}
         words = f"no plan ({timed.kind.value}): {timed.reason}"
     else:
-        way = (timed.plan, timed.trajectory)
-        tree, words = _as_dict(*way), _in_words(*way, config, args.map is not None)
+        plan, trajectory = timed.plan, timed.trajectory
+        tree, words = _as_dict(plan, trajectory), _in_words(plan, trajectory, config, args.map is not None)
     obeyed = "".join(f"\nobeyed zone     {zone.words()}" for zone in zones)
     print(json.dumps({**question, **tree}, indent=1, allow_nan=False) if args.json else words + obeyed)
     if isinstance(timed, Refusal):
