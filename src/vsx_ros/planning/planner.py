@@ -151,7 +151,8 @@ class Planner:
         return Refusal(RefusalKind.INFEASIBLE, f"every short connection needs a reverse leg longer than {limit:g} m")
 
     def travel_costs(self, start: SE2, grid: OccupancyGrid, poses: FloatArray) -> FloatArray:
-        """(N,) estimated travel lengths [m] from start to poses (N, 3) around the obstacles; inf where unreachable.
+        """(N,) estimated travel lengths [m] from start to poses (N, 3) around the obstacles; inf where unreachable, and
+        where the clearance is less than the radius plus config.clearance_m, although ``plan`` reaches some such poses.
 
         One search over positions and headings with arcs of curvature phi, forwards and in reverse, serves all poses.
         Raises PlanningError for poses that are not finite."""
