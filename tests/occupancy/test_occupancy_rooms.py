@@ -1,12 +1,14 @@
 """Rooms: found as the generator built them, with the same numbers and names while the map grows."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from vsx_ros.config import RoomsConfig
 from vsx_ros.errors import InputError
+from vsx_ros.io.room_file import load_rooms, save_rooms
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.room_cells import split, without_furniture
 from vsx_ros.occupancy.rooms import MOST_ROOMS, RoomMap, RoomTracker
@@ -113,6 +115,26 @@ def test_rooms_that_were_one_for_a_while_get_their_names_and_numbers_back(named:
         else:
             (one,) = rooms.rooms
             assert one.name in (named if any(named) else {room.name for room in before.rooms})
+
+
+def test_a_name_survives_a_run_that_ends_while_its_room_is_part_of_another(tmp_path: Path) -> None:
+    tracker = RoomTracker(CONFIG)
+    for number, name in zip([room.number for room in tracker.update(_with_opening(16)).rooms], ("a", "b"), strict=True):
+        tracker.rename(number, name)
+    tracker.update(_with_opening(60))
+    save_rooms(tracker.current, tmp_path / "map_rooms.json")
+    saved, again = load_rooms(tmp_path / "map_rooms.json"), RoomTracker(CONFIG)
+    assert saved is not None
+    again.resume(saved)
+    assert [room.name for room in again.update(_with_opening(16)).rooms] == ["a", "b"]
+    (one,), (other,) = saved.rooms, saved.absent
+    again.resume(renamed(saved, one.name, other.name))
+    again.update(_with_opening(60))
+    assert [room.name for room in again.update(_with_opening(16)).rooms if room.name == other.name] == [other.name]
+    again.resume(saved)
+    again.rename(one.number, other.name)
+    assert again.current is not None
+    assert again.current.absent == ()
 
 
 def test_a_part_that_splits_off_takes_no_name_with_it() -> None:

@@ -27,7 +27,8 @@ def room_tree(rooms: RoomMap) -> dict[str, Any]:
     """The rooms as a tree for JSON."""
     grid = rooms.grid
     place = {"resolution": round(grid.resolution, 6), "origin": [grid.origin_x, grid.origin_y]}
-    return {"version": _VERSION, **place, "rooms": [room._asdict() for room in rooms.rooms]}
+    found, absent = ([room._asdict() for room in some] for some in (rooms.rooms, rooms.absent))
+    return {"version": _VERSION, **place, "rooms": found, "absent": absent}
 
 
 def save_rooms(rooms: RoomMap | None, path: Path) -> None:
@@ -57,6 +58,7 @@ def load_rooms(path: Path) -> RoomMap | None:
         if tree["version"] != _VERSION:
             raise ValueError(f"it has version {tree['version']}, this program reads {_VERSION}")
         rooms = tuple(room_of(entry) for entry in tree["rooms"][: MOST_ROOMS + 1])
+        absent = tuple(room_of(entry) for entry in tree.get("absent", [])[:MOST_ROOMS])  # older versions wrote none
         image = picture(file_bytes(path.with_suffix(".pgm"), MAX_CELLS + TEXT_BYTES), cv2.IMREAD_GRAYSCALE)
         if image is None:
             raise ValueError("its picture is none")
@@ -66,7 +68,7 @@ def load_rooms(path: Path) -> RoomMap | None:
     except DAMAGE as error:
         reason = f"entry {error} is missing" if isinstance(error, KeyError) else reason_of(error)
         raise MapFileError(f"rooms {path} cannot be used: {reason}; remove it, and the rooms are found anew") from error
-    return RoomMap(grid, labels, rooms)
+    return RoomMap(grid, labels, rooms, absent)
 
 
 def room_of(entry: Any) -> Room:

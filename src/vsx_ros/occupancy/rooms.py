@@ -34,11 +34,13 @@ class Room(NamedTuple):
 
 
 class RoomMap(NamedTuple):
-    """labels: (H, W) number of the room of each free cell of ``grid``, 0 elsewhere."""
+    """labels: (H, W) number of the room of each free cell of ``grid``, 0 elsewhere. absent: rooms with names that are
+    not in this map, as they were last."""
 
     grid: OccupancyGrid
     labels: IntArray
     rooms: tuple[Room, ...]
+    absent: tuple[Room, ...] = ()
 
     def named(self, name: str) -> Room | None:
         """The room of this name, however it is capitalised; None when there is none."""
@@ -71,7 +73,10 @@ class RoomTracker:
         found = [int(number) for number in np.unique(labels) if number]
         rooms = tuple(_described(grid, labels, number, self._name(number)) for number in found)
         self._last_seen.update((room.number, room) for room in rooms)
-        self.current = RoomMap(grid, labels, rooms)
+        storable = [number for number in self._names if number in self._last_seen and number <= MOST_ROOMS]
+        away = [self._last_seen[number] for number in storable if number not in found]
+        absent = tuple(room._replace(name=self._name(room.number)) for room in away)
+        self.current = RoomMap(grid, labels, rooms, absent)
         return self.current
 
     def rename(self, number: int, name: str) -> None:
@@ -80,14 +85,16 @@ class RoomTracker:
         self._names[number] = name
         if self.current is not None:
             rooms = tuple(room._replace(name=self._name(room.number)) for room in self.current.rooms)
-            self.current = self.current._replace(rooms=rooms)
+            absent = tuple(room for room in self.current.absent if room.number in self._names)
+            self.current = self.current._replace(rooms=rooms, absent=absent)
 
     def resume(self, saved: RoomMap) -> None:
         """Continue from the rooms of a saved map."""
         self.current = saved
-        self._last_seen = {room.number: room for room in saved.rooms}
-        self._last_number = max([0, *(room.number for room in saved.rooms)])
-        self._names = {room.number: room.name for room in saved.rooms if room.name != _default(room.number)}
+        known = (*saved.rooms, *saved.absent)
+        self._last_seen = {room.number: room for room in known}
+        self._last_number = max([0, *self._last_seen])
+        self._names = {room.number: room.name for room in known if room.name != _default(room.number)}
 
     def _name(self, number: int) -> str:
         return self._names.get(number, _default(number))

@@ -54,4 +54,5 @@ def renamed(rooms: RoomMap, which: str, name: str) -> RoomMap:
     if other is not None and other.number != room.number:
         raise InputError(f"room {other.number} has the name {name!r} already; choose another")
     changed = tuple(r._replace(name=name) if r.number == room.number else r for r in rooms.rooms)
-    return rooms._replace(rooms=changed)
+    absent = tuple(r for r in rooms.absent if r.name.casefold() != name.casefold())
+    return rooms._replace(rooms=changed, absent=absent)
