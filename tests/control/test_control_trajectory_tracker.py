@@ -123,6 +123,22 @@ def test_it_goes_on_whenever_it_is_let_go_even_just_before_it_stands():
             pose = integrate(pose, result.command.v * 0.02, result.command.omega * 0.02)
 
 
+@pytest.mark.parametrize("behind_m", [0.1, -0.05])
+def test_a_held_base_off_its_place_on_the_path_comes_to_rest_within_the_limits_too(behind_m):
+    tracker = TrajectoryTracker(FOLLOWER, LIMITS)
+    tracker.start(straight(2.0), 0)
+    result, pose, now = follow_exactly(tracker, SE2(), 0, 2.0)
+    pose, speeds = pose @ SE2(-behind_m, 0.0, 0.0), [result.command.v]
+    for _ in range(60):
+        now += 20_000_000
+        result = tracker.command(now, pose, 0.0, True, waits_for="a person")
+        pose = integrate(pose, 0.02 * result.command.v, 0.0)
+        speeds.append(result.command.v)
+    assert speeds[0] > 0.2
+    assert speeds[-1] == 0.0
+    assert np.abs(np.diff(speeds)).max() <= LIMITS.a_m_s2 * 0.02 + 1e-9
+
+
 def test_every_kind_of_staleness_is_named():
     tracker = TrajectoryTracker(FOLLOWER, LIMITS)
     tracker.start(straight(1.0), 0)

@@ -135,8 +135,7 @@ class TrajectoryTracker:
             self.cancel()
             return FollowResult(STOP, FollowStatus.DIVERGED, diverged, error)
         if stale and self.stands:
-            self.halted()
-            return FollowResult(STOP, FollowStatus.STALE, stale, error)
+            return FollowResult(self._limited(0.0, 0.0, dt), FollowStatus.STALE, stale, error)
         if not stale and self._arrived(error, dt):
             self.cancel()
             reason = f"arrived {100 * math.hypot(error.x, error.y):.1f} cm, {math.degrees(error.theta):.1f} deg off"
