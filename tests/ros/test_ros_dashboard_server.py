@@ -62,11 +62,11 @@ class Served:
         connection.close()
         return answer.status, text
 
-    def stream(self, address: str = "127.0.0.1", **headers: str) -> http.client.HTTPResponse:
+    def stream(self, address: str = "127.0.0.1", path: str = "/events", **headers: str) -> http.client.HTTPResponse:
         connection = http.client.HTTPConnection(
             "127.0.0.1", self.server.server_port, timeout=PATIENCE_S, source_address=(address, 0)
         )
-        connection.request("GET", "/events", headers=headers)
+        connection.request("GET", path, headers=headers)
         answer = connection.getresponse()
         assert answer.status == 200
         return answer
@@ -310,6 +310,30 @@ def test_a_viewer_hears_first_whether_its_commands_are_obeyed(served: Served, to
     stream = served.stream(**{TOKEN_HEADER: token})
     assert [stream.readline() for _ in range(2)] == [b"event: operator\n", b"data: " + told + b"\n"]
     stream.close()
+
+
+def test_who_waits_for_the_end_is_no_viewer_and_hears_of_nothing_else(served: Served) -> None:
+    """So that nothing is subscribed for a hidden page."""
+    served.board.post("pose", "[1,2,3]")
+    stream = served.stream(path="/end")
+    lines = [stream.readline() for _ in range(6)]
+    assert lines[3:5] == [b"event: beat\n", b"data: 0\n"]
+    served.board.post("camera", "0")
+    served.board.post("end", "{}")
+    while (line := stream.readline()) != b"event: end\n":
+        assert line in (b"event: beat\n", b"data: 0\n", b"\n")
+    assert served.viewers == []
+    stream.close()
+
+
+def test_pages_that_wait_make_room_for_those_that_look(served: Served) -> None:
+    waiting = [served.stream(path="/end") for _ in range(MAX_VIEWERS)]
+    assert served.ask("GET", "/end")[0] == 503
+    looks = served.stream()
+    assert ended(waiting[0])
+    served.wait_for_viewers(1)
+    for stream in (*waiting, looks):
+        stream.close()
 
 
 def test_many_words_between_two_looks_are_one() -> None:

@@ -20,6 +20,7 @@ pytest.importorskip("rospy")
 
 from chromium import EXECUTABLE, Chromium
 from free_ports import free_port
+from served_page import ServedPage
 from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.cli.main import parse
@@ -64,8 +65,8 @@ def folder(tmp_path: Path) -> RunFolder:
 class End:
     """A run's end, served on a thread. go_on: what it returned; None before."""
 
-    def __init__(self, folder: RunFolder) -> None:
-        self.port, self.stop, self.go_on = free_port(), False, None
+    def __init__(self, folder: RunFolder, port: int | None = None) -> None:
+        self.port, self.stop, self.go_on = port or free_port(), False, None
         ended = Ended(folder, folder.read_summary(), ended_well=True)
         self._thread = threading.Thread(target=self._run, args=(ended,))
         self._thread.start()
@@ -217,6 +218,28 @@ def test_the_end_waits_for_who_reads_the_report_in_another_tab(
         assert end.go_on is None, "it is still there"
         browser.click("[data-command=explore_on]")
         browser.wait("$('said').textContent.startsWith('Not done: ')")
+
+
+@pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")
+def test_a_hidden_page_gets_no_pictures_but_the_end(
+    page: ServedPage, folder: RunFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page.open()
+    page.value("Object.defineProperty(document, 'hidden', {get: () => true})")
+    page.value("document.dispatchEvent(new Event('visibilitychange'))")
+    wait_for(lambda: page.value("1") and page.browser.requested[-1].endswith("/end"), "a light connection")
+    pictures = page.value("known.pictures")
+    time.sleep(0.5)
+    assert page.value("known.pictures") == pictures
+    page.server.close()
+    monkeypatch.setattr(ending, "_COME_S", PATIENCE_S)
+    shown = End(folder, page.port)
+    try:
+        page.wait("known.end && !$('end').hidden && $('endFacts').children.length")
+        page.wait("ground.free !== null && known.way")  # it looks now, so that the end stays
+        assert shown.go_on is None
+    finally:
+        shown.close()
 
 
 @pytest.mark.skipif(EXECUTABLE is None, reason="no chromium is installed")

@@ -73,9 +73,11 @@ def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
 
 
 class Rank(enum.Enum):
-    """ASKING: has sent no request yet. GUEST: views. OPERATOR: views, with the token. COMMAND: sends a command."""
+    """ASKING: has sent no request yet. WAITING: a hidden page that waits for the end. GUEST: views. OPERATOR: views,
+    with the token. COMMAND: sends a command."""
 
     ASKING = enum.auto()
+    WAITING = enum.auto()
     GUEST = enum.auto()
     OPERATOR = enum.auto()
     COMMAND = enum.auto()
@@ -104,19 +106,20 @@ class Connections:
             if connection in self._open:
                 self._open[connection] = (Rank.COMMAND, self._open[connection][1])
 
-    def view(self, connection: socket.socket, operator: bool) -> bool:
-        """Whether there is room for one more viewer. For an operator a guest is closed, or the oldest viewer."""
+    def view(self, connection: socket.socket, operator: bool, *, waits: bool = False) -> bool:
+        """Whether there is room for one more viewer, or for a page that waits. Who views closes a waiting one; an
+        operator else a guest, or the oldest viewer."""
         with self._lock:
             if connection not in self._open:
                 return False
             address = self._open[connection][1]
-            looking = self._those(Rank.GUEST, Rank.OPERATOR)
+            looking = self._those(Rank.WAITING, Rank.GUEST, Rank.OPERATOR)
             if len(looking) >= MAX_VIEWERS:
-                guests = self._those(Rank.GUEST)
-                if not operator and not self._is_crowded_out(guests, address):
+                waiting, guests = self._those(Rank.WAITING), self._those(Rank.GUEST)
+                if not operator and (waits or not waiting) and not self._is_crowded_out(guests, address):
                     return False
-                self._shut(self._crowding(guests or looking))
-            self._open[connection] = (Rank.OPERATOR if operator else Rank.GUEST, address)
+                self._shut(self._crowding(waiting or guests or looking))
+            self._open[connection] = (Rank.WAITING if waits else Rank.OPERATOR if operator else Rank.GUEST, address)
             self._tell()
             return True
 

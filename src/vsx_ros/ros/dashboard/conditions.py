@@ -19,6 +19,8 @@ class Conditions:
         self._lock, self._silence = threading.Lock(), Silence()
         self._told: dict[str, list[Any]] = {}
         self._silent = frozenset[str]()
+        for subject in _STEADY:  # if it does not speak at all, what an open page knows of it is old
+            self._silence.heard(subject)
 
     def heard(self, subject: str) -> None:
         """A subject of the page was told."""

@@ -1,5 +1,6 @@
-"""The HTTP server of the live view: ``/`` the page and its files, ``/events`` a stream of server-sent events,
-``/report`` that of a run that has ended, ``POST /command/NAME`` with the token.
+"""The HTTP server of the live view: ``/`` the page and its files, ``/events`` a stream of server-sent events, ``/end``
+the same for a hidden page, which hears of the end of the run alone, ``/report`` that of a run that has ended, ``POST
+/command/NAME`` with the token.
 
 Viewing is free for anyone who reaches the port under a name of this machine and not from a foreign page (``Names``).
 Commands need the token. Each client's resources are limited: requests in size and time, updates in the time to read
@@ -136,8 +137,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """A file of the page, the event stream, or the report."""
-        if self.path == "/events":
-            self._stream()
+        if self.path in ("/events", "/end"):
+            self._stream(waits=self.path == "/end")
         elif (file := page_file(self.path)) is not None:
             self._reply(HTTPStatus.OK, file.kind, file.content)
         elif self.path == "/report" and self.server.report is not None:
@@ -186,22 +187,23 @@ class Handler(BaseHTTPRequestHandler):
         given = self.headers.get(TOKEN_HEADER, "").encode("utf-8", "replace")
         return hmac.compare_digest(given, self.server.token.encode())
 
-    def _stream(self) -> None:
+    def _stream(self, *, waits: bool) -> None:
         """Send whether commands will be obeyed, then everything known, then changes, at most ten times a second; a
-        heartbeat if nothing changes."""
+        heartbeat if nothing changes. waits: send the end of the run alone, and look once a second."""
         operator = self._shows_the_token()
-        if not self.server.connections.view(self.connection, operator):
+        if not self.server.connections.view(self.connection, operator, waits=waits):
             self._say(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_VIEWERS} viewers are enough")
             return
         self._begin(HTTPStatus.OK, {"Content-Type": "text/event-stream"})
         self.wfile.write(f"event: operator\ndata: {json.dumps(operator)}\n\n".encode())
         seen = 0
         while not self.server.closing:
-            notes = self.server.board.newer_than(seen, _BEAT_S)
-            words = [f"event: {note.subject}\ndata: {note.text}\n\n" for note in notes]
+            notes = self.server.board.newer_than(seen, 0.0 if waits else _BEAT_S)
+            told = [note for note in notes if not waits or note.subject == "end"]
+            words = [f"event: {note.subject}\ndata: {note.text}\n\n" for note in told]
             self.wfile.write("".join(words or ["event: beat\ndata: 0\n\n"]).encode())
             seen = notes[-1].number if notes else seen
-            time.sleep(_PERIOD_S)
+            time.sleep(_BEAT_S if waits else _PERIOD_S)
 
     def _say(self, status: HTTPStatus, message: str, *, ok: bool = False, **more: Any) -> None:
         self._reply(status, "application/json", json.dumps({"ok": ok, "message": message, **more}).encode())

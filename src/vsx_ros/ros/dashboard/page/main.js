@@ -1,6 +1,6 @@
 // The live view: what the robot tells is drawn, and what its operator wants is sent.
 import {$, onScheme} from "./dom.js";
-import {connect, disconnect, known, link} from "./robot.js";
+import {connect, hear, known, link} from "./robot.js";
 import {numbers, watch} from "./status.js";
 import {drawCharts, drawLatency, drawPlanning, drawRatio, series} from "./charts.js";
 import {fit, paint, paintIfNeeded, toMap, toScreen, view} from "./map.js";
@@ -15,10 +15,14 @@ import "./buttons.js";
 const WATCH_MS = 500,
   CHARTS_MS = 500;
 
-document.addEventListener("visibilitychange", () => {
-  if (!document.hidden) connect();
-  else if (!known.end) disconnect(); // the end is served as long as its page is connected
-});
+// A hidden page costs the robot nothing and waits for the end, which is served as long as its page is connected.
+function follow() {
+  const path = document.hidden && !known.end ? "/end" : "/events";
+  if (link.path !== path) connect(path);
+}
+document.addEventListener("visibilitychange", follow);
+hear("end", follow);
+hear("mission", follow);
 setInterval(watch, WATCH_MS);
 setInterval(() => {
   if (!document.hidden) drawCharts();
@@ -30,7 +34,7 @@ setInterval(() => {
 onScheme(drawCharts);
 numbers();
 link.heard = performance.now();
-connect();
+follow();
 
 // For the console of the browser, and for tests.
 Object.assign(globalThis, {

@@ -4,7 +4,7 @@ import {$, sentence} from "./dom.js";
 const token = location.hash.slice(1);
 window.addEventListener("hashchange", () => location.reload()); // another token was typed in
 export const known = {}; // the newest word on each subject
-export const link = {heard: 0, refused: ""}; // when the last word came, and why none comes
+export const link = {path: "", heard: 0, refused: ""}; // of the stream; when the last word came, and why none comes
 const hearers = {};
 const pending = new Set(); // of commands without an answer yet
 let stream = null;
@@ -19,11 +19,12 @@ export function tell(subject, word) {
 }
 
 // Not an EventSource: that shows no token, which makes this viewer the operator's.
-export async function connect() {
-  disconnect();
+export async function connect(path) {
+  if (stream) stream.abort();
   const here = (stream = new AbortController());
+  link.path = path;
   try {
-    const reply = await fetch("/events", {headers: {"X-Vsx-Token": token}, signal: here.signal});
+    const reply = await fetch(path, {headers: {"X-Vsx-Token": token}, signal: here.signal});
     link.refused = reply.ok ? "" : (await reply.json()).message;
     if (reply.ok) await listen(reply.body.pipeThrough(new TextDecoderStream()).getReader());
   } catch (error) {
@@ -31,13 +32,8 @@ export async function connect() {
   }
   if (!here.signal.aborted)
     setTimeout(() => {
-      if (stream === here) connect();
+      if (stream === here) connect(path);
     }, 1000);
-}
-
-export function disconnect() {
-  if (stream) stream.abort();
-  stream = null;
 }
 
 async function listen(reader) {

@@ -83,11 +83,11 @@ function state() {
   const mission = known.mission || {},
     slam = known.slam || ["", ""];
   const quiet = known.silent || [],
-    lost = quiet.includes("mission") && mission.state !== "done";
+    lost = mission.state && mission.state !== "done" && quiet.includes("mission");
   if (lost) pill("mission", "SILENT", "");
   else if (mission.state)
     pill("mission", mission.state.toUpperCase(), known.hazards ? "bad" : MOODS[mission.state] || "");
-  if (quiet.includes("slam")) pill("slam", "camera silent", "");
+  if (slam[0] && quiet.includes("slam")) pill("slam", "camera silent", "");
   else if (slam[0]) pill("slam", slam[0].replaceAll("_", " "), {TRACKING: "good", LOST: "bad"}[slam[0]] || "fair");
   const paused = mission.state === "paused";
   $("pause").textContent = paused ? "Resume" : "Pause";
