@@ -9,13 +9,15 @@ from walled_rooms import with_wall
 from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField
+from vsx_ros.kernels.planning.lattice import lattice_search
 from vsx_ros.kernels.planning.shortcuts import MAX_SEGMENTS, shorten
 from vsx_ros.occupancy.distance import joined_distance
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
+from vsx_ros.planning import lattice_ways
 from vsx_ros.planning.coarse_path import ArcBounds, CoarsePath
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.lattice_ways import coarse_lattice, is_stuck, search, search_lattice_back
-from vsx_ros.planning.path import Plan
+from vsx_ros.planning.path import Plan, Refusal
 from vsx_ros.planning.planner import Planner
 
 ROBOT, CONFIG = RobotConfig(), PlannerConfig(phi_rad_m=1.0)
@@ -119,3 +121,22 @@ def test_a_goal_in_a_pocket_is_reached_by_arcs_that_are_short_there_only():
     way = search(start, goal, bounds, joined_distance(margin, (goal.x, goal.y)))
     assert way is not None
     assert_leads_freely(way, start, goal, margin)
+
+
+def test_a_goal_that_faces_out_of_a_dead_end_is_given_up_without_a_search_of_the_whole_map(monkeypatch):
+    data = np.full((500, 620), OCCUPIED, np.int8)
+    data[10:490, 10:490] = FREE
+    data[244:256, 490:610] = FREE  # 60 cm wide and 6 m long: no room to turn
+    map_, searched = OccupancyGrid(data, 0.05, 0.0, 0.0), list[int]()
+
+    def counted(*args):
+        found = lattice_search(*args)
+        searched.append(len(found[0]))
+        return found
+
+    monkeypatch.setattr(lattice_ways, "lattice_search", counted)
+    planner, start = Planner(PlannerConfig(), ROBOT), SE2(3.0, 3.0, 0.0)
+    refused = planner.plan(start, SE2(30.0, 12.5, math.pi), map_, np.random.default_rng(0))
+    assert isinstance(refused, Refusal)
+    assert 10_000 < sum(searched) < 250_000
+    assert isinstance(planner.plan(start, SE2(30.0, 12.5, 0.0), map_, np.random.default_rng(0)), Plan)

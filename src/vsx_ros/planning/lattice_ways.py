@@ -23,6 +23,7 @@ _ARC_M = 0.27  # length of an arc of the lattice, if that gives 16 to 32 heading
 _CELL_M = 0.1  # of the lattice
 # Most states of each search, to limit memory and time; fewer than the last number mean a pocket.
 _COARSE_STATES, _BACK_STATES, _FINE_STATES, _FEW_STATES = 5_000_000, 40_000, 120_000, 200
+_SOON_STATES, _SHUT_IN_STATES = 20_000, 2_000  # when a goal is looked at that is not found yet; fewer mean a dead end
 _POCKET_M, _FINENESS = 4.0, (2, 4)  # how far around a pocket its lattice reaches; by how much that is finer, in turn
 
 
@@ -55,7 +56,11 @@ def search(start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray) -> C
         return way
     coarse = coarse_lattice(bounds.phi)
     fine = _finer(coarse, 2, _FINE_STATES)  # for narrow places
-    way = search_lattice(start, goal, bounds, remaining, coarse)
+    way, is_all = _tried(start, goal, bounds, remaining, coarse._replace(most_states=_SOON_STATES))
+    # A dead end that no arcs lead into shows at once from the goal; from the start only when all the map is searched.
+    few = coarse._replace(most_states=_SHUT_IN_STATES)
+    if not is_all and (way is not None or not _is_shut_in(_about_turn(goal), _about_turn(start), bounds, few)):
+        way = search_lattice(start, goal, bounds, remaining, coarse)
     if way is None and is_stuck(start, goal, bounds, coarse):
         way = search_lattice_back(start, goal, bounds, coarse._replace(most_states=_BACK_STATES))
     if way is None and not is_stuck(_about_turn(goal), _about_turn(start), bounds, fine):
@@ -122,11 +127,19 @@ def search_lattice(
     start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray, lattice: Lattice
 ) -> CoarsePath | None:
     """The cheapest path over the lattice. A Reeds-Shepp word ends it exactly on the goal. None when there is none."""
+    return _tried(start, goal, bounds, remaining, lattice)[0]
+
+
+def _tried(
+    start: SE2, goal: SE2, bounds: ArcBounds, remaining: FloatArray, lattice: Lattice
+) -> tuple[CoarsePath | None, bool]:
+    """As ``search_lattice``, and whether the lattice's number of states was enough."""
     poses, parents, motions, step, winner = _searched(start, goal, bounds, remaining, lattice)
+    is_all = len(poses) < lattice.most_states
     if winner < 0:
-        return None
+        return None, is_all
     turns, lengths = lattice_way(poses, parents, motions, winner, step, goal.as_array(), bounds.phi)
-    return CoarsePath(turns, lengths, bounds.phi)
+    return CoarsePath(turns, lengths, bounds.phi), is_all
 
 
 def search_lattice_back(start: SE2, goal: SE2, bounds: ArcBounds, lattice: Lattice) -> CoarsePath | None:
@@ -142,10 +155,15 @@ def _about_turn(pose: SE2) -> SE2:
 
 
 def is_stuck(pose: SE2, target: SE2, bounds: ArcBounds, lattice: Lattice) -> bool:
-    """Whether the arcs of a lattice reach only a few states from a pose towards a target."""
-    near, few = _part(bounds.margin, *_around(bounds.margin, pose)), lattice._replace(most_states=_FEW_STATES)
-    poses, *_, winner = _searched(pose, target, bounds._replace(margin=near), np.zeros(near.values.shape), few)
-    return winner < 0 and len(poses) < _FEW_STATES
+    """Whether the arcs of a lattice reach only a few states near a pose, and not the target."""
+    near = _part(bounds.margin, *_around(bounds.margin, pose))
+    return _is_shut_in(pose, target, bounds._replace(margin=near), lattice._replace(most_states=_FEW_STATES))
+
+
+def _is_shut_in(pose: SE2, target: SE2, bounds: ArcBounds, lattice: Lattice) -> bool:
+    """Whether the arcs of a lattice reach fewer than its most states from a pose, and not the target."""
+    poses, *_, winner = _searched(pose, target, bounds, np.zeros(bounds.margin.values.shape), lattice)
+    return winner < 0 and len(poses) < lattice.most_states
 
 
 def _searched(
