@@ -7,8 +7,8 @@
       +-----------------+                                               |
       +<---- RESTING <----(cancelled: brake; nothing left to try)-------+
 
-While the operator holds the wheels, PLANNING waits; then it plans from where the base stands. No try is used up.
-``step`` takes what is known and returns what to do. The caller passes the planner's answers to ``planned``."""
+While the operator holds the wheels, PLANNING waits, and no try is used up. ``step`` takes what is known and returns
+what to do. The caller passes the planner's answers to ``planned``."""
 
 import math
 from enum import Enum
@@ -239,10 +239,9 @@ class GoalExecution:
             self._try_again(now_ns, found.reason)
         if self._phase is not _Phase.DRIVING:
             wanted = max(wanted, self._limits.a_m_s2)
-        if wanted <= self._braking_m_s2:
-            return []
-        self._braking_m_s2 = wanted
-        return [Brake(wanted)]
+        harder = wanted > self._braking_m_s2
+        self._braking_m_s2 = max(wanted, self._braking_m_s2)
+        return [Brake(wanted)] if harder else []
 
 
 def _near(planned: SE2, real: SE2) -> bool:
