@@ -77,7 +77,7 @@ def test_the_generic_planner_says_how_much_it_turns(capsys):
 def test_meaningless_questions(capsys):
     with pytest.raises(SystemExit):
         run("--start", "0,0,0", "--goal", "1,0,0", "--phi", "0")
-    assert "argument --phi: 0: give a positive number" in capsys.readouterr().err
+    assert "argument --phi: 0: give a number of at least 0.01" in capsys.readouterr().err
     with pytest.raises(PlanningError, match="apart"):
         run("--start", "0,0,0", "--goal", "1e6,0,0")
     for start in ("0,0", "nan,0,0"):
