@@ -85,6 +85,11 @@ def test_where_the_plan_had_little_room_so_little_is_not_news_but_less_is():
     assert obstacle_ahead(STRAIGHT, 5.0, with_post(1.2, 0.16), RADIUS_M, planned_m) is not None
 
 
+def test_an_obstacle_where_the_plan_knew_nothing_is_news():
+    planned_m = planned_clearance(STRAIGHT, with_post(1.5, 0.16, UNKNOWN), RADIUS_M)
+    assert obstacle_ahead(STRAIGHT, 5.0, with_post(1.5, 0.16), RADIUS_M, planned_m) is not None
+
+
 def test_on_bends_too_the_nearest_obstacle_that_is_braked_for_softly_is_not_come_too_near() -> None:
     limits, rng, judged = LimitsConfig(), np.random.default_rng(1), 0
     for _ in range(12):

@@ -134,13 +134,13 @@ def _relax(needed: FloatArray, field: DistanceField, pose: SE2, clearance: float
 
 
 def planned_clearance(trajectory: Trajectory, grid: OccupancyGrid, radius_m: float) -> FloatArray:
-    """(N,) the clearances [m] of the samples of a trajectory from ground that is not known to be free in the map of its
-    plan, as far as they matter to ``obstacle_ahead``; zones aside."""
+    """(N,) the clearances [m] of the samples of a trajectory from the obstacles in the map of its plan, as far as they
+    matter to ``obstacle_ahead``; zones aside. What was unknown then may be an obstacle now, which is news."""
     positions = trajectory.poses[:, :2]
     low, high = positions.min(axis=0), positions.max(axis=0)
     x, y = (0.5 * (low + high)).tolist()
     near = grid.around(x, y, 0.5 * float(np.max(high - low)) + 2.0 * radius_m)
-    return _field_around(near, near.data != FREE, radius_m).at(positions)
+    return _field_around(near, near.data == OCCUPIED, radius_m).at(positions)
 
 
 def obstacle_ahead(
