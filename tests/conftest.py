@@ -1,8 +1,11 @@
 """For all tests."""
 
 import signal
+from collections.abc import Iterator
 
 import hypothesis
+import pytest
+from chromium import EXECUTABLE, Chromium
 
 # A shell that starts the suite in its background lets it ignore Ctrl-C, and with it every program that a test starts;
 # nohup does so with SIGHUP.
@@ -12,3 +15,11 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 # No test may fail because the machine is busy.
 hypothesis.settings.register_profile("unhurried", deadline=None)
 hypothesis.settings.load_profile("unhurried")
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
+    if EXECUTABLE is None:
+        pytest.skip("no chromium is installed")
+    with Chromium(tmp_path_factory.mktemp("profile")) as chromium:
+        yield chromium

@@ -1,13 +1,12 @@
 """Two runs on one page, and the pieces that pages are made of."""
 
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from chromium import EXECUTABLE, Chromium
+from chromium import Chromium
 
 from vsx_ros.evaluation.comparison import change, compare
 from vsx_ros.evaluation.page import Section, figures, interval, page, table
@@ -44,14 +43,6 @@ def test_the_page_says_what_differs_and_which_way_is_better():
     assert "vsx explore &lt;a&gt;" in text
     assert text.index("before") < text.index("time limit") < text.index("explored")
     assert not re.search(r'(src|href)="(?!data:)|url\(|<script', text)
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
-    if EXECUTABLE is None:
-        pytest.skip("no chromium is installed")
-    with Chromium(tmp_path_factory.mktemp("profile")) as browser:
-        yield browser
 
 
 @pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])

@@ -3,14 +3,13 @@
 import base64
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from chromium import EXECUTABLE, Chromium
+from chromium import Chromium
 
 from vsx_ros.evaluation.report import render
 from vsx_ros.evaluation.report_data import MapPicture, ReportData
@@ -135,14 +134,6 @@ def test_runs_that_kept_nothing_have_no_such_part_or_say_why() -> None:
     assert scrubber(run(pictures=[], maps=[])) == ""
     assert scrubber(run(pictures=[], maps=[], moments_trouble="it is <damaged>")) == "<p>it is &lt;damaged&gt;</p>"
     assert "<script" not in render(run(pictures=[], maps=[]))
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
-    if EXECUTABLE is None:
-        pytest.skip("no chromium is installed")
-    with Chromium(tmp_path_factory.mktemp("profile")) as browser:
-        yield browser
 
 
 @pytest.fixture

@@ -134,7 +134,7 @@ def test_a_zone_on_the_way_counts_as_soon_as_the_place_is_recognised() -> None:
     grid = zoned(box(1.2, 0.0, 0.4))
     watch = WayWatch(CONFIG)
     way = time_scale(GoalPlanner(CONFIG, "fov", 0).blind.plan_blind(SE2(), SE2(1.0, 0.0, 0.0)).path, CONFIG.limits)
-    watch.begin(grid)
+    watch.begin(grid, None)
     lost = UNLOCALIZED._replace(odometry=Odometry(1, SE2()), slam_state=TrackingState.LOST)
     assert watch.hindrance(way, "odom", 0.0, grid, lost) is None
     found = watch.hindrance(way, "odom", 0.0, grid, lost._replace(T_map_base=SE2()))
@@ -150,7 +150,7 @@ def test_what_stands_farther_on_is_seen_on_the_same_map_as_the_base_comes_nearer
     times_s = np.arange(0.0, 16.0, 0.1)
     x = 0.25 * times_s
     way = Trajectory(times_s, np.column_stack([x, 0.0 * x, 0.0 * x]), np.full(len(x), 0.25), 0.0 * x)
-    watch.begin(None)
+    watch.begin(None, None)
     for at_s in times_s.tolist():
         found = watch.hindrance(way, "map", at_s, grid, UNLOCALIZED._replace(T_map_base=SE2()))
         told += [found.ahead_m] if found is not None else []

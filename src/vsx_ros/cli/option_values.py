@@ -57,8 +57,10 @@ def positive(text: str) -> float:
 
 def phi(text: str) -> float:
     """A bound that planner.phi_rad_m may have [rad/m]."""
-    if not 0.01 <= float(text) < math.inf:
-        raise argparse.ArgumentTypeError(f"{text}: give a number of at least 0.01, in rad/m")
+    from vsx_ros.config import LEAST_PHI_RAD_M
+
+    if not LEAST_PHI_RAD_M <= float(text) < math.inf:
+        raise argparse.ArgumentTypeError(f"{text}: give a number of at least {LEAST_PHI_RAD_M}, in rad/m")
     return float(text)
 
 

@@ -26,10 +26,12 @@ from vsx_ros.errors import ConfigError
 
 __all__ = [
     "ComputingConfig", "Config", "DenseConfig", "DockingConfig", "ExplorationConfig", "FollowerConfig",
-    "GroundMapConfig", "LimitsConfig", "MountConfig", "OdometryConfig", "PlannerConfig", "RobotConfig", "RoomsConfig",
-    "RunsConfig", "SIGMAS", "SelfCalibrationConfig", "SlamConfig", "from_dict", "overridden", "to_dict",
+    "GroundMapConfig", "LEAST_PHI_RAD_M", "LimitsConfig", "MountConfig", "OdometryConfig", "PlannerConfig",
+    "RobotConfig", "RoomsConfig", "RunsConfig", "SIGMAS", "SelfCalibrationConfig", "SlamConfig",
+    "from_dict", "overridden", "to_dict",
 ]  # fmt: skip
 
+LEAST_PHI_RAD_M = 0.01
 _MOST = 1e9  # of any number: more is a mistake, and overflows as a time in nanoseconds
 _ASCENDING = (
     ("slam.initialization.baseline_m", "slam.initialization.baseline_max_m"),
@@ -92,7 +94,7 @@ class LimitsConfig(Branch, frozen=True):
 class PlannerConfig(Branch, frozen=True):
     """Motion planning (paper 4)."""
 
-    phi_rad_m: Annotated[float, Meta(ge=0.01)] = 2.0
+    phi_rad_m: Annotated[float, Meta(ge=LEAST_PHI_RAD_M)] = 2.0
     # Clearance beside the body in the map, which may be 2 cm off: always kept, and kept where that is no detour.
     clearance_m: NonNegative = 0.07
     preferred_clearance_m: NonNegative = 0.15

@@ -38,7 +38,7 @@ class WayWatch:
         self._drawn: int | None = None
         self._planned_m: FloatArray | None = None
 
-    def begin(self, grid: OccupancyGrid | None, clearance_m: FloatArray | None = None) -> None:
+    def begin(self, grid: OccupancyGrid | None, clearance_m: FloatArray | None) -> None:
         """Another way is driven. grid: the map when its plan was asked for; zones may have been drawn since.
         clearance_m: (N,) ``planned_clearance`` of its samples; None: enough."""
         self._checked, self._drawn, self._planned_m = None, _drawing(grid), clearance_m

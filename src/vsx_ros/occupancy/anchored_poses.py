@@ -169,11 +169,15 @@ class MapCorrections:
     and move all kept poses with ``moved`` when it was corrected."""
 
     def __init__(self) -> None:
+        self._told: KeyframePlaces | None = None
         self._last: KeyframePlaces | None = None
         self._before, self._now = np.zeros((0, 3)), np.zeros((0, 3))
 
     def update(self, now: KeyframePlaces) -> bool:
         """Whether keyframes have moved since the last correction, or since they were made."""
+        if now is self._told:
+            return False
+        self._told = now
         last, self._last = self._last or now, now
         self._before, self._now = before, there = last.known_in(now)
         x, y, turn = _relative(before, there).T
