@@ -14,7 +14,7 @@ from vsx_ros.kernels.planning.shortcuts import MAX_SEGMENTS, shorten
 from vsx_ros.occupancy.distance import joined_distance
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
 from vsx_ros.planning import lattice_ways
-from vsx_ros.planning.coarse_path import ArcBounds, CoarsePath
+from vsx_ros.planning.coarse_path import ArcBounds, CoarsePath, shortest_word
 from vsx_ros.planning.corridor import Corridor, build_corridor
 from vsx_ros.planning.lattice_ways import coarse_lattice, is_stuck, search, search_lattice_back
 from vsx_ros.planning.path import Plan, Refusal
@@ -93,6 +93,15 @@ def test_travel_costs_go_around_obstacles():
     assert costs[1] == pytest.approx(plan.path.length_m, rel=0.2)
     blocked = planner.travel_costs(SE2(50.0, 50.0, 0.0), map_, poses)
     assert np.all(np.isinf(blocked))
+
+
+def test_travel_costs_in_a_large_hall_are_as_long_as_the_ways():
+    hall = OccupancyGrid(np.zeros((800, 800), np.int8), 0.05, -20.0, -20.0)
+    headings = np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)
+    poses = np.column_stack([15.0 * np.cos(headings), 15.0 * np.sin(headings), headings])
+    costs = Planner(CONFIG, ROBOT).travel_costs(SE2(), hall, poses)
+    least = [shortest_word(SE2(), SE2(*pose), CONFIG.phi_rad_m).length_m for pose in poses.tolist()]
+    assert costs == pytest.approx(np.array(least), rel=0.05)
 
 
 def test_travel_costs_do_not_depend_on_the_order_of_the_poses_nor_on_full_turns():

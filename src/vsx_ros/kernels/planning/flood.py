@@ -11,6 +11,7 @@ from vsx_ros.kernels.occupancy.clearance import DistanceField, interpolate
 from vsx_ros.kernels.planning.motions import BENDS, MOTIONS, SIGNS, Lattice, arc_places, places_are_free
 
 UNREACHED = 16384  # arcs, more than any path has; half the range of int16
+_RING = 4096  # states at first, a power of two; it doubles
 _AROUND = 8  # cells, half of them to each side: about the length of an arc
 
 
@@ -36,21 +37,27 @@ def flood(
     arcs = arc_places(headings, start[2], step, phi, resolution)
     last = arcs.shape[2] - 1
     reverses = int((max_reverse + 1e-9) / step)
-    states = np.empty(headings * size, np.int32)
-    at = np.empty((headings * size, 2))
-    backed = np.empty(headings * size, np.int16)  # arcs in reverse since the last forward one
+    # A ring of the states whose arcs are still to be tried, and of their exact positions.
+    states, at = np.empty(_RING, np.int32), np.empty((_RING, 2))
+    backed = np.empty(_RING, np.int16)  # arcs in reverse since the last forward one
     level[0, i, j] = 0
     states[0], at[0, 0], at[0, 1], backed[0] = i * columns + j, start[0], start[1], 0
     head, tail = 0, 1
     while head < tail:
-        h, place = states[head] // size, states[head] % size
-        x, y = at[head, 0], at[head, 1]
+        if tail - head + MOTIONS > len(states):
+            order = np.arange(head, head + len(states)) & (len(states) - 1)
+            states, backed = np.append(states[order], states), np.append(backed[order], backed)
+            at = np.concatenate((at[order], at))
+            head, tail = 0, tail - head
+        e = head & (len(states) - 1)
+        h, place = states[e] // size, states[e] % size
+        x, y, reverse = at[e, 0], at[e, 1], backed[e]
         arrived = level[h, place // columns, place % columns] + 1
         if arrived == UNREACHED:
             break
         margin = math.nan
         for m in range(MOTIONS):
-            backwards = backed[head] + 1 if SIGNS[m] < 0 else 0
+            backwards = reverse + 1 if SIGNS[m] < 0 else 0
             if backwards > reverses:
                 break
             nx, ny = x + arcs[h, m, last, 0], y + arcs[h, m, last, 1]
@@ -64,8 +71,9 @@ def flood(
             if margin < 1.3 * step and not places_are_free(field, x, y, arcs[h, m], step):
                 continue
             level[g, a, b] = arrived
-            states[tail] = (g * rows + a) * columns + b
-            at[tail, 0], at[tail, 1], backed[tail] = nx, ny, backwards
+            to = tail & (len(states) - 1)
+            states[to] = (g * rows + a) * columns + b
+            at[to, 0], at[to, 1], backed[to] = nx, ny, backwards
             tail += 1
         head += 1
     return level, step
