@@ -9,7 +9,8 @@ from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import RankingInput, rank_views
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
-from vsx_ros.occupancy.zoned_grid import KeepOut, with_zones
+from vsx_ros.occupancy.keep_out import KeepOut
+from vsx_ros.occupancy.zoned_grid import with_zones
 from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.robot import OperatorHold
 from vsx_ros.slam.state import TrackingState

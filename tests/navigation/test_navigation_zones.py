@@ -180,6 +180,39 @@ def test_out_of_a_zone_the_way_is_short_and_leads_nowhere_else(heading: float) -
     assert 0.3 + BODY_M < driven_m < 1.9
 
 
+STAIRS = Zone("stairs", ZoneKind.WALL, ((0.65, -1.5), (0.65, 1.5)))
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.5, 3.0, 4.5])
+def test_out_of_a_zone_the_way_never_leads_over_one_that_touches_it(heading: float) -> None:
+    ways = Planner(CONFIG.planner, CONFIG.robot)
+    selector = ViewSelector(CONFIG, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
+    run = LockStep()
+    run.base.pose = SE2(0.3, 0.0, heading)
+    run.localization = type(run.localization)()
+    run.drive(0.5)
+    grid, pose = zoned(box(0.0, 0.0, 0.6), STAIRS), run.base.pose
+    run.planner.take_grid(grid, run.base.now_ns)
+    out = selector.exit_pose(run.base.now_ns, grid, pose)
+    assert out is not None
+    run.go(out)
+    run.drive(20.0)
+    assert run.navigator.state is NavigationState.SUCCEEDED
+    assert run.base.pose.distance_to(out) < 0.03
+    assert np.array(run.base.rows)[:, 1].max() + BODY_M < 0.65
+
+
+def test_a_zone_that_is_drawn_beside_the_one_being_left_is_seen_on_the_way() -> None:
+    rug, watch = box(0.0, 0.0, 0.6), WayWatch(CONFIG)
+    way = time_scale(GoalPlanner(CONFIG, "fov", 0).blind.plan_blind(SE2(), SE2(1.0, 0.0, 0.0)).path, CONFIG.limits)
+    watch.begin(zoned(rug), None)
+    here = UNLOCALIZED._replace(odometry=Odometry(1, SE2()), T_map_base=SE2())
+    assert watch.hindrance(way, "map", 0.0, zoned(rug), here) is None
+    found = watch.hindrance(way, "map", 0.0, zoned(rug, STAIRS), here)
+    assert found is not None
+    assert "the zone 'stairs'" in found.reason
+
+
 def test_from_within_a_zone_no_way_leads_across_it() -> None:
     run, pose = LockStep(), SE2(0.5, 0.0, math.pi)
     run.planner.take_grid(zoned(box(0.0, 0.0, 0.8)), run.base.now_ns)

@@ -1,6 +1,7 @@
 """Zones on a grid and with the map: what they close, what they leave open, and that they move with the keyframes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.distance import clearance_field
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.occupancy.zoned_grid import KeepOut, ZonedGrid, speed_limits, with_zones
+from vsx_ros.occupancy.keep_out import KeepOut
+from vsx_ros.occupancy.zoned_grid import ZonedGrid, speed_limits, with_zones
 from vsx_ros.occupancy.zones import OUTSIDE, AnchoredZones, Zone, ZoneKind, entered, zone_of
 
 BODY_M, MARGIN_M, CELL_M = 0.18, 0.05, 0.05
@@ -113,11 +115,6 @@ def test_a_slow_zone_slows_where_the_body_reaches_into_it() -> None:
 
 def test_a_way_may_leave_a_zone_but_not_enter_one() -> None:
     keep_out = KeepOut(zoned(square(1.0)), BODY_M)
-
-    def along(*places: tuple[float, float]) -> np.ndarray:
-        legs = zip(np.array(places), np.array(places[1:]))
-        return np.concatenate([a + np.linspace(0.0, 1.0, 101)[:, None] * (b - a) for a, b in legs])
-
     assert keep_out.entered(along((-3.0, 1.5), (3.0, 1.5))) is None
     entry = keep_out.entered(along((-3.0, 0.0), (3.0, 0.0)))
     assert entry is not None
@@ -129,13 +126,70 @@ def test_a_way_may_leave_a_zone_but_not_enter_one() -> None:
     assert keep_out.entered(along((0.0, -0.9), (0.0, -2.0), (3.0, -2.0))) is None
 
 
-def test_of_two_zones_only_the_one_underneath_opens() -> None:
-    grid = zoned(square(0.5), square(0.5, x=2.0)._replace(name="other"))
-    opened = grid.opened_at(0.1, 0.0)
+@pytest.mark.parametrize("x", [2.0, 1.0, 0.8], ids=["apart", "touching", "overlapping"])
+def test_of_two_zones_only_the_one_underneath_opens(x: float) -> None:
+    grid = zoned(square(0.5), square(0.5, x=x)._replace(name="other"))
+    opened = grid.opened_at(0.0, 0.0)
     assert isinstance(opened, ZonedGrid)
     keep_out = KeepOut(opened, BODY_M)
-    assert keep_out.zone_at(0.0, 0.0) == ""
-    assert keep_out.zone_at(2.0, 0.0) == "other"
+    assert keep_out.zone_at(-0.4, 0.0) == ""
+    assert keep_out.zone_at(x, 0.0) == "other"
+    assert KeepOut(grid, BODY_M).zone_at(-0.4, 0.0) == "no-go"
+
+
+def test_two_zones_that_both_hold_the_body_open_and_slow_ones_stay() -> None:
+    grid = zoned(square(0.5), square(0.5, x=0.8)._replace(name="other"), square(1.0, ZoneKind.SLOW, 0.1))
+    opened = grid.opened_at(0.4, 0.0)
+    assert opened.drivable.all()
+    assert speed_limits(opened, np.array([[0.4, 0.0]])).tolist() == [0.1]
+    assert zoned(square(0.5)).opened_at(0.0, 0.0).drivable.all()
+    assert not grid.opened_at(3.0, 0.0).drivable.all(), "beside zones none opens"
+
+
+def test_of_a_zone_in_a_corner_of_only_here_the_rest_stays_closed() -> None:
+    """It reaches over the border, so that it and all outside are one closed area."""
+    here, rug = square(1.5, ZoneKind.ONLY), square(0.5, x=1.3)
+    in_rug = KeepOut(zoned(here, rug).opened_at(1.1, 0.0), BODY_M)
+    assert in_rug.zone_at(1.1, 0.0) == ""
+    assert in_rug.zone_at(1.8, 0.0) == "only here"
+    outside = KeepOut(zoned(here, rug).opened_at(-2.0, 0.0), BODY_M)
+    assert outside.zone_at(-3.0, 0.0) == ""
+    assert outside.zone_at(1.3, 0.0) == "no-go"
+
+
+def along(*places: tuple[float, float]) -> np.ndarray:
+    """Places on straight legs from each to the next."""
+    legs = zip(np.array(places), np.array(places[1:]))
+    return np.concatenate([a + np.linspace(0.0, 1.0, 101)[:, None] * (b - a) for a, b in legs])
+
+
+STAIRS = Zone("stairs", ZoneKind.WALL, ((1.05, -1.5), (1.05, 1.5)))
+
+
+def test_the_way_out_of_a_zone_does_not_lead_over_one_that_touches_it() -> None:
+    keep_out = KeepOut(zoned(square(1.0), STAIRS), BODY_M)
+    entry = keep_out.entered(along((0.6, 0.0), (2.0, 0.0)))
+    assert entry is not None
+    assert entry.zone == "stairs"
+    assert entry.ahead_m == pytest.approx(1.05 - MARGIN_M - BODY_M - 0.6, abs=0.08)
+    assert keep_out.entered(along((0.6, 0.0), (0.6, -2.0))) is None
+    assert keep_out.entered(along((0.6, 0.0), (0.0, -0.3), (0.6, -2.0))) is None, "no farther from the way out"
+    assert keep_out.entered(along((-0.6, 0.0), (0.6, 0.0), (0.6, -2.0))) is not None, "across the zone"
+
+
+def test_from_the_margin_of_a_zone_the_body_may_leave_but_never_touches_it() -> None:
+    keep_out, x = KeepOut(zoned(STAIRS), BODY_M), 1.05 - BODY_M - 0.03
+    assert keep_out.entered(along((x, 0.0), (x, 0.5), (0.0, 0.5))) is None
+    assert keep_out.entered(along((x, 0.0), (x + 0.05, 0.0), (0.0, 0.5))) is not None
+    assert keep_out.entered(along((x, 0.0), (0.5, 0.5), (x, 0.0))) is not None, "it came back"
+
+
+def test_the_way_out_of_a_zone_is_measured_past_obstacles() -> None:
+    """The ground behind a wall is nearest, and cannot be reached: the base must come back from the wall."""
+    cells = FLOOR.data.copy()
+    cells[:, 90] = 100  # x = 0.5 m
+    grid = with_zones(replace(FLOOR, data=cells), [square(0.8)], MARGIN_M, BODY_M)
+    assert KeepOut(grid, BODY_M).entered(along((0.2, 0.0), (-2.0, 0.0))) is None
 
 
 def camera(x: float, y: float, heading: float) -> SE3:
@@ -191,6 +245,9 @@ def test_a_body_is_in_a_zone_as_soon_as_it_reaches_into_it() -> None:
     allowed = [square(1.0, ZoneKind.ONLY), square(1.0, ZoneKind.ONLY, x=3.0)]
     for x, outside in ((0.0, False), (3.0, False), (1.0 - BODY_M - 0.01, False), (1.0 - BODY_M + 0.01, True)):
         assert entered(allowed, x, 0.0, BODY_M) == ((OUTSIDE,) if outside else ())
+    overlapping = [square(1.0, ZoneKind.ONLY), square(1.0, ZoneKind.ONLY, x=1.8)]
+    assert entered(overlapping, 0.9, 0.0, BODY_M) == (), "in neither wholly, in both together"
+    assert entered(overlapping, 0.9, 1.0, BODY_M) == (OUTSIDE,)
 
 
 @pytest.mark.parametrize("seed", range(5))

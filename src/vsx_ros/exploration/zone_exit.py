@@ -9,7 +9,8 @@ from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.exploration.utility import TravelCostsFrom, traversable_cells
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.occupancy.zoned_grid import KeepOut, ZonedGrid
+from vsx_ros.occupancy.keep_out import KeepOut
+from vsx_ros.occupancy.zoned_grid import ZonedGrid
 
 _PLACES, _HEADINGS = 400, 16  # nearest places, and headings at each
 _STRIDE = 2  # cells between places

@@ -13,7 +13,8 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower import Follower
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.occupancy.zoned_grid import KeepOut, ZonedGrid
+from vsx_ros.occupancy.keep_out import KeepOut
+from vsx_ros.occupancy.zoned_grid import ZonedGrid
 from vsx_ros.planning.corridor import Visibility, planned_clearance
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind, TimedPlan
 from vsx_ros.planning.planner import Planner

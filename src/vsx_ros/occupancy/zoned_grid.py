@@ -7,21 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, Points2
-from vsx_ros.kernels.occupancy.clearance import DistanceField, signed_distance
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
-from vsx_ros.occupancy.zones import OUTSIDE, Zone, ZoneKind
+from vsx_ros.occupancy.zones import Zone, ZoneKind, closings, reaches_into
 
 _SUBPIXEL_BITS = 8  # OpenCV's fixed point
-_REACH_M = 1.0  # farther zones do not matter
-_GIVE_M = 0.02  # as in the planner's corridor: interpolation near start and goal; the margin is larger
-_DEEPER_M, _LEAVE_M = 0.10, 2.0  # what a base that stands in a zone may do on its way out: a bend, and its length
 
 
 class ZoneCells(NamedTuple):
@@ -46,11 +42,13 @@ class ZoneCells(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ZonedGrid(OccupancyGrid):
-    """A ground map with zones. Free cells of closed zones are not ``drivable``. margin_m: already added around closed
-    zones."""
+    """A ground map with zones. Free cells of closed zones are not ``drivable``. drawn: the zones. margin_m: already
+    added around closed zones. radius_m: of the body."""
 
     zones: ZoneCells
+    drawn: tuple[Zone, ...]
     margin_m: float
+    radius_m: float
 
     @property
     def drivable(self) -> BoolArray:
@@ -58,14 +56,20 @@ class ZonedGrid(OccupancyGrid):
         return np.asarray((self.data == FREE) & ~self.zones.closed)
 
     def opened_at(self, x: float, y: float) -> OccupancyGrid:
-        """The same without the closed area that contains or is nearest to a place [m]; the others stay."""
-        labels = cv2.connectedComponents(self.zones.closed.astype(np.uint8), connectivity=8)[1]
-        cells = np.argwhere(self.zones.closed)
-        if not len(cells):
+        """The same without the zones that a body at a place [m] reaches into, or whose margin holds its centre; the
+        others stay closed, also those that touch one of these."""
+        here, entered = self.around(x, y, 0.0), set[Zone]()
+        for closing in closings(self.drawn):
+            if reaches_into(closing, x, y, self.radius_m) or _closed_by(here, closing, self.margin_m).any():
+                entered.update(closing)
+        if not entered:
             return self
-        nearest = cells[int(np.argmin(np.hypot(*(self.centres(cells) - [x, y]).T)))]
-        still = self.zones.closed & (labels != labels[tuple(nearest)])
-        return replace(self, zones=self.zones._replace(closed=still))
+        ground = OccupancyGrid(
+            data=self.data, resolution=self.resolution, origin_x=self.origin_x, origin_y=self.origin_y,
+            probability=self.probability,
+        )  # fmt: skip
+        left = [zone for zone in self.drawn if zone not in entered]
+        return with_zones(ground, left, self.margin_m, self.radius_m, self.zones.version)
 
     def _fields_of(self, rows: slice, columns: slice) -> dict[str, Any]:
         return {**OccupancyGrid._fields_of(self, rows, columns), "zones": self.zones.cut(rows, columns)}
@@ -80,29 +84,33 @@ def with_zones(
         return grid
     closed, owner = np.zeros(grid.shape, np.bool_), np.full(grid.shape, -1.0)
     v_m_s = np.full(grid.shape, np.inf)
-    allowed = [zone for zone in zones if zone.kind is ZoneKind.ONLY]
-    if allowed:
-        inside = np.zeros(grid.shape, np.bool_)
-        for zone in allowed:
-            inside |= _inside(grid, zone) & ~_near(grid, zone, margin_m)
-        closed |= ~inside
-    for number, zone in enumerate(zones):
+    for closing in closings(zones):
+        cells = _closed_by(grid, closing, margin_m)
+        closed |= cells
+        if closing[0].kind is not ZoneKind.ONLY:
+            owner[cells] = zones.index(closing[0])
+    for zone in zones:
         if zone.kind is ZoneKind.SLOW and zone.v_m_s is not None:
             cells = _inside(grid, zone) | _near(grid, zone, margin_m + radius_m)
             v_m_s[cells] = np.minimum(v_m_s[cells], zone.v_m_s)
-        elif zone.kind in (ZoneKind.NO_GO, ZoneKind.WALL):
-            cells = _near(grid, zone, margin_m)
-            if zone.kind is ZoneKind.NO_GO:
-                cells |= _inside(grid, zone)
-            closed |= cells
-            owner[cells] = number
     looks = [_inside(grid, zone) for zone in zones if zone.kind is ZoneKind.LOOK]
     wanted = np.logical_or.reduce(looks) if looks else None
     names = tuple(zone.name for zone in zones)
     cells_of = ZoneCells(closed=closed, v_m_s=v_m_s, owner=owner, names=names, wanted=wanted, version=version)
     return ZonedGrid(
-        grid.data, grid.resolution, grid.origin_x, grid.origin_y, grid.probability, zones=cells_of, margin_m=margin_m
-    )
+        grid.data, grid.resolution, grid.origin_x, grid.origin_y, grid.probability,
+        zones=cells_of, drawn=tuple(zones), margin_m=margin_m, radius_m=radius_m,
+    )  # fmt: skip
+
+
+def _closed_by(grid: OccupancyGrid, closing: tuple[Zone, ...], margin_m: float) -> BoolArray:
+    """(H, W) cells that one of the ``closings`` closes."""
+    if closing[0].kind is not ZoneKind.ONLY:
+        (zone,) = closing
+        cells = _near(grid, zone, margin_m)
+        return cells | _inside(grid, zone) if zone.kind is ZoneKind.NO_GO else cells
+    allowed = [_inside(grid, zone) & ~_near(grid, zone, margin_m) for zone in closing]
+    return np.asarray(~np.logical_or.reduce(allowed))
 
 
 def _inside(grid: OccupancyGrid, zone: Zone) -> BoolArray:
@@ -137,70 +145,6 @@ def _to_segment(x: FloatArray, y: FloatArray, a: FloatArray, b: FloatArray) -> F
     ratio = ((x - a[0]) * edge[0] + (y - a[1]) * edge[1]) / max(float(edge @ edge), 1e-12)
     ratio = np.clip(ratio, 0.0, 1.0)
     return np.asarray(np.hypot(x - a[0] - ratio * edge[0], y - a[1] - ratio * edge[1]))
-
-
-class Entry(NamedTuple):
-    """Where a way enters a zone: after so many metres, and the zone's name."""
-
-    ahead_m: float
-    zone: str
-
-
-class KeepOut:
-    """The closed zones of a grid, for a round body of radius_m."""
-
-    def __init__(self, grid: OccupancyGrid, radius_m: float) -> None:
-        self._grid, self._radius_m = grid, radius_m
-        self._field: DistanceField | None = None
-        if isinstance(grid, ZonedGrid) and grid.zones.closed.any():
-            values = signed_distance(grid.zones.closed, math.ceil(_REACH_M / grid.resolution)) * grid.resolution
-            self._field = DistanceField(values, grid.resolution, grid.origin_x, grid.origin_y)
-
-    def clearance(self, positions: Points2) -> FloatArray:
-        """(N,) distances [m] from places (N, 2) to the closed cells, negative inside; cut off at 1 m."""
-        positions = np.asarray(positions, float).reshape(-1, 2)
-        if self._field is None:
-            return np.full(len(positions), _REACH_M)
-        within = self._grid.contains(self._grid.cells(positions))
-        return np.where(within, self._field.at(positions), _REACH_M)
-
-    def zone_at(self, x: float, y: float) -> str:
-        """The name of a zone that the body reaches into, the margin left out; empty if there is none."""
-        grid = self._grid
-        if not isinstance(grid, ZonedGrid):
-            return ""
-        clearance = float(self.clearance(np.array([[x, y]]))[0])
-        return self.zone_near(x, y) if clearance < self._radius_m - grid.margin_m else ""
-
-    def zone_near(self, x: float, y: float) -> str:
-        """The name of the closed zone nearest to a place [m]; empty if there is none."""
-        grid = self._grid
-        cells = np.argwhere(grid.zones.closed) if isinstance(grid, ZonedGrid) else np.zeros((0, 2), np.int64)
-        if not isinstance(grid, ZonedGrid) or not len(cells):
-            return ""
-        row, column = cells[int(np.argmin(np.hypot(*(grid.centres(cells) - [x, y]).T)))]
-        owner = int(grid.zones.owner[row, column])
-        return grid.zones.names[owner] if owner >= 0 else OUTSIDE
-
-    def entered(self, positions: Points2) -> Entry | None:
-        """Where on a way (N, 2) [m] the body reaches into a zone; None if it never does.
-
-        A body that starts in a zone may leave it: at most 10 cm deeper, within 2 m and twice its depth. Once outside,
-        it stays outside."""
-        if self._field is None or not len(positions):
-            return None
-        clearance = self.clearance(positions)
-        way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(positions, axis=0).T))])
-        wrong = clearance < self._radius_m - _GIVE_M
-        if wrong[0]:
-            outside = np.flatnonzero(~wrong)
-            leaving = slice(0, int(outside[0]) if len(outside) else len(wrong))
-            late = way_m[leaving] > _LEAVE_M + 2.0 * (self._radius_m - clearance[0])
-            wrong[leaving] = (clearance[leaving] < clearance[0] - _DEEPER_M) | late
-        if not wrong.any():
-            return None
-        at = int(np.argmax(wrong))
-        return Entry(float(way_m[at]), self.zone_near(*positions[at].tolist()))
 
 
 def speed_limits(grid: OccupancyGrid, positions: Points2) -> FloatArray:

@@ -25,6 +25,7 @@ MAX_ZONES, MAX_CORNERS, MAX_NAME = 100, 200, 40  # a drawing by hand has a few d
 OUTSIDE = "only here"  # what the ground outside all zones of the kind ONLY is called
 _LEAST_M2 = 0.01  # a smaller zone is a slip of the hand
 _SLOW_M_S = (0.03, 0.7)  # what the bases can drive
+_RIM = np.array([(math.cos(0.25 * k), math.sin(0.25 * k)) for k in range(26)] + [(0.0, 0.0)])  # and middle of a body
 _EVERY = -1.0  # spacing of anchored corners [m]: no corner is left out
 
 
@@ -117,14 +118,25 @@ def _checked(zone: Zone) -> Zone:
     return zone
 
 
+def closings(zones: Sequence[Zone]) -> list[tuple[Zone, ...]]:
+    """What closes ground: each zone of the kinds NO_GO and WALL, and those of the kind ONLY together."""
+    allowed = tuple(zone for zone in zones if zone.kind is ZoneKind.ONLY)
+    return [(zone,) for zone in zones if zone.kind in (ZoneKind.NO_GO, ZoneKind.WALL)] + [allowed] * bool(allowed)
+
+
+def reaches_into(closing: tuple[Zone, ...], x: float, y: float, radius_m: float) -> bool:
+    """Whether a round body at x, y [m] reaches into the ground that one of the ``closings`` closes."""
+    if closing[0].kind is not ZoneKind.ONLY:
+        return _depth(closing[0], x, y) > -radius_m
+    rim = np.array([x, y]) + radius_m * _RIM
+    return not all(any(_depth(zone, *place) >= 0.0 for zone in closing) for place in rim.tolist())
+
+
 def entered(zones: Sequence[Zone], x: float, y: float, radius_m: float) -> tuple[str, ...]:
     """The names of the closed zones that a round body at x, y [m] reaches into, and "only here" if it reaches out of
     all zones of the kind ONLY."""
-    inside_m = {zone: _depth(zone, x, y) for zone in zones}
-    closed = (ZoneKind.NO_GO, ZoneKind.WALL)
-    names = [zone.name for zone, depth_m in inside_m.items() if zone.kind in closed and depth_m > -radius_m]
-    allowed = [depth_m for zone, depth_m in inside_m.items() if zone.kind is ZoneKind.ONLY]
-    return (*names, *([OUTSIDE] if allowed and max(allowed) < radius_m else []))
+    reached = [closing[0] for closing in closings(zones) if reaches_into(closing, x, y, radius_m)]
+    return tuple(OUTSIDE if zone.kind is ZoneKind.ONLY else zone.name for zone in reached)
 
 
 def _depth(zone: Zone, x: float, y: float) -> float:

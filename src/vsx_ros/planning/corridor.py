@@ -13,7 +13,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField, least_on_curve
 from vsx_ros.occupancy.distance import clearance_field, landmarks_in_view
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
-from vsx_ros.occupancy.zoned_grid import Entry, KeepOut
+from vsx_ros.occupancy.keep_out import Entry, KeepOut
 from vsx_ros.planning.path import Path, Refusal, RefusalKind, Trajectory
 from vsx_ros.planning.retiming import stop_m
 
