@@ -1,4 +1,4 @@
-"""Makes every table of the documents; lists the rows of each table and the code it depends on.
+"""Makes every table of the documents from its rows.
 
     python benchmarks/tables.py render     writes the tables between their marks in the documents
     python benchmarks/tables.py stale      lists the tables whose rows are older than the code they judge
@@ -7,9 +7,11 @@ A table uses only rows of one code and configuration: those of its last row.
 """
 
 import argparse
+import ast
 import subprocess
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -26,69 +28,14 @@ from vsx_ros.experiments.rows import Row, code_hash, config_hash, read_rows, tel
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 
-_CORE = (
-    "config", "control", "dense", "evaluation", "exploration", "geometry", "kernels", "navigation", "occupancy",
-    "planning", "robot", "runs/judge", "runs/lockstep", "runs/previous", "runs/record", "runs/session", "session",
-    "sim", "slam", "system", "vision",
-)  # fmt: skip
-_NODES = (
-    "hw/vsx_hw",
-    *(f"src/vsx_ros/{room}" for room in ("ros", "runs", "control", "navigation", "robot", "session")),
-)
-_IN_LOCK_STEP = tuple(f"src/vsx_ros/{room}" for room in _CORE)
-
-ROOMS: dict[str, tuple[str, ...]] = {
-    "exploration": (*_IN_LOCK_STEP, "benchmarks/exploration", "benchmarks/nearest_frontier"),
-    "hard_things": (*_IN_LOCK_STEP, "benchmarks/hard_things"),
-    "in_the_way": (*_IN_LOCK_STEP, "benchmarks/in_the_way"),
-    "drives": ("src/vsx_ros",),
-    "exploration_strategy": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/nearest_frontier"),
-    "free_cells": (*_IN_LOCK_STEP, "benchmarks/exploration_strategy", "benchmarks/free_cells"),
-    "exploration_live": (*_IN_LOCK_STEP, "src/vsx_ros/ros", "hw/vsx_hw", "benchmarks/exploration"),
-    "resume": (*_IN_LOCK_STEP, "src/vsx_ros/io", "src/vsx_ros/runs", "benchmarks/resume"),
-    "fault_nodes": (*_NODES, "benchmarks/fault_nodes", "benchmarks/exploring_robot"),
-    "fault_camera": (*_NODES, "src/vsx_ros/slam", "benchmarks/fault_camera", "benchmarks/exploring_robot"),
-    "fault_bases": ("hw/vsx_hw", "benchmarks/fault_matrix"),
-    "fault_cameras": ("hw/vsx_hw", "benchmarks/fault_matrix"),
-    "fault_master": (*_NODES, "benchmarks/fault_master", "benchmarks/exploring_robot"),
-    "fault_obstacle": (*_NODES, "src/vsx_ros/planning", "benchmarks/fault_obstacle", "benchmarks/exploring_robot"),
-    "fault_operator": (*_NODES, "src/vsx_ros/exploration", "benchmarks/fault_operator", "benchmarks/exploring_robot"),
-    "fault_disk": ("src/vsx_ros", "hw/vsx_hw", "benchmarks/fault_disk"),
-    "fault_sensors": ("hw/vsx_hw", "benchmarks/fault_sensors"),
-    "fault_alarms": ("hw/vsx_hw", "benchmarks/fault_sensors"),
-    "fuzz_files": (
-        "src/vsx_ros/cli",
-        "src/vsx_ros/io",
-        "src/vsx_ros/limits",
-        "src/vsx_ros/runs",
-        "src/vsx_ros/sim",
-        "benchmarks/file_mutations",
-        "benchmarks/file_readers",
-        "benchmarks/file_samples",
-        "benchmarks/fuzz_files",
-    ),
-    "docking": (
-        "hw/vsx_hw",
-        "src/vsx_ros/navigation",
-        "src/vsx_ros/sim/body",
-        "src/vsx_ros/ros/emulation",
-        "tests/docking_robot",
-        "benchmarks/docking",
-    ),
-    "charging": (*_IN_LOCK_STEP, "hw/vsx_hw", "benchmarks/charging"),
-    "zones": (*_IN_LOCK_STEP, "benchmarks/zones"),
-    "put_down": (*_IN_LOCK_STEP, "benchmarks/put_down"),
-    "light": (
-        *(f"src/vsx_ros/{room}" for room in ("config", "geometry", "kernels", "sim", "slam", "vision")),
-        *(f"benchmarks/{file}" for file in ("light", "slam_accuracy", "slam_drives")),
-    ),
-    "soak_stack": (
-        "src/vsx_ros",
-        "hw/vsx_hw",
-        *(f"benchmarks/{file}" for file in ("soak_stack", "soak_memory", "exploring_robot")),
-    ),
+_PROGRAMS = {
+    "exploration_live": "exploration",
+    "fault_alarms": "fault_sensors",
+    "fault_bases": "fault_matrix",
+    "fault_cameras": "fault_matrix",
 }
-"""The code that the rows of a file judge: folders, and files without their .py."""
+"""The programs that write rows to files of other names."""
+_BESIDE = tuple(ROOT / folder for folder in ("benchmarks", "tests/ros", "tests/hw", "tests"))
 
 
 _Made: TypeAlias = Callable[[Sequence[Row]], list[str]]
@@ -156,9 +103,30 @@ TABLES: dict[str, Table] = {
 
 
 def rooms_of(rows: str) -> list[Path]:
-    """Folders and files of the code that these rows judge."""
-    paths = [ROOT / room for room in ROOMS[rows]]
-    return [path if path.is_dir() else path.with_suffix(".py") for path in paths]
+    """Folders and files of the code that these rows judge: the packages as a whole, and the program with the modules
+    beside it that it imports, without those that make tables."""
+    packages = [ROOT / "src" / "vsx_ros", ROOT / "hw" / "vsx_hw"]
+    if rows == "drives":  # by vsx reproduce
+        return packages[:1]
+    own: set[Path] = set()
+    new = {_BESIDE[0] / f"{_PROGRAMS.get(rows, rows)}.py"}
+    while new:
+        own |= new
+        new = {file for path in new for file in _imported(path)} - own
+    return [*packages, *sorted(own)]
+
+
+@cache
+def _imported(path: Path) -> list[Path]:
+    """Files in the folders beside the packages that this file imports, also within functions."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        names += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
+        for name in names:
+            files = [folder / f"{name}.py" for folder in _BESIDE if (folder / f"{name}.py").exists()]
+            found += [] if name.startswith("table") else files[:1]
+    return found
 
 
 def newest(rows: Iterable[Row], of: dict[str, Any]) -> list[Row]:

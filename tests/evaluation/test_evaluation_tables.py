@@ -2,6 +2,7 @@
 
 import json
 import re
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -84,9 +85,36 @@ def test_drives_make_a_line_for_each_tracker_and_reading() -> None:
     assert all("found, points found three times" in line for line in usual)
 
 
-def test_every_room_is_there() -> None:
-    assert {table.rows for table in tables.TABLES.values()} <= set(tables.ROOMS)
-    assert [room for rows in tables.ROOMS for room in tables.rooms_of(rows) if not room.exists()] == []
+ROWS = sorted({table.rows for table in tables.TABLES.values()})
+
+
+@pytest.mark.parametrize("rows", ROWS)
+def test_every_room_is_there(rows: str) -> None:
+    rooms = tables.rooms_of(rows)
+    assert [room for room in rooms if not room.exists()] == []
+    programs = [room.read_text() for room in rooms if room.suffix == ".py"]
+    assert rows == "drives" or any(f'"{rows}"' in program for program in programs)
+
+
+@pytest.mark.parametrize("rows", ["docking", "fault_sensors", "free_cells"])
+def test_what_a_program_loads_is_in_its_rooms(rows: str) -> None:
+    """However it comes to be loaded."""
+    look = f"import sys; sys.path[:0] = {list(map(str, tables._BESIDE))}; import {rows}; "
+    look += "print(*(m.__file__ for m in list(sys.modules.values()) if getattr(m, '__file__', None)), sep='\\n')"
+    done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
+    rooms = tables.rooms_of(rows)
+    ours = [path for path in map(Path, done.stdout.split("\n")) if path.is_relative_to(tables.ROOT)]
+    measuring = [path for path in ours if not path.name.startswith("table")]
+    assert len(measuring) > 10
+    assert [path for path in measuring if not any(path.is_relative_to(room) for room in rooms)] == []
+
+
+def test_what_a_program_starts_or_imports_later_is_in_its_rooms() -> None:
+    """The nodes are processes; the stack of the live tests is imported within a function."""
+    rooms = {str(room.relative_to(tables.ROOT)) for room in tables.rooms_of("fault_operator")}
+    assert {"src/vsx_ros", "hw/vsx_hw", "benchmarks/exploring_robot.py", "tests/ros/conftest.py"} <= rooms
+    assert {"tests/ros/processes.py", "tests/ros/mission_listener.py", "tests/waiting.py"} <= rooms
+    assert not any("table" in room for room in rooms)  # how rows are shown does not change them
 
 
 def test_a_table_is_of_one_code_and_configuration_the_last() -> None:
