@@ -1,7 +1,7 @@
 """Does a base find onto its dock?
 
     PYTHONPATH=src:hw:tests python benchmarks/docking.py run [--seeds 100-199] [--bases kobuki,create,create2]
-    PYTHONPATH=src:hw python benchmarks/tables.py render docking
+    PYTHONPATH=src:hw python benchmarks/tables.py render
 
 In simulated time, bytes between driver and emulated board (``tests/docking_robot.py``). A room with the dock before a
 wall, another wall 0.8 to 2.5 m beside it. The base starts up to 3 m away with any heading. It knows the room, and its

@@ -2,8 +2,10 @@
 
     python benchmarks/tables.py render     writes the tables between their marks in the documents
     python benchmarks/tables.py stale      lists the tables whose rows are older than the code they judge
+    python benchmarks/tables.py show NAME  prints a table of its newest rows, also while it is not whole
 
-A table uses only rows of one code and configuration: those of its last row.
+A table uses only rows of one code and configuration: the newest that answered all its questions. While there is none,
+its last line names what is missing.
 """
 
 import argparse
@@ -42,8 +44,8 @@ _Made: TypeAlias = Callable[[Sequence[Row]], list[str]]
 
 
 class Table(NamedTuple):
-    """document: the file with the table's marks. rows: the file of its rows. made: makes its lines. of: required values
-    of the rows' questions."""
+    """document: the file with the table's marks. rows: the file of its rows. made: makes its lines. of: the published
+    questions, by name: the value that each row has, or a range or tuple of all those that a whole table has."""
 
     document: str
     rows: str
@@ -68,37 +70,50 @@ def counted(made: _Made) -> _Made:
 
 
 _LIMITS = {"until": 0.9, "time_s": 800.0, "way_m": 120.0}
-_LAB = {"world": "lab", "strategy": "views", **_LIMITS}
-_LIVE = {**_LAB, "way_m": None}
+_LAB = {"world": "lab", "strategy": "views", "noise": 0, "seed": range(100, 110), **_LIMITS}
+_LIVE = {**_LAB, "seed": range(100, 105), "way_m": None}
+_STRATEGIES = {"strategy": ("views", "nearest"), "seed": range(100, 120), **_LIMITS}
+_BASES = ("kobuki", "create", "create2")
+
+
+def _faults(rows: str, made: _Made, **of: Any) -> Table:
+    return Table("docs/reliability.md", rows, counted(made), of)
+
 
 TABLES: dict[str, Table] = {
-    "nodes": Table("docs/reliability.md", "fault_nodes", counted(table_faults.nodes)),
-    "bases": Table("docs/reliability.md", "fault_bases", counted(table_faults.bases)),
-    "cameras": Table("docs/reliability.md", "fault_cameras", counted(table_faults.cameras)),
-    "robots": Table("docs/reliability.md", "fault_camera", counted(table_faults.robots)),
-    "masters": Table("docs/reliability.md", "fault_master", counted(table_faults.masters)),
-    "posts": Table("docs/reliability.md", "fault_obstacle", counted(table_faults.posts)),
-    "operators": Table("docs/reliability.md", "fault_operator", counted(table_faults.operators)),
-    "disks": Table("docs/reliability.md", "fault_disk", counted(table_faults.disks)),
-    "sensors": Table("docs/reliability.md", "fault_sensors", counted(table_faults.sensors)),
-    "files": Table("docs/reliability.md", "fuzz_files", counted(table_faults.files)),
-    "soaks": Table("docs/reliability.md", "soak_stack", counted(table_faults.soaks)),
-    "alarms": Table("docs/reliability.md", "fault_alarms", counted(table_faults.alarms), {"minutes": 5.0}),
+    "nodes": _faults("fault_nodes", table_faults.nodes, repetition=range(20)),
+    "bases": _faults("fault_bases", table_faults.bases, base=_BASES, repetition=range(5)),
+    "cameras": _faults("fault_cameras", table_faults.cameras),
+    "robots": _faults("fault_camera", table_faults.robots, repetition=range(5)),
+    "masters": _faults("fault_master", table_faults.masters, away_s=(0.5, 1.0, 5.0, 30.0), repetition=range(20)),
+    "posts": _faults("fault_obstacle", table_faults.posts, ahead_m=0.5, repetition=range(20)),
+    "operators": _faults(
+        "fault_operator", table_faults.operators, what=("emergency stop", "teleop", "goal"), repetition=range(10)
+    ),
+    "disks": _faults("fault_disk", table_faults.disks, how=("live", "lockstep"), repetition=range(2)),
+    "sensors": _faults("fault_sensors", table_faults.sensors, base=_BASES),
+    "files": _faults("fuzz_files", table_faults.files),
+    "soaks": _faults("soak_stack", table_faults.soaks),
+    "alarms": _faults("fault_alarms", table_faults.alarms, minutes=5.0, base=_BASES),
     "table 1": Table("docs/results.md", "drives", table_paper.table1),
     "U2": Table("docs/paper.md", "drives", table_paper.u2),
     "totals": Table("README.md", "exploration", table_exploration.brief, _LAB),
     "live brief": Table("README.md", "exploration_live", table_exploration.brief, _LIVE),
-    "strategies": Table("docs/results.md", "exploration_strategy", table_exploration.strategies, _LIMITS),
-    "free cells": Table("docs/results.md", "free_cells", table_free_cells.table),
+    "strategies": Table("docs/results.md", "exploration_strategy", table_exploration.strategies, _STRATEGIES),
+    "free cells": Table("docs/results.md", "free_cells", table_free_cells.table, {"seed": range(100, 120)}),
     "exploration": Table("docs/results.md", "exploration", table_exploration.runs, _LAB),
     "exploration totals": Table("docs/results.md", "exploration", table_exploration.totals, _LAB),
     "growth": Table("docs/results.md", "exploration", table_exploration.growth, _LAB),
     "live": Table("docs/results.md", "exploration_live", table_exploration.runs, _LIVE),
     "live totals": Table("docs/results.md", "exploration_live", table_exploration.totals, _LIVE),
-    "docking": Table("docs/results.md", "docking", counted(table_docking.docking)),
+    "docking": Table(
+        "docs/results.md", "docking", counted(table_docking.docking), {"seed": range(100, 200), "base": _BASES}
+    ),
     "charging": Table("docs/results.md", "charging", counted(table_docking.charging)),
-    "zones": Table("docs/results.md", "zones", counted(table_zones.zones), {"nearest_m": 0.15}),
-    "resumed": Table("docs/results.md", "resume", table_exploration.resumed, {"time_s": 1200.0, "kills": 2}),
+    "zones": Table("docs/results.md", "zones", counted(table_zones.zones), {"seed": range(100), "nearest_m": 0.15}),
+    "resumed": Table(
+        "docs/results.md", "resume", table_exploration.resumed, {"seed": range(100, 110), "time_s": 1200.0, "kills": 2}
+    ),
 }
 
 
@@ -129,15 +144,33 @@ def _imported(path: Path) -> list[Path]:
     return found
 
 
-def newest(rows: Iterable[Row], of: dict[str, Any]) -> list[Row]:
-    """One row per question, all with the code and configuration of the last row; other rows are never mixed in."""
-    fitting = [row for row in rows if all(row.asked.get(name) == value for name, value in of.items())]
-    last = fitting[-1:]
-    of_last = [row for row in fitting if (row.code, row.config) == (last[0].code, last[0].config)]
-    return list({str(sorted(row.asked.items())): row for row in of_last}.values())
+def newest(rows: Iterable[Row], of: dict[str, Any], whole: bool = True) -> list[Row]:
+    """One row per question, all of one code and configuration: the newest that lacks nothing of ``of``; the very newest
+    if all lack something, or if not ``whole``. Rows of others are never mixed in."""
+    versions: dict[tuple[str, str], dict[str, Row]] = {}
+    for row in rows:
+        if all(row.asked.get(name) in _values(value) for name, value in of.items()):
+            version = versions[key] = versions.pop(key := (row.code, row.config), {})
+            version[str(sorted(row.asked.items()))] = row
+    found = [list(version.values()) for version in reversed(versions.values())]
+    return next((version for version in found if not (whole and lacking(version, of))), [*found, []][0])
 
 
-def caption(rows: Sequence[Row], file: str) -> str:
+def _values(of: Any) -> Sequence[Any]:
+    return of if isinstance(of, range | tuple) else (of,)
+
+
+def lacking(rows: Sequence[Row], of: dict[str, Any]) -> str:
+    """The published questions without a row, in words; empty if the rows are whole."""
+    words = []
+    for name, value in of.items():
+        asked = {row.asked.get(name) for row in rows}
+        missing = [str(each) for each in _values(value) if each not in asked]
+        words += [f"{name} {', '.join(missing)}"] if missing else []
+    return "; ".join(words)
+
+
+def caption(rows: Sequence[Row], file: str, lacks: str = "") -> str:
     """Number, file, commits and dates of the rows."""
     of = Counter((row.commit or "no commit", row.dirty, row.when[:10]) for row in rows)
     commits: dict[tuple[str, bool | None], list[str]] = {}
@@ -148,15 +181,19 @@ def caption(rows: Sequence[Row], file: str) -> str:
         how = {None: " or before", True: " with changes", False: ""}[dirty]
         first, last = min(days), max(days)
         words.append(f"{commit[:7]}{how} ({first if first == last else f'{first} to {last}'})")
-    return f"*{len(rows)} rows of `benchmarks/results/{file}.jsonl`; commit {', '.join(words)}.*"
+    without = f", without {lacks}" if lacks else ""
+    return f"*{len(rows)} rows of `benchmarks/results/{file}.jsonl`{without}; commit {', '.join(words)}.*"
 
 
-def block(name: str) -> list[str] | None:
-    """The lines between the marks; None without rows, and then the document is unchanged."""
+def block(name: str, whole: bool = True) -> list[str] | None:
+    """The lines between the marks; None without rows, and then the document is unchanged. whole: as ``newest``."""
     table = TABLES[name]
-    file = RESULTS / f"{table.rows}.jsonl"
-    rows = newest(read_rows(file, tell), table.of)
-    return [*table.made(rows), "", caption(rows, table.rows)] if rows else None
+    kept = read_rows(RESULTS / f"{table.rows}.jsonl", tell)
+    rows, last = newest(kept, table.of, whole), newest(kept, table.of, whole=False)
+    if rows != last:
+        lacks = f"{len(last)} newer rows, of {(last[0].commit or 'no commit')[:7]}, lack {lacking(last, table.of)}"
+        tell(f"{name}: {lacks}; until then {table.document} keeps the last whole table")
+    return [*table.made(rows), "", caption(rows, table.rows, lacking(rows, table.of))] if rows else None
 
 
 def placed(text: str, name: str, lines: Sequence[str]) -> str:
@@ -203,11 +240,18 @@ def stale(name: str) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("render", "stale"))
-    if parser.parse_args().what == "render":
+    parser.add_argument("what", choices=("render", "stale", "show"))
+    parser.add_argument("names", nargs="*", metavar="NAME", help="show: which tables; default: all")
+    args = parser.parse_args()
+    if unknown := [name for name in args.names if name not in TABLES or args.what != "show"]:
+        parser.error(f"{args.what} takes no {unknown[0]!r}; 'show' takes some of: {', '.join(TABLES)}")
+    if args.what == "render":
         render()
-    else:
+    elif args.what == "stale":
         print("\n".join(filter(None, map(stale, TABLES))) or "every table is of the present code")
+    else:
+        for name in args.names or TABLES:
+            print(name, "", *(block(name, whole=False) or ["no rows are kept"]), "", sep="\n")
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ import hard_things
 import tables
 
 CAPTION = re.compile(
-    r"\*(\d+ rows of `benchmarks/results/\w+\.jsonl`; commit [0-9a-f]{7}.* \(\d{4}-\d\d-\d\d.*"
+    r"\*(\d+ rows of `benchmarks/results/\w+\.jsonl`(?:, without [^`]+)?; commit [0-9a-f]{7}.* \(\d{4}-\d\d-\d\d.*"
     r"|Rows not kept; commit [0-9a-f]{7} \(\d{4}-\d\d-\d\d\) or before|No rows yet)\.\*"
 )
 DOCUMENTS = ("docs/results.md", "docs/paper.md", "docs/reliability.md", "README.md")
@@ -175,6 +175,49 @@ def test_a_run_with_other_limits_does_not_join_the_table(name: str, limit: str) 
     assert tables.newest(rows, tables.TABLES[name].of) == rows[:2]
 
 
+LABS = [name for name, table in tables.TABLES.items() if table.rows in ("exploration", "exploration_live")]
+
+
+@pytest.mark.parametrize("name", LABS)
+def test_only_published_labs_with_their_own_noise_join_the_table(name: str) -> None:
+    way_m = {"way_m": tables.TABLES[name].of["way_m"]}
+    others = [row(100, noise=1, **way_m), row(5, **way_m), row(100, world="building", **way_m)]
+    published = row(100, **way_m)
+    assert tables.newest([published, *others], tables.TABLES[name].of) == [published]
+    newer = [row(5, "b", **way_m), row(100, "b", noise=1, **way_m)]
+    assert tables.newest([published, *newer], tables.TABLES[name].of) == [published]
+
+
+@pytest.mark.parametrize("name", LABS)
+def test_some_labs_at_newer_code_do_not_replace_all(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tables.TABLES[name]
+    monkeypatch.setattr(tables, "RESULTS", tmp_path)
+    of = {"way_m": table.of["way_m"]}
+    seeds = table.of["seed"]
+    old = [row(seed, "a", **of) for seed in seeds]
+    new = [row(seed, "b", commit="fedcba987654", **of) for seed in seeds]
+
+    def block(rows: list[Row], whole: bool = True) -> str:
+        (tmp_path / f"{table.rows}.jsonl").write_bytes(b"".join(msgspec.json.encode(each) + b"\n" for each in rows))
+        return "\n".join(tables.block(name, whole) or [])
+
+    kept = block(old)
+    assert block([*old, *new[:-1]]) == kept
+    assert capsys.readouterr().err == (
+        f"{name}: {len(seeds) - 1} newer rows, of fedcba9, lack seed {seeds[-1]}; until then {table.document} keeps "
+        "the last whole table\n"
+    )
+    partly = block([*old, *new[:-1]], whole=False)
+    assert partly.endswith(f".jsonl`, without seed {seeds[-1]}; commit fedcba9 (2026-11-23).*")
+    assert block(new[:-1]) == partly  # there is no whole one
+    assert CAPTION.fullmatch(partly.splitlines()[-1])
+    assert "commit fedcba9 (2026-11-23).*" in block([*old, *new])
+    assert "commit fedcba9 (2026-11-23).*" in block([*new, *old[:-1]])  # in whatever order they came
+    assert capsys.readouterr().err.count("\n") == 1
+
+
 def test_wheels_that_did_not_stop_are_counted_and_in_no_median() -> None:
     def fault(*turned_s: float) -> list[Row]:
         left = {"moved_before": False, "path_s": 0.1, "driving_s": 1.0, "stopped": True}
@@ -256,7 +299,7 @@ def test_rows_and_their_tables_go_together(tmp_path: Path, monkeypatch: pytest.M
     marks = "".join(f"<!-- {name} begin -->\nold {name}\n<!-- {name} end -->\n" for name in tables.TABLES)
     document.write_text(f"before\n{marks}after\n")
     store = Store(tmp_path / "exploration.jsonl", rooms=[])
-    store.add(row(1).asked, row(1).result)
+    store.add(row(100).asked, row(100).result)
     tables.render()
     text = document.read_text()
     assert "| lab | 3 to 3 | up to 8 | 1 | 50 | 50 | 400 |" in between(text, "growth")
@@ -272,7 +315,7 @@ def test_rows_and_their_tables_go_together(tmp_path: Path, monkeypatch: pytest.M
 def test_tables_older_than_their_code_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "RESULTS", tmp_path)
     assert tables.stale("resumed") == "resumed (docs/results.md): no rows are kept"
-    asked = {"seed": 1, **tables.TABLES["resumed"].of}
+    asked = {**tables.TABLES["resumed"].of, "seed": 100}
     Store(tmp_path / "resume.jsonl", rooms=tables.rooms_of("resume")).add(asked, {})
     assert tables.stale("resumed") == ""
     line = json.loads((tmp_path / "resume.jsonl").read_text())
