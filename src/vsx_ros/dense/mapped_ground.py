@@ -19,17 +19,11 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.kernels.occupancy.ground_map import Surfaces
-from vsx_ros.occupancy.anchored_poses import (
-    BUMP_STEP_M,
-    BUMP_STEP_RAD,
-    NEAREST,
-    TRAIL_STEP_M,
-    AnchoredPoses,
-    SuspectedObstacles,
-)
+from vsx_ros.occupancy.anchored_poses import BUMP_STEP_M, BUMP_STEP_RAD, NEAREST, TRAIL_STEP_M, AnchoredPoses
 from vsx_ros.occupancy.driven_ground import DriveHistory
 from vsx_ros.occupancy.grid import MAX_EXTENT_M, OccupancyGrid
 from vsx_ros.occupancy.ground_map import GroundMap
+from vsx_ros.occupancy.suspected_obstacles import SuspectedObstacles
 from vsx_ros.occupancy.zoned_grid import with_zones
 from vsx_ros.occupancy.zones import AnchoredZones, Zone
 from vsx_ros.slam.snapshot import MapSnapshot

@@ -1,11 +1,10 @@
-"""The base's trail, its bumps, and the places where its wheels turned without effect. All are stored relative to
-keyframes and move when the map is adjusted."""
+"""Poses of the base, such as its trail and its bumps, that are stored relative to keyframes and move when the map is
+adjusted."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -24,12 +23,6 @@ size: the body is wider, and a trail that is driven again and again must not gro
 _MOVED_M, _MOVED_RAD = 0.05, 0.03  # keyframes that moved less: no correction
 _AT_ONCE = 1000  # poses whose distances to all keyframes are computed together
 NEAREST = -1  # keyframe to tie a pose to; others to be tied to are stored as NEAREST - 1 - id
-_FIRST_NS = 20_000_000_000
-"""How long a spot is avoided at first where wheels turned without effect; twice as long each time it happens again."""
-_SAME_M, _SAME_RAD = 0.3, 0.8  # a push within this distance is at the same spot
-_DRIVEN_ON_M, _BESIDE_M = (0.1, 0.3), 0.1
-"""If the base stands this far ahead of a push, hardly to its side, the suspected obstacle is not there. Farther ahead,
-it may have come around the obstacle."""
 
 
 class AnchoredPoses:
@@ -196,57 +189,3 @@ class MapCorrections:
             nearest = np.linalg.norm(some[:, None, :2] - self._before[None, :, :2], axis=2).argmin(axis=1)
             rows[first : first + _AT_ONCE] = _composed(self._now[nearest], _relative(self._before[nearest], some))
         return [SE2(*row) for row in rows.tolist()]
-
-
-class _Expiry(NamedTuple):
-    """Until when a spot is active, and the length of its last period."""
-
-    until_ns: int
-    length_ns: int
-
-
-class SuspectedObstacles:
-    """Places with an obstacle that no bumper feels, or only a slippery floor. Call ``pushed`` and ``moved`` when they
-    happen; ``poses`` are those active now."""
-
-    def __init__(self) -> None:
-        self._spots = AnchoredPoses(BUMP_STEP_M, BUMP_STEP_RAD)
-        self._expiries: list[_Expiry] = []
-        self._latest: SE2 | None = None
-
-    def pushed(self, pose: SE2, now_ns: int) -> None:
-        """The base pushes against something ahead of this pose. The same pose again is the same push."""
-        if pose == self._latest:
-            return
-        self._latest = pose
-        for k, spot in enumerate(self._spots.last_poses()):
-            if spot.distance_to(pose) < _SAME_M and abs(spot.angle_to(pose)) < _SAME_RAD:
-                until_ns, length_ns = self._expiries[k]
-                length_ns *= 1 if now_ns < until_ns else 2
-                self._expiries[k] = _Expiry(now_ns + length_ns, length_ns)
-                return
-        self._spots.add(pose)
-        self._expiries.append(_Expiry(now_ns + _FIRST_NS, _FIRST_NS))
-
-    def moved(self, pose: SE2) -> None:
-        """The base is here; removes spots where it now stands in place of the obstacle."""
-        if self._expiries:
-            kept = [not _driven_on(spot, pose) for spot in self._spots.last_poses()]
-            self._spots.keep(kept)
-            self._expiries = list(compress(self._expiries, kept))
-
-    def count(self, now_ns: int) -> int:
-        """How many are active."""
-        return sum(now_ns < expiry.until_ns for expiry in self._expiries)
-
-    def poses(self, now_ns: int, keyframe_ids: IntArray, T_world_cams: Sequence[SE3]) -> list[SE2]:
-        """The active spots in a map of these keyframes (K,), ids ascending."""
-        spots = self._spots.poses(keyframe_ids, T_world_cams)
-        return [spot for spot, expiry in zip(spots, self._expiries, strict=True) if now_ns < expiry.until_ns]
-
-
-def _driven_on(push: SE2, pose: SE2) -> bool:
-    """Whether a base at ``pose`` has driven on from the push, through the place of the obstacle."""
-    on = push.inverse() @ pose
-    least_m, most_m = _DRIVEN_ON_M
-    return least_m < on.x < most_m and abs(on.y) < _BESIDE_M
