@@ -7,7 +7,14 @@ import pytest
 from test_hw_kobuki_protocol import CAPTURE
 
 from vsx_hw.kobuki.driver import KobukiDialect
-from vsx_hw.kobuki.feedback import KNOWN_FIRMWARE, Version, decode_version, objection
+from vsx_hw.kobuki.feedback import (
+    FIRMWARE_NUMBERS,
+    HARDWARE_NUMBERS,
+    KNOWN_FIRMWARE,
+    Version,
+    decode_version,
+    objection,
+)
 from vsx_hw.kobuki.protocol import encode_frame, sub_payloads
 from vsx_hw.kobuki.stream import StreamParser
 from vsx_hw.readings import Hazard
@@ -77,14 +84,17 @@ def test_answers_between_the_regular_parts_are_no_damage():
 
 
 def test_the_versions_of_old_firmware():
-    numbers = {123: (1, 0, 0), 110: (1, 1, 0), 10100: (1, 1, 0), 111: (1, 1, 1), 10101: (1, 1, 1), 104: (1, 0, 4)}
-    assert {number: decode_version(struct.pack("<H", number)) for number in numbers} == numbers
-    assert decode_version(bytes((0, 2, 1, 0))) == (1, 2, 0)
-    assert decode_version(None) is None
-    assert decode_version(bytes(3)) is None
+    numbers = {123: (1, 0, 0), 110: (1, 1, 0), 10100: (1, 1, 0), 111: (1, 1, 1), 10101: (1, 1, 1)}
+    told = {number: decode_version(struct.pack("<H", number), FIRMWARE_NUMBERS) for number in range(1 << 16)}
+    assert {number: version for number, version in told.items() if isinstance(version, Version)} == numbers
+    assert told[120] == struct.pack("<H", 120)
+    assert decode_version(struct.pack("<H", 104), HARDWARE_NUMBERS) == (1, 0, 4)
+    assert decode_version(bytes((0, 2, 1, 0)), FIRMWARE_NUMBERS) == (1, 2, 0)
+    assert decode_version(None, FIRMWARE_NUMBERS) is None
+    assert decode_version(bytes(3), FIRMWARE_NUMBERS) == bytes(3)
     for firmware in KNOWN_FIRMWARE:
         assert objection(firmware, Version(1, 0, 4)) == ""
-    for unknown in (Version(2, 0, 0), Version(1, 2, 1), Version(0, 0, 1), Version(1, 3, 0), None):
+    for unknown in (Version(2, 0, 0), Version(1, 2, 1), Version(0, 0, 1), Version(1, 3, 0), bytes((0, 2, 1, 9)), None):
         assert "flash 1.2.0" in objection(unknown, None)
     assert "not told its hardware version; " in objection(Version(1, 2, 0), None)
     assert "hardware 2.0.0 is unknown" in objection(Version(1, 2, 0), Version(2, 0, 0))

@@ -102,8 +102,14 @@ def test_undefined_charger_bytes_of_a_kobuki_are_told(monkeypatch):
     [
         ({2: bytes((11, 4, 0, 0, 2, 0))}, "firmware 2.0.0 speaks protocol 2"),
         ({2: bytes((11, 4, 0, 3, 1, 0))}, "firmware 1.3.0 is unknown"),
-        ({2: bytes((11, 2, 0x39, 0x30))}, "firmware 1.23.45 is unknown"),
+        ({2: bytes((11, 4, 0, 2, 1, 1))}, "firmware of the bytes 00 02 01 01 is unknown"),
+        ({2: bytes((11, 2, 0x39, 0x30))}, "firmware of the number 12345 is unknown"),
+        ({2: bytes((11, 2, 120, 0))}, "firmware of the number 120 is unknown"),
+        ({2: bytes((11, 2, 0xD8, 0x27))}, "firmware of the number 10200 is unknown"),
+        ({2: bytes((11, 2, 114, 0))}, "firmware of the number 114 is unknown"),
         ({1: bytes((10, 4, 0, 0, 2, 0))}, "hardware 2.0.0 is unknown"),
+        ({1: bytes((10, 4, 4, 0, 1, 1))}, "hardware of the bytes 04 00 01 01 is unknown"),
+        ({1: bytes((10, 2, 120, 0))}, "hardware of the number 120 is unknown"),
         ({1: b"", 2: b"", 8: b""}, "has not told its firmware"),
     ],
 )

@@ -33,8 +33,8 @@ class KobukiDialect(Dialect):
         self._parser.restart()
         self._clock = DeviceClock(1000, 16)
         self._commands_sent = 0
-        self.firmware: Version | None = None
-        self._hardware: Version | None = None
+        self.firmware: Version | bytes | None = None
+        self._hardware: Version | bytes | None = None
         self._hazards = Hazard.NONE
         self._rounding = TurnErrorFeedback()
 
@@ -70,7 +70,7 @@ class KobukiDialect(Dialect):
         if refusal and self.allow_unknown_firmware:
             warnings.append(f"{refusal.split(';')[0]}; allowed by ~allow_unknown_firmware")
             refusal = ""
-        if self.firmware is not None and self.firmware < STEADY_GYRO:
+        if isinstance(self.firmware, Version) and self.firmware < STEADY_GYRO:
             warnings.append(f"firmware {self.firmware}: the gyro drifts; flash 1.2.0")
         if core.charger not in CHARGER_STATES:
             warnings.append(f"charger state {core.charger} is unknown, taken for not charging; look at the charger")

@@ -39,7 +39,13 @@ class Version(NamedTuple):
 PROTOCOL = 1  # major version
 KNOWN_FIRMWARE = {Version(1, *rest) for rest in ((0, 0), (1, 0), (1, 1), (1, 2), (1, 3), (1, 4), (2, 0))}
 STEADY_GYRO = Version(1, 1, 4)  # from here on the gyro's heading can be trusted
-FIRST, FIRST_NUMBER = Version(1, 0, 0), 123  # reported as one number, before versions had parts
+# Firmware before 1.1.2 tells each version as one number.
+FIRMWARE_NUMBERS = {
+    123: Version(1, 0, 0),
+    **dict.fromkeys((110, 10100), Version(1, 1, 0)),
+    **dict.fromkeys((111, 10101), Version(1, 1, 1)),
+}
+HARDWARE_NUMBERS = {104: Version(1, 0, 4)}
 
 
 class Core(NamedTuple):
@@ -87,7 +93,8 @@ class Feedback(NamedTuple):
     """One verified frame; parts that the frame did not carry are None.
 
     dock_ir, cliff_adc: right, centre, left. current: left, right [10 mA]. analog: inputs 0-3, 12 bits of 3.3 V.
-    regular_parts: ids of the parts that every frame of a base carries, without answers to requests."""
+    hardware_version, firmware_version: bytes where they are no version that is documented. regular_parts: ids of the
+    parts that every frame of a base carries, without answers to requests."""
 
     core: Core
     inertia: Inertia | None = None
@@ -96,8 +103,8 @@ class Feedback(NamedTuple):
     current: tuple[int, int] | None = None
     gyro: RawGyro | None = None
     analog: tuple[int, int, int, int] | None = None
-    hardware_version: Version | None = None
-    firmware_version: Version | None = None
+    hardware_version: Version | bytes | None = None
+    firmware_version: Version | bytes | None = None
     udid: tuple[int, int, int] | None = None
     controller: ControllerInfo | None = None
     regular_parts: frozenset[int] = frozenset()
@@ -119,8 +126,8 @@ def decode(payload: bytes) -> Feedback | None:
         current=_exact("<2B", fields.get(6)),
         gyro=RawGyro(gyro[0], tuple(struct.iter_unpack("<hhh", gyro[2:]))) if gyro else None,
         analog=_exact("<2x4H6x", fields.get(16)),
-        hardware_version=decode_version(fields.get(10)),
-        firmware_version=decode_version(fields.get(11)),
+        hardware_version=decode_version(fields.get(10), HARDWARE_NUMBERS),
+        firmware_version=decode_version(fields.get(11), FIRMWARE_NUMBERS),
         udid=_exact("<3I", fields.get(19)),
         controller=ControllerInfo(*gains) if gains else None,
         regular_parts=frozenset(fields.keys() - ANSWERS),
@@ -156,19 +163,21 @@ def battery_of(decivolt: int, charger: int) -> BatteryReading:
     return BatteryReading(volt, min(1.0, max(0.0, fraction)), charging=charging, state=state, docked=docked)
 
 
-def decode_version(data: bytes | None) -> Version | None:
-    """Four bytes patch, minor, major, 0. Firmware before 1.1.2 sends one decimal number of two bytes: 110 and 10100
-    are 1.1.0, 111 and 10101 are 1.1.1, and 123, the first, is 1.0.0. None for another length."""
-    if data is None or len(data) not in (2, 4):
+def decode_version(data: bytes | None, numbers: dict[int, Version]) -> Version | bytes | None:
+    """Four bytes patch, minor, major, 0, or a number of two bytes that is in ``numbers``; any others as they are."""
+    if data is None:
         return None
-    if len(data) == 4:
+    if len(data) == 4 and data[3] == 0:
         return Version(data[2], data[1], data[0])
-    number = int.from_bytes(data, "little")
-    base = 100 if number >= 10_000 else 10
-    return FIRST if number == FIRST_NUMBER else Version(number // base**2, number // base % base, number % base)
+    return numbers.get(int.from_bytes(data, "little"), data) if len(data) == 2 else data
 
 
-def objection(firmware: Version | None, hardware: Version | None) -> str:
+def _undefined(data: bytes) -> str:
+    told = f"number {int.from_bytes(data, 'little')}" if len(data) == 2 else f"bytes {data.hex(' ')}"
+    return f"of the {told} is unknown"
+
+
+def objection(firmware: Version | bytes | None, hardware: Version | bytes | None) -> str:
     """Why a Kobuki of these versions must not be driven, with the remedy; empty for known versions."""
     remedy = (
         f"this driver knows {', '.join(map(str, sorted(KNOWN_FIRMWARE)))}: flash 1.2.0, "
@@ -176,6 +185,8 @@ def objection(firmware: Version | None, hardware: Version | None) -> str:
     )
     if firmware is None:
         return f"the Kobuki has not told its firmware version; {remedy}"
+    if isinstance(firmware, bytes):
+        return f"firmware {_undefined(firmware)}; {remedy}"
     if firmware.major != PROTOCOL:
         return f"firmware {firmware} speaks protocol {firmware.major}, not {PROTOCOL}; {remedy}"
     if firmware not in KNOWN_FIRMWARE:
@@ -183,6 +194,8 @@ def objection(firmware: Version | None, hardware: Version | None) -> str:
     allow = "set ~allow_unknown_firmware to drive it all the same"
     if hardware is None:
         return f"the Kobuki has not told its hardware version; switch it off and on, or {allow}"
+    if isinstance(hardware, bytes):
+        return f"hardware {_undefined(hardware)}; {allow}"
     if hardware.major != PROTOCOL:
         return f"hardware {hardware} is unknown, Kobukis are 1.x; {allow}"
     return ""
