@@ -195,6 +195,37 @@ def jpeg(rng: random.Random, data: bytes) -> bytes:
     return data[:2] + b"".join(k + struct.pack(">H", len(c) + 2) + c for k, c in segments) + data[at:]
 
 
+def tiff(rng: random.Random, data: bytes) -> bytes:
+    """Change, lose or double tags of a TIFF, in a directory at its end; all other places stay correct. Numbers of eight
+    bytes are stored where their tag says."""
+    order = "<" if data.startswith(b"II") else ">"
+    (at,) = struct.unpack_from(f"{order}I", data, 4)
+    (count,) = struct.unpack_from(f"{order}H", data, at)
+    tags = [list(struct.unpack_from(f"{order}HHII", data, at + 2 + 12 * k)) for k in range(count)]
+    if not tags or rng.random() < 0.2:
+        return raw(rng, data)
+    data += bytes(len(data) % 2)
+    for _ in range(rng.choice((1, 1, 2, 5))):
+        k = rng.randrange(len(tags))
+        kind = rng.randrange(6)
+        if kind == 0:
+            tags.insert(k + rng.randrange(2), [*tags[k][:3], integer(rng, 32)])
+        elif kind == 1:
+            tags[k][1:] = [rng.choice((16, 17, 13, 5, 12)), 1, len(data)]
+            data += struct.pack(f"{order}Q", integer(rng, 64))
+        elif kind == 2:
+            tags[k][1] = rng.randrange(19)
+        elif kind == 3 and len(tags) > 1:
+            del tags[k]
+        elif kind == 4:
+            tags[k][0] = rng.choice((256, 257, 258, 274, 277, 278, 322, 323, 338))
+        else:
+            tags[k][rng.choice((2, 3, 3))] = integer(rng, 32) & rng.choice((0xFFFF, 0xFFFFFFFF))
+    body = b"".join(struct.pack(f"{order}HHII", *tag) for tag in tags)
+    place = struct.pack(f"{order}I", len(data))
+    return data[:4] + place + data[8:] + struct.pack(f"{order}H", len(tags)) + body + bytes(4)
+
+
 def ros1_bag(rng: random.Random, data: bytes) -> bytes:
     """Change a field or the content of a record; content of a chunk before compression."""
     if rng.random() < 0.25:

@@ -225,6 +225,7 @@ def _by_suffix(rng: random.Random, path: Path) -> None:
         ".npy": mutations.array,
         ".png": mutations.png,
         ".jpg": mutations.jpeg,
+        ".tiff": mutations.tiff,
         ".zip": mutations.sealed,
         **dict.fromkeys((".pgm", ".stl", ".glb"), mutations.raw),
     }
@@ -291,7 +292,8 @@ READERS = [
         for kind, how in {
             "png": mutations.png,
             "jpg": mutations.jpeg,
-            **dict.fromkeys(("pgm", "bmp", "tiff"), mutations.raw),
+            "tiff": mutations.tiff,
+            **dict.fromkeys(("pgm", "bmp"), mutations.raw),
         }.items()
     ),
     Reader("png plan", samples.picture, (), mutations.png, load_plan),

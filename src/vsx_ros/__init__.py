@@ -1,6 +1,8 @@
 """vsx_ros: autonomous exploration of a building with one ordinary camera."""
 
 import logging
+import os
+import re
 import sys
 from importlib import resources
 
@@ -12,3 +14,17 @@ if sys.version_info < (3, 10):  # noqa: UP036  # only pip compares versions
 __version__ = resources.files(__name__).joinpath("version.txt").read_text(encoding="utf-8").strip()
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
+
+MAX_PIXELS = 2**25  # no image is larger: twice that of a 16 megapixel camera
+_OPENCV_LIMIT = "OPENCV_IO_MAX_IMAGE_PIXELS"  # it is read when cv2 is imported, which only modules below this do
+_OPENCV_UNITS = {"": 1, "kb": 2**10, "mb": 2**20}
+
+
+def _limit_opencv() -> None:
+    """Let OpenCV decode no larger image, whatever a file says of its size. A user's lower limit stays."""
+    told = re.fullmatch(r"([0-9]{1,18})(|KB|Kb|kb|MB|Mb|mb)", os.environ.get(_OPENCV_LIMIT, ""))
+    if told is None or int(told[1]) * _OPENCV_UNITS[told[2].lower()] > MAX_PIXELS:
+        os.environ[_OPENCV_LIMIT] = str(MAX_PIXELS)
+
+
+_limit_opencv()

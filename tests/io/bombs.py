@@ -23,6 +23,7 @@ from vsx_ros.io.slam_map_arrays import LAYOUT
 GIB = 2**30
 DEEP = 100_000
 ZEROS = bytes(2**24)
+PLACE = 8  # in a TIFF
 
 
 @cache
@@ -111,12 +112,24 @@ def png(width, height, depth=8, colour=0):
     return b"\x89PNG\r\n\x1a\n" + body
 
 
-def tiff(width, height):
-    """One strip of zeros, by deflate."""
+def tiff(width, height, *tags):
+    """One strip of zeros, by deflate. tags: (tag, type, count, value), after those that tell the size. The eight bytes
+    at PLACE hold the height, too."""
     packed = zlib_zeros(-(-width * height // len(ZEROS)) * len(ZEROS))
-    tags = {256: width, 257: height, 258: 8, 259: 8, 262: 1, 273: 8, 277: 1, 278: height, 279: len(packed)}
-    entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags.items())
-    return b"II*\0" + struct.pack("<I", 8 + len(packed)) + packed + struct.pack("<H", len(tags)) + entries + bytes(4)
+    size = [(256, 4, 1, width), (257, 4, 1, height)]
+    rest = {258: 8, 259: 8, 262: 1, 273: PLACE + 8, 277: 1, 278: height, 279: len(packed)}
+    told = sorted([*size, *tags, *((tag, 4, 1, value) for tag, value in rest.items())], key=lambda entry: entry[0])
+    if any(entry[:2] == (257, 16) for entry in tags):
+        told.remove(size[1])
+    entries = b"".join(struct.pack("<HHII", *entry) for entry in told)
+    body = struct.pack("<Q", height) + packed
+    return b"II*\0" + struct.pack("<I", 8 + len(body)) + body + struct.pack("<H", len(told)) + entries + bytes(4)
+
+
+def big_tiff(width, height):
+    """The header of a TIFF with places of 64 bits."""
+    entries = b"".join(struct.pack("<HHQQ", tag, 4, 1, value) for tag, value in {256: width, 257: height}.items())
+    return b"II+\0" + struct.pack("<HHQQ", 8, 0, 16, 2) + entries + bytes(8)
 
 
 def bmp(width, height):

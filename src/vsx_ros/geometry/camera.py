@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vsx_ros import MAX_PIXELS as MAX_PIXELS
 from vsx_ros.arrays import BoolArray, FloatArray, Pixels, Points3
 from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry import lens
 from vsx_ros.geometry.se3 import SE3
 
-MAX_PIXELS = 2**25  # no image is larger: twice that of a 16 megapixel camera
 VIEW_MIN_DEG, VIEW_MAX_DEG = 10.0, 150.0  # horizontal: what a planar image can hold
 FISHEYE_VIEW_MAX_DEG = 250.0  # the widest on the market
 BORDER = 1.1  # times the radius of the farthest corner: limit of predictions beyond the image
