@@ -19,6 +19,8 @@ def test_a_name_that_nobody_added_is_told_with_those_there_are() -> None:
         kinds["kinekt"]
     with pytest.raises(ConfigError, match="already"):
         kinds.add("v4l", 4)
+    with pytest.raises(ConfigError, match=r"the base 'mine' is added as 1.5; give int\(\.\.\.\), see docs"):
+        Registry("base", {"kobuki": 1}, int).add("mine", 1.5)
 
 
 def test_a_plugin_that_cannot_be_imported_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,16 +17,21 @@ T = TypeVar("T")
 
 
 class Registry(dict[str, T]):
-    """Entries by name. what: the kind of entry, for error messages."""
+    """Entries by name. what: the kind of entry, for error messages. kind: the type of all entries, if it is one."""
 
-    def __init__(self, what: str, entries: dict[str, T]) -> None:
+    def __init__(self, what: str, entries: dict[str, T], kind: type = object) -> None:
         super().__init__(entries)
-        self._what = what
+        self._what, self._kind = what, kind
 
     def add(self, name: str, entry: T) -> None:
-        """Add an entry. Raises ConfigError for a name that is taken."""
+        """Add an entry. Raises ConfigError for a name that is taken, and for an entry of another type."""
         if name in self:
             raise ConfigError(f"there is a {self._what} named {name!r} already; give this one another name")
+        if not isinstance(entry, self._kind):
+            kind = self._kind.__name__
+            raise ConfigError(
+                f"the {self._what} {name!r} is added as {entry!r}; give {kind}(...), see docs/how-to/extend.md"
+            )
         self[name] = entry
 
     def __missing__(self, name: str) -> T:

@@ -15,13 +15,14 @@ import rospy
 from vsx_hw.readings import ImageReading
 from vsx_ros.arrays import GrayImage
 from vsx_ros.errors import ConfigError
-from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.camera import KINECT_SHUTTER, PinholeCamera, Shutter
 from vsx_ros.ros import headers, topic_camera
-from vsx_ros.ros.cameras import CameraCalibration, nominal, open_camera
+from vsx_ros.ros.cameras import CAMERAS, CameraCalibration, CameraEntry, nominal, open_camera
 from vsx_ros.ros.topic_camera import TopicCamera
 
 DEVICE = "ros:/cam/image_raw"
 MEASURED = PinholeCamera(640, 480, 511.0, 512.0, 321.0, 243.0)
+SHUTTERED = PinholeCamera(640, 480, 400.0, 400.0, 319.5, 239.5, shutter=Shutter(0.01, 0.005))
 
 
 @pytest.mark.parametrize(("size", "focal", "centre"), [((640, 480), 525, 239.5), ((1280, 1024), 1050, 479.5)])
@@ -40,6 +41,27 @@ def test_an_uncalibrated_kinect_has_nominal_values_in_every_mode(
 def test_a_device_or_mode_without_meaning_is_refused(device: str, mode: str) -> None:
     with pytest.raises(ConfigError, match="give"):
         open_camera(device, lambda reading: None, mode)
+
+
+@pytest.mark.parametrize("name", ["folder", "kinect2", "rosbag", "v4l2", "emulators"])
+def test_a_plug_in_camera_is_what_its_entry_says_whatever_its_name_begins_with(
+    name: str, monkeypatch: pytest.MonkeyPatch, warned: list[str]
+) -> None:
+    monkeypatch.setitem(CAMERAS, name, CameraEntry(lambda _: SimpleNamespace()))
+    source = SimpleNamespace(calibration=None, serial="nobody_has_this_one")
+    seen = CameraCalibration(f"{name}:x", "").of(source, 1280, 720)
+    assert (seen.cx, seen.cy, seen.shutter) == (639.5, 359.5, None)
+    monkeypatch.setitem(CAMERAS, name, CameraEntry(lambda _: SimpleNamespace(), lambda *_: SHUTTERED))
+    assert CameraCalibration(f"{name}:x", "").of(source, 640, 480) == SHUTTERED
+    source.calibration = MEASURED
+    assert CameraCalibration(f"{name}:x", "").of(source, 640, 480) == replace(MEASURED, shutter=SHUTTERED.shutter)
+    assert warned
+
+
+def test_a_kinect_has_its_shutter_also_with_a_calibration_that_does_not_know_it() -> None:
+    source = SimpleNamespace(calibration=MEASURED, serial="nobody_has_this_one")
+    for device, shutter in (("kinect", KINECT_SHUTTER), ("kinect:A0", KINECT_SHUTTER), ("v4l:0", None)):
+        assert CameraCalibration(device, "").of(source, 640, 480) == replace(MEASURED, shutter=shutter)
 
 
 def test_a_calibration_that_comes_after_the_first_image_is_used(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,5 @@
 """Cameras by name, for the node ``camera``: their settings, drivers and calibrations."""
 
-import dataclasses
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -76,14 +75,29 @@ def _v4l(wanted: CameraSettings) -> Camera:
     return V4lCamera(int(wanted.name), wanted.on_image, mode=mode, lock_exposure=locked, latency_s=latency_s)
 
 
-CAMERAS: Registry[Callable[[CameraSettings], Camera]] = Registry(
+def _nominal_kinect(width: int, height: int) -> PinholeCamera:
+    """A Kinect's 4:3 image is the upper part of its 1280 x 1024 image, so the optical centre lies above the middle of
+    the latter."""
+    return replace(nominal_camera(width, width * 3 // 4), height=height, shutter=KINECT_SHUTTER)
+
+
+class CameraEntry(NamedTuple):
+    """One kind of camera. driver: makes it. nominal: from width and height of its images [px] to what is assumed where
+    nothing was measured; the shutter also where only that is missing."""
+
+    driver: Callable[[CameraSettings], Camera]
+    nominal: Callable[[int, int], PinholeCamera] = nominal_camera
+
+
+CAMERAS: Registry[CameraEntry] = Registry(
     "camera",
     {
-        "kinect": _on_usb,
-        "emulator": _emulated,
-        "v4l": _v4l,
-        "ros": lambda wanted: TopicCamera(wanted.name, wanted.on_image),
+        "kinect": CameraEntry(_on_usb, _nominal_kinect),
+        "emulator": CameraEntry(_emulated, _nominal_kinect),
+        "v4l": CameraEntry(_v4l),
+        "ros": CameraEntry(lambda wanted: TopicCamera(wanted.name, wanted.on_image)),
     },
+    CameraEntry,
 )
 
 
@@ -98,7 +112,7 @@ def open_camera(
     ~device."""
     kind, _, name = device.partition(":")
     settings = CameraSettings(name, on_image, mode=mode, lock_exposure=lock_exposure, latency_s=latency_s)
-    return CAMERAS[kind](settings)
+    return CAMERAS[kind].driver(settings)
 
 
 class CameraCalibration:
@@ -128,9 +142,10 @@ class CameraCalibration:
                 size = measured.width, measured.height
                 rospy.logwarn("calibration is of %dx%d, images are %dx%d", *size, width, height)
         self._refused, self.known = refused, camera is not None
-        camera = camera or nominal(self._device, width, height)
-        if camera.shutter is None and self._device.startswith(("kinect", "emulator")):
-            camera = replace(camera, shutter=KINECT_SHUTTER)
+        assumed = nominal(self._device, width, height)
+        camera = camera or assumed
+        if camera.shutter is None:
+            camera = replace(camera, shutter=assumed.shutter)
         self._camera = camera
         return camera
 
@@ -173,11 +188,8 @@ class CameraCalibration:
 
 
 def nominal(device: str, width: int, height: int) -> PinholeCamera:
-    """Assumed calibration of an uncalibrated camera. A Kinect's 4:3 image is the upper part of its 1280 x 1024 image,
-    so the optical centre lies above the middle of the latter."""
-    if device.startswith(("v4l", "ros")):
-        return nominal_camera(width, height)
-    return dataclasses.replace(nominal_camera(width, width * 3 // 4), height=height)
+    """Assumed calibration of an uncalibrated camera. Raises ConfigError for an unknown kind of camera."""
+    return CAMERAS[device.partition(":")[0]].nominal(width, height)
 
 
 def _path(url: str) -> Path:
