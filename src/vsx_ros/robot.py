@@ -22,6 +22,7 @@ _ORIGIN_M, _ORIGIN_RAD = 0.001, 0.001  # a restarted base reports 0; rounding in
 UNSURE_HEADING_RAD2 = 1.0  # in odometry messages: from this variance on, the heading counts as unknown
 EMERGENCY_STOP = "emergency stop"
 MAP_FRAME, ODOM_FRAME = "map", "odom"
+BASE_FRAME, BODY_FRAME = "base_footprint", "base_link"  # on the floor, and the same above it
 _JITTER_M = 0.002  # between two poses
 _SPEED_OVER_NS = 100_000_000  # in a shorter time a step of 1 mm, as encoders have, looks like a speed
 _CARRIED_NS = 200_000_000  # 10 readings: at full speed, changes of speed cause an error of 1 cm in that time

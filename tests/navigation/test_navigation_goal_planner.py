@@ -51,13 +51,6 @@ def test_a_frame_that_is_neither_map_nor_odom_is_refused(plans: GoalPlanner, fra
     assert repr(frame) in refused(plans.plan(START, GOAL, frame))
 
 
-def test_start_and_goal_in_two_frames_are_refused(plans: GoalPlanner) -> None:
-    plans.take_grid(room(), 1)
-    assert isinstance(plans.plan_between(("map", START), ("map", GOAL)), Plan)
-    for start, goal in (("odom", "map"), ("map", "odom"), ("", "map")):
-        assert "give both in one" in refused(plans.plan_between((start, START), (goal, GOAL)))
-
-
 def test_a_planner_of_another_name_is_named() -> None:
     with pytest.raises(ConfigError, match="no planner named 'dwa'; give one of fov, unconstrained"):
         GoalPlanner(Config(), "dwa", 1)

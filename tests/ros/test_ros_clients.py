@@ -137,28 +137,37 @@ def test_a_number_is_echoed_as_a_table(stack: Stack) -> None:
     assert all(0.0 < latency_ms < 1e5 for latency_ms in latencies_ms)
 
 
-@pytest.mark.parametrize("frame", [topics.MAP_FRAME, f"/{topics.MAP_FRAME}", topics.ODOM_FRAME])
+@pytest.mark.parametrize("frame", [topics.MAP_FRAME, f"/{topics.MAP_FRAME}", topics.ODOM_FRAME, topics.BODY_FRAME])
 def test_a_client_of_move_base_is_driven_to_its_goal(stack: Stack, frame: str) -> None:
-    """The robot stands while exploration pauses; ahead is what it was about to drive over, perhaps in an arc."""
+    """The robot stands while exploration pauses; ahead is what it was about to drive over, perhaps in an arc. All goals
+    are planned in the map."""
     pause(stack)
     try:
         wait_until_standing(stack)
-        start = base_in(frame.lstrip("/"))
+        told = topics.ODOM_FRAME if frame == topics.ODOM_FRAME else topics.MAP_FRAME
+        start = base_in(told)
+        origin = SE2() if frame == topics.BODY_FRAME else start
         client = actionlib.SimpleActionClient(f"/{topics.MOVE_BASE_ACTION}", MoveBaseAction)
         assert client.wait_for_server(rospy.Duration(PATIENCE_S))
         fed: list[float] = []
+        paths: list[PathMsg] = []
+        listener = rospy.Subscriber(f"/{topics.GLOBAL_PLAN}", PathMsg, paths.append, queue_size=5)
+        stack.wait(lambda: paths, "the explorer's last plan", 20.0)
+        paths.clear()
         for way_m, turn_rad in itertools.product((AHEAD_M, -AHEAD_M), (0.0, 0.4, -0.4)):
             goal = SE2.exp(way_m, turn_rad)
-            target = convert.pose_stamped(frame, time.time_ns(), start @ goal)
+            target = convert.pose_stamped(frame, time.time_ns(), origin @ goal)
             client.send_goal(MoveBaseGoal(target), feedback_cb=lambda f: fed.append(f.base_position.pose.position.x))
             assert client.wait_for_result(rospy.Duration(PATIENCE_S)), "no result"
             if client.get_state() == GoalStatus.SUCCEEDED:
                 break
         assert client.get_state() == GoalStatus.SUCCEEDED, client.get_goal_status_text()
         assert fed
-        reached = start.inverse() @ base_in(frame.lstrip("/"))
+        assert {paths.pop().header.frame_id for _ in range(len(paths))} == {topics.MAP_FRAME}
+        reached = start.inverse() @ base_in(told)
         assert reached.x == pytest.approx(goal.x, abs=0.1)
         assert reached.y == pytest.approx(goal.y, abs=0.1)
+        listener.unregister()
         left = heard(topics.TRAJECTORY, MultiDOFJointTrajectory)
         assert left.points == [], "a follower that starts again would drive there once more"
     finally:
@@ -211,21 +220,34 @@ def test_a_client_of_dynamic_reconfigure_slows_it_down(stack: Stack) -> None:
         client.close()
 
 
-def test_make_plan_answers_without_driving(stack: Stack) -> None:
-    start = convert.pose_stamped(topics.ODOM_FRAME, 0, SE2())
-    goal = convert.pose_stamped(topics.ODOM_FRAME, 0, SE2(0.5, 0.0, 0.0))
-    plan = rospy.ServiceProxy(f"/{topics.MAKE_PLAN}", GetPlan)(start, goal, 0.1).plan
-    ends = plan.poses[0].pose.position.x, plan.poses[-1].pose.position.x
-    assert ends == pytest.approx((0.0, 0.5), abs=1e-6)
-    assert plan.header.frame_id == topics.ODOM_FRAME
+def test_make_plan_answers_in_the_map_without_driving(stack: Stack) -> None:
+    """From a start by odometry to a goal in the map."""
+    pause(stack)
+    try:
+        wait_until_standing(stack)
+        start, here = convert.pose_stamped(topics.ODOM_FRAME, 0, base_in(topics.ODOM_FRAME)), base_in(topics.MAP_FRAME)
+        rospy.wait_for_service(f"/{topics.MAKE_PLAN}", PATIENCE_S)
+        make_plan = rospy.ServiceProxy(f"/{topics.MAKE_PLAN}", GetPlan)
+        for way_m, turn_rad in itertools.product((AHEAD_M, -AHEAD_M), (0.0, 0.4, -0.4)):
+            goal = here @ SE2.exp(way_m, turn_rad)
+            plan = make_plan(start, convert.pose_stamped(topics.MAP_FRAME, 0, goal), 0.1).plan
+            if plan.poses:
+                break
+        first, last = (plan.poses[k].pose.position for k in (0, -1))
+        assert (first.x, first.y) == pytest.approx((here.x, here.y), abs=0.05)
+        assert (last.x, last.y) == pytest.approx((goal.x, goal.y), abs=1e-6)
+        assert plan.header.frame_id == topics.MAP_FRAME
+    finally:
+        call(topics.EXPLORE_RESUME)
+    stack.wait_until_driving()
 
 
-def test_make_plan_refuses_a_start_in_another_frame_than_its_goal(stack: Stack) -> None:
-    start = convert.pose_stamped(topics.ODOM_FRAME, 0, SE2())
+def test_make_plan_refuses_a_frame_that_it_does_not_know(stack: Stack) -> None:
+    start = convert.pose_stamped(topics.OPTICAL_FRAME, 0, SE2())
     goal = convert.pose_stamped(topics.MAP_FRAME, 0, SE2(0.1, 0.0, 0.0))
     rospy.wait_for_service(f"/{topics.MAKE_PLAN}", PATIENCE_S)
     assert rospy.ServiceProxy(f"/{topics.MAKE_PLAN}", GetPlan)(start, goal, 0.1).plan.poses == []
-    assert "make_plan: the start is in frame 'odom', the goal in 'map'" in stack.logs()
+    assert "make_plan: goals are in map, odom, base_footprint or base_link, not in frame" in stack.logs()
 
 
 def test_make_plan_refuses_a_goal_without_a_heading(stack: Stack) -> None:

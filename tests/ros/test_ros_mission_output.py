@@ -13,13 +13,14 @@ pytest.importorskip("rospy")
 
 from actionlib.action_client import ClientGoalHandle, CommStateMachine
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
-from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult
+from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, MoveBaseGoal
 
 from vsx_ros.control.localization import LocalizationState
+from vsx_ros.errors import InputError
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, SavedMission
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import mission_output
+from vsx_ros.ros import convert, driving, headers, mission_output
 from vsx_ros.ros.driving import SHUTTING_DOWN
 from vsx_ros.ros.mission_output import TAKEN_WITHIN_S, GoalSender, MissionTopics, MissionWriter
 from vsx_ros.runs.checkpoint import CheckpointData
@@ -35,7 +36,7 @@ class Sent:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 50.0
         monkeypatch.setattr(mission_output.time, "monotonic", lambda: self.now_s)
-        self.cancelled: list[GoalID] = []
+        self.cancelled, self.goals = list[GoalID](), list[MoveBaseGoal]()
         self._machine = CommStateMachine(
             MoveBaseActionGoal(goal_id=GoalID(id="one")), None, None, lambda _: None, self.cancelled.append
         )
@@ -43,7 +44,8 @@ class Sent:
         self.goal = GoalSender()
         self.goal.act(0, Decision(Action.GO, SE2(), "map", "", ""))
 
-    def send_goal(self, _: object) -> ClientGoalHandle:
+    def send_goal(self, goal: MoveBaseGoal) -> ClientGoalHandle:
+        self.goals.append(goal)
         return ClientGoalHandle(self._machine)
 
     def tell(self, status: int, text: str = "") -> None:
@@ -93,6 +95,21 @@ def test_a_goal_that_a_new_move_base_does_not_know_is_lost(sent: Sent) -> None:
 def test_a_goal_that_move_base_leaves_for_itself_has_not_failed(sent: Sent, status: int, reason: str) -> None:
     sent.end(status, reason)
     assert sent.goal.state() == (NavigationState.LOST, reason)
+
+
+@pytest.mark.parametrize("prefix", ["", "robot1"])
+def test_only_the_explorer_s_own_drives_by_odometry_leave_the_map_out(
+    sent: Sent, prefix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(headers, "_prefix", prefix)
+    ahead, where = SE2(0.5, 0.0, 0.0), LocalizationState(SE2(1.0, 0.0, 0.0), Odometry(0, SE2(0.0, 3.0, 0.0)))
+    for frame, wanted in (("odom", (ahead, "odom")), ("map", (ahead, "map"))):
+        sent.goal.act(0, Decision(Action.GO, ahead, frame, "", ""))
+        assert driving.wanted_goal(sent.goals[-1].target_pose, where) == wanted
+    user_s = convert.pose_stamped("odom", 0, ahead)
+    assert driving.wanted_goal(user_s, where) == (SE2(1.5, -3.0, 0.0), "map")
+    with pytest.raises(InputError, match="does not know yet"):
+        driving.wanted_goal(user_s, where._replace(T_map_base=None))
 
 
 class Session:

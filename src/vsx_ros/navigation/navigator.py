@@ -107,14 +107,6 @@ class GoalPlanner:
     def _keep_out(self, grid: OccupancyGrid) -> KeepOut:
         return KeepOut(grid, self._config.robot.radius_m)
 
-    def plan_between(self, start: tuple[str, SE2], goal: tuple[str, SE2]) -> Plan | Refusal:
-        """As ``plan``, for poses that each name their frame."""
-        if start[0] != goal[0]:
-            return Refusal(
-                RefusalKind.INFEASIBLE, f"the start is in frame {start[0]!r}, the goal in {goal[0]!r}; give both in one"
-            )
-        return self.plan(start[1], goal[1], goal[0])
-
     def _visibility(self) -> Visibility | None:
         """What to keep in view; None when no landmarks belong to the present map."""
         if len(self._landmarks) == 0 or abs(self._landmarks_ns - self._grid_ns) > _SAME_MAP_NS:

@@ -22,10 +22,12 @@ from nav_msgs.msg import Path as PathMsg
 from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
+from vsx_ros.control.localization import LocalizationState
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.follower import FollowerReport, decode_report
+from vsx_ros.navigation.goal_frames import in_map
 from vsx_ros.planning.path import Plan, Trajectory
 from vsx_ros.robot import VelocityCommand
 from vsx_ros.ros import convert, headers, topics
@@ -127,6 +129,13 @@ def relay_simple_goals() -> None:
         goals_pub.publish(MoveBaseActionGoal(goal_id=identity, goal=MoveBaseGoal(msg)))
 
     subscribe(topics.SIMPLE_GOAL, PoseStamped, relay, queue_size=1)
+
+
+def wanted_goal(target: PoseStamped, where: LocalizationState) -> tuple[SE2, str]:
+    """The goal of a message, and the frame to drive in: the map, or odom for a client that asks for it. Raises
+    InputError as ``in_map``, and for no pose."""
+    goal, frame = convert.se2(target.pose), headers.bare(target.header.frame_id)
+    return (goal, topics.ODOM_FRAME) if frame == topics.BLIND_FRAME else (in_map(goal, frame, where), topics.MAP_FRAME)
 
 
 def goal_server(execute: Callable[[MoveBaseGoal], None]) -> actionlib.SimpleActionServer:

@@ -21,7 +21,7 @@ from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import Frontier
-from vsx_ros.robot import DrivenDistance
+from vsx_ros.robot import ODOM_FRAME, DrivenDistance
 from vsx_ros.ros import convert, headers, logs, node, threads, topics
 from vsx_ros.ros.callbacks import hear_odometry
 from vsx_ros.ros.driving import SHUTTING_DOWN
@@ -206,7 +206,7 @@ class GoalSender:
         """Send the goal of a decision, or cancel our current goal. Other goals stay: during a pause another client may
         send one."""
         if decision.action is Action.GO and decision.goal is not None:
-            self.send(now_ns, decision.frame, decision.goal)
+            self.send(now_ns, topics.BLIND_FRAME if decision.frame == ODOM_FRAME else decision.frame, decision.goal)
         elif decision.action in (Action.CANCEL, Action.FINISH):
             self.cancel()
 

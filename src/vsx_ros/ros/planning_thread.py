@@ -21,6 +21,7 @@ from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.navigation.goal_execution import PlanRequest
+from vsx_ros.navigation.goal_frames import in_map
 from vsx_ros.navigation.navigator import GoalPlanner
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal, TimedPlan
@@ -29,16 +30,17 @@ from vsx_ros.ros import convert, headers, threads, topics
 from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.ros.driving import path_msg
 from vsx_ros.ros.logs import OK, Diagnostics
+from vsx_ros.ros.situation import LocalizationSubscriber
 from vsx_ros.ros.zones import ZonedMap
 
 
 class PlanningThread:
     """Subscribers: map, zones, vslam/map_points. Publishers: move_base/stats/plan_ms. Services: move_base/make_plan."""
 
-    def __init__(self, config: Config, diagnostics: Diagnostics) -> None:
+    def __init__(self, config: Config, diagnostics: Diagnostics, where: LocalizationSubscriber) -> None:
         """Raises ConfigError for an unknown ~planner."""
         kind, seed = str(rospy.get_param("~planner", "fov")), int(rospy.get_param("~seed", 0))
-        self._planner, self._diagnostics = GoalPlanner(config, kind, seed), diagnostics
+        self._planner, self._diagnostics, self._where = GoalPlanner(config, kind, seed), diagnostics, where
         warm_up("planning")
         self._lock = threading.Lock()
         self._requests: queue.SimpleQueue[PlanRequest] = queue.SimpleQueue()
@@ -96,14 +98,14 @@ class PlanningThread:
         self._planner.take_landmarks(convert.cloud_points(msg), msg.header.stamp.to_nsec())
 
     def _on_make_plan(self, request: GetPlanRequest) -> GetPlanResponse:
-        """Answers without poses if there is no plan; the log gives the reason."""
+        """Answers in the map; without poses if there is no plan, and then the log gives the reason."""
         try:
-            ends = request.start, request.goal
-            start, goal = ((headers.bare(end.header.frame_id), convert.se2(end.pose)) for end in ends)
+            ends, where = (request.start, request.goal), self._where.at(headers.now_ns())
+            start, goal = (in_map(convert.se2(end.pose), headers.bare(end.header.frame_id), where) for end in ends)
             with self._lock:
-                plan = self._planner.plan_between(start, goal)
+                plan = self._planner.plan(start, goal, MAP_FRAME)
             if isinstance(plan, Plan):
-                return GetPlanResponse(path_msg(plan, goal[0]))
+                return GetPlanResponse(path_msg(plan, MAP_FRAME))
             refusal = plan.reason
         except VsxError as error:
             refusal = str(error)

@@ -2,6 +2,8 @@
 
 ``PUBLISHED`` and ``SERVICES`` are the node graph; documentation and tests read it from here."""
 
+from vsx_ros.robot import BASE_FRAME as BASE_FRAME
+from vsx_ros.robot import BODY_FRAME as BODY_FRAME
 from vsx_ros.robot import MAP_FRAME as MAP_FRAME
 from vsx_ros.robot import ODOM_FRAME as ODOM_FRAME
 
@@ -39,12 +41,11 @@ def _service(name: str, kind: str, node: str) -> str:
 
 # Frames (REP 103, 105, 120): map -> odom -> base_footprint -> base_link -> camera_link -> camera_rgb_frame
 # -> camera_rgb_optical_frame; base_link -> gyro_link.
-BASE_FRAME = "base_footprint"
-BODY_FRAME = "base_link"
 GYRO_FRAME = "gyro_link"
 CAMERA_LINK_FRAME = "camera_link"
 CAMERA_FRAME = "camera_rgb_frame"
 OPTICAL_FRAME = "camera_rgb_optical_frame"
+BLIND_FRAME = "odom_blind"  # not in tf: a goal in odom of a client that wants it driven to without the map
 
 # tf is global by convention.
 TF = _topic("/tf", "tf2_msgs/TFMessage", "mobile_base", "vslam")

@@ -4,14 +4,14 @@ Subscribers: map, zones, vslam/map_points, odom, vslam/pose, vslam/state, move_b
     move_base/lease.
 Publishers: move_base/global_plan, move_base/trajectory (latched; the header stamp is its identity; one point with only
     a deceleration: stop along the path; no points: stop at once), move_base/stats/plan_ms, follower/lease.
-Services: move_base/make_plan, move_base/preview_goal.
-Actions: move_base. Goals in frame map are planned in the newest map from the fused pose, goals in frame odom by
-    odometry alone: straight or along the trail, without a map. Plans keep the map points in view, drive slowly where
-    they cannot, and are refused if that part would be long; points much older or newer than the map do not count.
-    While the operator holds the wheels a goal waits; then it is planned anew.
+Services: move_base/make_plan (frames as of goals; the answer is in map), move_base/preview_goal.
+Actions: move_base. Goals are planned in the newest map from the fused pose; those in odom, base_footprint or base_link
+    become goals in the map when they come. Goals in odom_blind (explore: first drive, way back) are in odom and driven
+    to by odometry alone. Plans keep the map points in view, drive slowly where they cannot, and are refused if that
+    part would be long; points of another time than the map's do not count. A goal waits while the operator holds the
+    wheels; then it is planned anew.
 Parameters: ~config (tree of 'vsx config'), ~planner (fov, unconstrained, paper or a plug-in's; fov), ~seed (int, 0).
-    While it runs, dynamic_reconfigure changes these for later plans: ~v_m_s and ~omega_rad_s (up to the configured
-    limits), ~phi_rad_m.
+    dynamic_reconfigure changes for later plans: ~v_m_s and ~omega_rad_s (up to the configured limits), ~phi_rad_m.
 
 Once a client has renewed move_base/lease, it must continue to do so while its goal is pursued."""
 
@@ -45,7 +45,7 @@ class MoveBaseNode:
         self._pursuing, self._execution = threading.Lock(), GoalExecution(config)
         self._follower, self._where = FollowerLink(), LocalizationSubscriber()
         self._diagnostics = Diagnostics()
-        self._planner = PlanningThread(config, self._diagnostics)
+        self._planner = PlanningThread(config, self._diagnostics, self._where)
         GoalPreview(self._planner, self._where)
         self._clients = LeaseWatch(topics.NAVIGATION_LEASE)
         self._lease = Lease(topics.FOLLOWER_LEASE, "move_base")
@@ -67,11 +67,11 @@ class MoveBaseNode:
 
     def _pursue(self, target: PoseStamped) -> Done:
         """Step the execution until the goal ends; a goal replaced by a new one ends while the base still brakes."""
-        frame = headers.bare(target.header.frame_id)
         client = str(self._server.current_goal.get_goal_id().id).split("-")[0]
         self._clients.heard(client)  # its first renewal may come after its goal
         try:
-            self._execution.begin(headers.timer_ns(), convert.se2(target.pose), frame)
+            goal, frame = driving.wanted_goal(target, self._where.at(headers.now_ns()))
+            self._execution.begin(headers.timer_ns(), goal, frame)
         except VsxError as error:
             return Done(False, str(error))
         while not threads.is_ending():
