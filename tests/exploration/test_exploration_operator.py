@@ -215,6 +215,56 @@ def test_held_wheels_come_before_a_goal_of_the_user():
     assert mission.state is MissionState.MAPPING
 
 
+CANCELLED = {"navigation": NavigationState.CANCELLED, "navigation_reason": "cancelled by the client"}
+
+
+@pytest.mark.parametrize("slam_state", [TrackingState.GOOD, TrackingState.NOT_INITIALISED, TrackingState.LOST])
+def test_a_drive_that_somebody_has_cancelled_pauses_the_exploration_and_blames_nobody(slam_state):
+    mission = mapping_mission() if slam_state is TrackingState.GOOD else Mission(Config(), euclid)
+    known = situation(slam_state=slam_state)
+    mission.decide(2 * SECOND, known)
+    state, _ = mission.state, mission.drain_events()
+    for k in range(3, 60):
+        decision = mission.decide(k * SECOND, known._replace(**CANCELLED))
+        assert decision.action is Action.WAIT
+        assert decision.reason.startswith("paused: somebody has cancelled the drive (cancelled by the client)")
+    assert (mission.state, mission.paused_by) == (MissionState.PAUSED, {OPERATOR})
+    assert [event.state for event in mission.drain_events()] == ["paused"], "told once"
+    mission.resume(60 * SECOND)
+    assert mission.state is state
+    again = [mission.decide((60 + k) * SECOND, known._replace(**CANCELLED)).action for k in range(9)]
+    assert Action.GO in again, "it goes on, with the cancelled goal still the last one"
+    assert blamed(mission, 70 * SECOND) == 0
+
+
+def test_every_cancellation_pauses_it_and_none_makes_a_view_worse():
+    mission, goals = mapping_mission(), []
+    for k in range(5):
+        mission.decide((20 * k + 3) * SECOND, situation(navigation=NavigationState.ACTIVE))
+        mission.decide((20 * k + 4) * SECOND, situation(**CANCELLED))
+        assert mission.state is MissionState.PAUSED
+        mission.resume((20 * k + 5) * SECOND)
+        goals += [mission.decide((20 * k + 6) * SECOND, situation(**CANCELLED)).goal]
+    assert goals == goals[:1] * 5
+
+
+def test_a_drive_that_another_goal_has_replaced_blames_nobody_and_it_goes_on():
+    mission = mapping_mission()
+    replaced = situation(navigation=NavigationState.REPLACED, navigation_reason="replaced by another goal")
+    assert mission.decide(2 * SECOND, replaced).action is Action.WAIT
+    assert mission.decide(3 * SECOND, replaced).action is Action.GO
+    assert blamed(mission, 3 * SECOND) == 0
+
+
+def test_a_cancellation_while_the_wheels_are_held_or_by_a_user_s_goal_is_no_pause():
+    for claim in ({"held": STOPPED}, {"user_goal": GOAL}):
+        mission = mapping_mission()
+        mission.decide(2 * SECOND, situation(**CANCELLED, **claim))
+        mission.decide(3 * SECOND, situation(**CANCELLED))
+        assert mission.state is MissionState.MAPPING
+        assert blamed(mission, 3 * SECOND) == 0
+
+
 def test_goals_of_others_are_told_from_ours():
     goals = UserGoals("/explore-")
     goals.sent(0, "/explore-1-2.5")

@@ -140,6 +140,15 @@ def test_without_a_way_to_any_place_it_tells_the_planners_reason():
     assert docking.reason == "no way to the dock: the goal is not free"
 
 
+@pytest.mark.parametrize("navigation", [NavigationState.CANCELLED, NavigationState.REPLACED])
+def test_who_ends_the_drive_to_the_dock_ends_the_docking(navigation):
+    docking = begun()
+    assert docking.step(1, seen()).goal is not None
+    act = docking.step(2, seen(navigation=navigation, navigation_reason="by somebody"))
+    assert (docking.state, act.goal) == (DockingState.FAILED, None)
+    assert docking.reason == "somebody else has ended the drive to the dock: by somebody"
+
+
 def test_a_base_that_cannot_leave_its_dock_gives_up():
     docking, now_ns = Docking(DockingConfig(), 0), 0
     docking.undock(0)

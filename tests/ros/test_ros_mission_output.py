@@ -97,6 +97,29 @@ def test_a_goal_that_move_base_leaves_for_itself_has_not_failed(sent: Sent, stat
     assert sent.goal.state() == (NavigationState.LOST, reason)
 
 
+@pytest.mark.parametrize(
+    ("reason", "state"),
+    [
+        (driving.CANCELLED, NavigationState.CANCELLED),
+        (driving.FOLLOWER_CANCELLED, NavigationState.CANCELLED),
+        (driving.REPLACED, NavigationState.REPLACED),
+    ],
+)
+def test_a_goal_that_others_end_is_told_from_one_that_we_cancel(
+    sent: Sent, reason: str, state: NavigationState
+) -> None:
+    sent.tell(GoalStatus.ACTIVE)
+    sent.end(GoalStatus.PREEMPTED, reason)
+    assert sent.goal.state() == (state, reason)
+
+
+def test_a_goal_that_we_cancel_has_failed_as_before(sent: Sent) -> None:
+    sent.tell(GoalStatus.ACTIVE)
+    sent.goal.cancel()
+    sent.end(GoalStatus.PREEMPTED, driving.CANCELLED)
+    assert sent.goal.state() == (NavigationState.ABORTED, driving.CANCELLED)
+
+
 @pytest.mark.parametrize("prefix", ["", "robot1"])
 def test_only_the_explorer_s_own_drives_by_odometry_leave_the_map_out(
     sent: Sent, prefix: str, monkeypatch: pytest.MonkeyPatch

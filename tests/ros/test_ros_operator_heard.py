@@ -16,12 +16,12 @@ import actionlib
 import cv2
 import numpy as np
 import rospy
-from actionlib_msgs.msg import GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
 from mission_listener import MissionListener
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 from waiting import PATIENCE_S
 
 from vsx_ros.geometry.se2 import SE2
@@ -180,3 +180,30 @@ def test_vsx_go_waits_for_the_end(stack: Stack, mission: MissionListener) -> Non
         return done.returncode == 0
 
     is_driven_to(stack, mission, send)
+
+
+@pytest.mark.parametrize("by", [topics.MOVE_BASE_CANCEL, topics.FOLLOWER_CANCEL])
+def test_who_cancels_the_explorer_s_drive_makes_it_stand_and_blames_no_view(
+    stack: Stack, mission: MissionListener, by: str
+) -> None:
+    everything = rospy.Publisher(f"/{topics.MOVE_BASE_CANCEL}", GoalID, queue_size=1)
+    stack.wait(everything.get_num_connections, "move_base to listen")
+
+    def paused() -> bool:
+        """Cancel again where there was no drive between two goals."""
+        if stack.plant.moving and by == topics.MOVE_BASE_CANCEL:
+            everything.publish(GoalID())
+        elif stack.plant.moving:
+            assert rospy.ServiceProxy(f"/{by}", Trigger)().success
+        time.sleep(0.5)
+        return bool(mission.status["state"] == "paused")
+
+    stack.wait(paused, "the exploration to pause")
+    try:
+        assert "somebody has cancelled the drive" in mission.status["reason"]
+        time.sleep(2.0)
+        assert not stack.plant.moving
+        assert not [event["reason"] for event in mission.events if "blacklisted" in event["reason"]]
+    finally:
+        assert rospy.ServiceProxy(f"/{topics.EXPLORE_RESUME}", Trigger)().success
+    explores_on(stack, mission)

@@ -18,10 +18,12 @@ from actionlib_msgs.msg import GoalID
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point, Pose, PoseWithCovarianceStamped, TransformStamped, Twist
 from last_images import LastImages
+from mission_listener import MissionListener
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from vsx_ros.control.trajectory_tracker import FollowStatus
@@ -149,6 +151,7 @@ def test_a_cancelled_goal_is_braked_for_on_the_way(stack: Stack) -> None:
         rospy.Subscriber(topics.FOLLOWER_STATUS, String, note_end),
         rospy.Subscriber(topics.COMMAND_NAVI, Twist, lambda msg: speeds.append(abs(msg.linear.x))),
     ]
+    mission = MissionListener()
     cancel = rospy.Publisher(f"{topics.MOVE_BASE_ACTION}/cancel", GoalID, queue_size=1)
     stack.wait(lambda: cancel.get_num_connections() > 0, "move_base to hear of cancelling", 20.0)
     for _ in range(ATTEMPTS):
@@ -158,8 +161,13 @@ def test_a_cancelled_goal_is_braked_for_on_the_way(stack: Stack) -> None:
         del speeds[:-1]
         cancel.publish(GoalID())
         stack.wait(lambda: 0.0 in speeds and ended, "the stop", 20.0)
+        paused = lambda: mission.status.get("state") == "paused" or ended[0] in AT_ONCE  # noqa: E731
+        stack.wait(paused, "the exploration to pause", 20.0)
+        time.sleep(1.0)  # a cancellation may come after a stop at once
+        assert rospy.ServiceProxy(topics.EXPLORE_RESUME, Trigger)().success
         if ended[0] not in AT_ONCE:  # a message was late on a busy machine: that stop came before this one
             break
+    mission.close()
     for subscriber in subscribers:
         subscriber.unregister()
     assert ended[0] == "stopped on the way"

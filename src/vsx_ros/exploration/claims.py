@@ -1,9 +1,9 @@
 """What comes before the mission: the operator's claims on the robot, and missing images. The mission yields, and goes
-on when that is over."""
+on when that is over. After a drive that somebody has cancelled it waits: who cancels wants the robot to stand."""
 
 from typing import NamedTuple
 
-from vsx_ros.exploration.decision import SECOND_NS, MissionState, Situation
+from vsx_ros.exploration.decision import SECOND_NS, MissionState, NavigationState, Situation
 
 _BLIND_S = 1.0  # more than slow images and a busy machine explain; the follower has stopped the base before
 
@@ -14,6 +14,22 @@ class Claim(NamedTuple):
     state: MissionState
     reason: str
     since_ns: int
+
+
+class CancelWatch:
+    """Notices that somebody else has ended the mission's drive."""
+
+    def __init__(self) -> None:
+        self._before = NavigationState.IDLE
+
+    def seen(self, situation: Situation) -> tuple[Situation, str]:
+        """The situation with that drive as a lost one: nothing is blamed. And what to say of a cancellation, once."""
+        before, self._before = self._before, situation.navigation
+        if situation.navigation not in (NavigationState.CANCELLED, NavigationState.REPLACED):
+            return situation, ""
+        is_new = situation.navigation is NavigationState.CANCELLED and before is not NavigationState.CANCELLED
+        words = f"paused: somebody has cancelled the drive ({situation.navigation_reason}); resume to explore on"
+        return situation._replace(navigation=NavigationState.LOST), words if is_new else ""
 
 
 def claim_of(now_ns: int, situation: Situation) -> Claim | None:

@@ -21,13 +21,15 @@ SECOND_NS = 1_000_000_000
 
 
 class NavigationState(Enum):
-    """The state of the last goal. LOST: it ended, or was never begun, through no fault of the goal."""
+    """The state of the last goal. LOST: no fault of the goal. CANCELLED, REPLACED: by somebody else; by his goal."""
 
     IDLE = "idle"
     ACTIVE = "active"
     SUCCEEDED = "succeeded"
     ABORTED = "aborted"
     LOST = "lost"
+    CANCELLED = "cancelled"
+    REPLACED = "replaced"
 
 
 class Situation(NamedTuple):

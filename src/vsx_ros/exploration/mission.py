@@ -8,12 +8,12 @@
             +--- STARTING: in a map made before --> RECOVERING
             +--- MAPPING: home, out of reach, a hazard that stays; any state: stop --> DONE
 
-From any state operator or dock may pause it (PAUSED), the operator hold the wheels (HELD: emergency stop, teleop) or
-send the robot elsewhere (USER GOAL), or images be missing (BLIND; for long: DONE); it then resumes in the earlier
-state, and nothing is blamed. ``decide`` returns one action. Every change of state and every choice is an event."""
+From any state operator or dock may pause it (PAUSED; also who cancels its drive), the operator hold the wheels (HELD:
+emergency stop, teleop) or send the robot elsewhere (USER GOAL), or images be missing (BLIND; for long: DONE); then it
+resumes in the earlier state, nothing is blamed. ``decide`` returns one action. Changes and choices are events."""
 
 from vsx_ros.config import Config
-from vsx_ros.exploration.claims import Claim, claim_of, why_over
+from vsx_ros.exploration.claims import CancelWatch, Claim, claim_of, why_over
 from vsx_ros.exploration.decision import (
     DOCK,
     OPERATOR,
@@ -49,12 +49,12 @@ class Mission:
 
     def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:
         exploration, planner = config.exploration, config.planner
-        self._log, self._home, self._trail = MissionLog(), Home(), Trail(spacing_m=0.05)
+        self._log, self._home, self._trail, self._cancels = MissionLog(), Home(), Trail(spacing_m=0.05), CancelWatch()
         self.view_selector = ViewSelector(config, travel_costs)
         self._start_drives, self._stay_at_user_goal = StartDrives(exploration), exploration.stay_at_user_goal
         self._tour = ViewTour(config, self._log, self._home, self._trail, self.view_selector)
         self._recovery = Recovery(exploration, config.robot.radius_m, planner.phi_rad_m)
-        self._after_pause, self.paused_by = MissionState.STARTING, set[str]()  # and who has not yet resumed it
+        self._after_pause, self.paused_by, self._why = MissionState.STARTING, set[str](), ""  # who has not resumed it
 
     @property
     def state(self) -> MissionState:
@@ -72,14 +72,15 @@ class Mission:
 
     # Requests of the operator -------------------------------------------------------------------------------
 
-    def pause(self, now_ns: int, by: str = OPERATOR) -> None:
-        """Stand still until all who paused have resumed."""
+    def pause(self, now_ns: int, by: str = OPERATOR, why: str = "") -> None:
+        """Stand still until all who paused have resumed. why: for people."""
         self.paused_by.add(by)
+        self._why = why if by == OPERATOR else self._why
         if self.state not in (MissionState.DONE, MissionState.PAUSED):
             if self.state not in _YIELDING:
                 self._after_pause = self.state
             self._tour.forget_drive()
-            self._log.enter(now_ns, MissionState.PAUSED, f"paused by {by}")
+            self._log.enter(now_ns, MissionState.PAUSED, why or f"paused by {by}")
 
     def resume(self, now_ns: int, by: str = OPERATOR) -> None:
         """Continue after a pause, unless another one holds."""
@@ -126,6 +127,7 @@ class Mission:
 
     def decide(self, now_ns: int, situation: Situation) -> Decision:
         """One action for the situation. Call it at 2 to 10 Hz; choosing a view takes some tenths of a second."""
+        situation, cancelled = self._cancels.seen(situation)
         backing = self._tour.backing_off or (self.state is MissionState.RECOVERING and self._recovery.is_on_trail)
         restarted = situation.T_odom_base is not None and self._trail.enter_epoch(situation.odom_epoch)
         self._recovery.observe(situation, self._trail)
@@ -135,9 +137,11 @@ class Mission:
         if self.state is MissionState.DONE:
             return self._log.answer(Action.FINISH, self._log.reason)
         active, claim = situation.navigation is NavigationState.ACTIVE, claim_of(now_ns, situation)
+        if cancelled and claim is None:
+            self.pause(now_ns, why=cancelled)
         if self.state is MissionState.PAUSED:
             self._start_drives.interrupt(situation.navigation)
-            told = "paused" if OPERATOR in self.paused_by else f"paused by {DOCK}"
+            told = (self._why or "paused") if OPERATOR in self.paused_by else f"paused by {DOCK}"
             reason = told if claim is None else f"{told}; {claim.reason}"
             if claim is not None and self._log.reason != reason:
                 self._log.note(now_ns, reason)
@@ -172,9 +176,8 @@ class Mission:
         if self.state is not claim.state:
             self._log.enter(now_ns, claim.state, claim.reason)
         if claim.state is MissionState.BLIND and situation.blind_s > _IMAGES_WAIT_S:
-            return self._log.finish(
-                now_ns, Outcome.BLIND, f"no images for {_IMAGES_WAIT_S:g} s: check camera and vslam"
-            )
+            told = f"no images for {_IMAGES_WAIT_S:g} s: check camera and vslam"
+            return self._log.finish(now_ns, Outcome.BLIND, told)
         stop = claim.state is not MissionState.USER_GOAL and situation.navigation is NavigationState.ACTIVE
         return self._log.answer(Action.CANCEL if stop else Action.WAIT, claim.reason)
 
@@ -183,8 +186,7 @@ class Mission:
         reason = why_over(self.state, situation)
         self._log.wait_until_ns = now_ns + BRAKE_NS
         if self.state is MissionState.USER_GOAL and self._stay_at_user_goal:
-            self.paused_by.add(OPERATOR)
-            self._log.enter(now_ns, MissionState.PAUSED, f"{reason}; staying here until resumed")
+            self.pause(now_ns, why=f"{reason}; staying here until resumed")
             return self._log.answer(Action.WAIT, self._log.reason)
         if self._after_pause is MissionState.RECOVERING:
             self._recovery.begin(now_ns)

@@ -55,8 +55,7 @@ class Docking:
         self._turn_rad, self._since_ns, self._entered, self._epoch = 0.0, 0, True, 0
         # T_odom_base where the state began, where the base moved last, and where it drove ahead last.
         self._begun = self._moved = self._ahead = SE2()
-        self._look = LookAround(0.0, 0.0)
-        self._alignments, self._faces, self._reached = 0, False, False
+        self._look, self._alignments, self._faces, self._reached = LookAround(0.0, 0.0), 0, False, False
         self._lit_ns = self._moved_ns = self._steady_ns = 0
 
     def dock(self, now_ns: int, kind: str, T_map_dock: SE2) -> None:
@@ -144,8 +143,7 @@ class Docking:
         if begins and not self._left_rad:
             unseen = "the dock is not to be seen from any place before it that can be driven to"
             return self._fail(now_ns, unseen if self._reached else f"no way to the dock: {seen.navigation_reason}")
-        self._around_rad = self._left_rad.pop(0) if begins else self._around_rad
-        before = self._given_for
+        before, self._around_rad = self._given_for, self._left_rad.pop(0) if begins else self._around_rad
         if begins or before.distance_to(dock) > _MOVED_M or abs(before.angle_to(dock)) > _MOVED_RAD:
             self._given_for = dock
             return DockingAct(None, dock @ SE2(0.0, 0.0, self._around_rad) @ SE2(self._light.stand_m, 0.0, math.pi))
@@ -154,6 +152,8 @@ class Docking:
             self._reached = True
             self._prior = T_odom_dock, self._config.remembered_sigma_m, self._config.remembered_sigma_rad
             return self._enter(now_ns, DockingState.SEARCHING, "looking for the light of the dock")
+        if seen.navigation in (NavigationState.CANCELLED, NavigationState.REPLACED):
+            return self._fail(now_ns, f"somebody else has ended the drive to the dock: {seen.navigation_reason}")
         if seen.navigation in (NavigationState.ABORTED, NavigationState.LOST):
             return self._enter(now_ns, DockingState.APPROACHING, "no way there; trying another place before the dock")
         return DockingAct(None)

@@ -33,7 +33,9 @@ from vsx_ros.robot import VelocityCommand
 from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import subscribe
 
-SHUTTING_DOWN = "shutting down"  # why move_base ends a goal then
+# Why move_base ends a goal, or the follower a drive, when it has not failed.
+SHUTTING_DOWN, CANCELLED, REPLACED = "shutting down", "cancelled by the client", "replaced by another goal"
+FOLLOWER_CANCELLED = "cancelled by service"
 PERIOD_S = 0.05  # between renewals of a lease: six renewals in a lease of 0.3 s
 _PLAN_STEP_M = 0.05  # a cell of the map; only for display
 

@@ -24,7 +24,7 @@ from vsx_ros.occupancy.unknown_ground import Frontier
 from vsx_ros.robot import ODOM_FRAME, DrivenDistance
 from vsx_ros.ros import convert, headers, logs, node, threads, topics
 from vsx_ros.ros.callbacks import hear_odometry
-from vsx_ros.ros.driving import SHUTTING_DOWN
+from vsx_ros.ros.driving import CANCELLED, FOLLOWER_CANCELLED, SHUTTING_DOWN
 from vsx_ros.ros.situation import LocalizationSubscriber
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import last_driven
@@ -193,7 +193,7 @@ class GoalSender:
         self._client = actionlib.ActionClient(topics.MOVE_BASE_ACTION, MoveBaseAction)
         self._goal: actionlib.ClientGoalHandle | None = None
         self._sent_s = 0.0
-        self._untaken = False
+        self._untaken = self._cancelled = False
 
     @property
     def is_served(self) -> bool:
@@ -213,11 +213,12 @@ class GoalSender:
     def send(self, now_ns: int, frame: str, goal: SE2) -> None:
         """Drive there; it replaces our last goal."""
         self._goal = self._client.send_goal(MoveBaseGoal(convert.pose_stamped(frame, now_ns, goal)))
-        self._sent_s, self._untaken = time.monotonic(), False
+        self._sent_s, self._untaken, self._cancelled = time.monotonic(), False, False
 
     def cancel(self) -> None:
         """Cancel our goal, if it is pursued."""
         if self._goal is not None and self.state()[0] is NavigationState.ACTIVE:
+            self._cancelled = True
             self._goal.cancel()
 
     def state(self) -> tuple[NavigationState, str]:
@@ -238,6 +239,9 @@ class GoalSender:
             return NavigationState.LOST, "move_base has lost the goal"
         if end == GoalStatus.RECALLED or reason == SHUTTING_DOWN:
             return NavigationState.LOST, reason
+        if end == GoalStatus.PREEMPTED and not self._cancelled:
+            cancelled = reason in (CANCELLED, FOLLOWER_CANCELLED)
+            return NavigationState.CANCELLED if cancelled else NavigationState.REPLACED, reason
         return NavigationState.SUCCEEDED if end == GoalStatus.SUCCEEDED else NavigationState.ABORTED, reason
 
     def cancel_all(self) -> None:

@@ -7,7 +7,7 @@ Publishers: explore/frontiers (as explore_lite), explore/status (latched String,
     explore/events (String, JSON: every change of state and every choice, with its reason), explore/coverage (known
     area, m2), move_base/lease.
 Services: explore/pause, explore/resume, explore/stop, explore/home.
-Actions: client of move_base.
+Actions: client of move_base. If somebody else cancels its goal it is paused, as by explore/pause.
 Parameters: ~config (tree of 'vsx config'), ~run_dir (folder of the run, where the mission stores its memory for a
     session that resumes it; auto: the one of the launch file; none)."""
 

@@ -5,7 +5,7 @@ Subscribers: move_base/trajectory (frame map: by camera and odometry; frame odom
 Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, frame, error,
     at_s: the current time within the trajectory, stop: while it brakes for move_base, the pose x, y, theta where it
     will stand).
-Services: follower/cancel.
+Services: follower/cancel (ends the drive and its goal, as move_base/cancel).
 Parameters: ~config (tree of 'vsx config').
 
 The wheels turn only while vslam and move_base renew their leases and odometry comes. After a stop the node sends zero
@@ -74,7 +74,7 @@ class FollowerNode:
 
     def _cancel(self) -> str:
         with self._lock:
-            self._tell(self._follower.end(headers.timer_ns(), "cancelled by service"))
+            self._tell(self._follower.end(headers.timer_ns(), driving.FOLLOWER_CANCELLED))
         return "stopped"
 
     def _control(self) -> None:

@@ -35,7 +35,6 @@ from vsx_ros.ros.planning_thread import PlanningThread
 from vsx_ros.ros.situation import LocalizationSubscriber
 
 _LOOK_WITHIN_S = 2.0  # checks of the drive are fast; a thread that takes this long hangs, and the base stops
-_CANCELLED, _REPLACED = "cancelled by the client", "replaced by another goal"
 
 
 class MoveBaseNode:
@@ -59,10 +58,11 @@ class MoveBaseNode:
         with self._pursuing:
             done = self._pursue(goal.target_pose)
             self._lease.promise(0.0)
-            said = "reached" if done.arrived else "left" if done.reason == _REPLACED else "failed"
+            said = "reached" if done.arrived else "left" if done.reason == driving.REPLACED else "failed"
             rospy.loginfo("goal %s: %s", said, done.reason)
             self._diagnostics.set("goal", WARN if said == "failed" else OK, done.reason)
-            gave_up = self._server.set_preempted if self._server.is_preempt_requested() else self._server.set_aborted
+            cancelled = self._server.is_preempt_requested() or done.reason == driving.FOLLOWER_CANCELLED
+            gave_up = self._server.set_preempted if cancelled else self._server.set_aborted
             (self._server.set_succeeded if done.arrived else gave_up)(text=done.reason)
 
     def _pursue(self, target: PoseStamped) -> Done:
@@ -78,9 +78,9 @@ class MoveBaseNode:
             self._lease.promise(_LOOK_WITHIN_S)
             now_ns = headers.timer_ns()
             if self._server.is_preempt_requested():
-                self._execution.cancel(now_ns, _CANCELLED)
+                self._execution.cancel(now_ns, driving.CANCELLED)
                 if self._server.is_new_goal_available():
-                    return Done(False, _REPLACED)
+                    return Done(False, driving.REPLACED)
             for number, answer in self._planner.answers():
                 self._execution.planned(now_ns, number, answer)
             for act in self._execution.step(now_ns, self._seen(frame, client)):
