@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 import yaml
 from chromium import EXECUTABLE, Chromium
+from ros1_bags import image as image_message
+from ros1_bags import odometry, write
+from rosbags.rosbag1 import Writer
 
 from vsx_ros.cli.main import execute
 from vsx_ros.config import Config
@@ -20,7 +23,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.dock_file import dock_file, load_dock, save_dock
 from vsx_ros.io.slam_map_file import load_slam_map
-from vsx_ros.io.trajectory_file import format_stamp, write_trajectory
+from vsx_ros.io.trajectory_file import format_stamp, read_trajectory, write_trajectory
 from vsx_ros.io.zone_file import load_zones, save_zones, zone_file
 from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.robot import VelocityCommand
@@ -249,6 +252,29 @@ def test_a_map_without_odometry_says_in_what_unit_it_is(drive, tmp_path, capsys)
     assert planes["unit"] == "map"
     assert planes["planes"]
     assert (folder.path / "dense.ply").exists()
+
+
+def test_a_bag_that_is_damaged_in_its_middle_leaves_what_was_tracked(drive, tmp_path, capsys):
+    messages = []
+    for number, reading in enumerate(read_trajectory(drive / "odometry.txt")):
+        pixels = cv2.imread(str(drive / f"rgb/{number:06d}.png"), cv2.IMREAD_GRAYSCALE)
+        messages += [("/odom", odometry(reading.stamp_ns, reading.T.translation[0])),
+                     ("/camera/image_raw", image_message(reading.stamp_ns, pixels, height=480, width=640))]  # fmt: skip
+    raw = bytearray(write(tmp_path / "drive.bag", messages, Writer.CompressionFormat.BZ2).read_bytes())
+    chunks = [found.end() for found in re.finditer(b"op=\x05", raw)]
+    at = chunks[2 * len(chunks) // 3] + 100
+    raw[at : at + 1000] = bytes(1000)
+    (tmp_path / "drive.bag").write_bytes(raw)
+    calibration = ["--calibration", str(drive / "camera.json")]
+    assert execute(["replay", str(tmp_path / "drive.bag"), *calibration, "--out", str(tmp_path / "run")]) == 1
+    said = capsys.readouterr()
+    assert "the recording cannot be read to its end: bag" in said.out
+    assert said.err.count("cut short or damaged") == 1
+    summary = RunFolder.open(tmp_path / "run").read_summary()
+    assert summary["ended_well"] is False
+    assert 30 < summary["frames"] < 60
+    assert len(RunFolder.open(tmp_path / "run").read_poses("trajectory")) == summary["frames_tracked"] > 15
+    assert (tmp_path / "run/report.html").exists()
 
 
 def test_a_missing_calibration_and_a_wrong_one_are_named(drive, tmp_path, capsys):

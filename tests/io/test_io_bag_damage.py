@@ -1,14 +1,17 @@
 """Bags that are cut short, damaged, or none: what is whole is used, and the rest is one sentence."""
 
+import re
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from ros1_bags import T, compressed, header, image, info, odometry, write, write_drive
+from ros1_bags import SCENE, T, compressed, header, image, info, odometry, write, write_drive
 from rosbags.rosbag1 import Writer
 
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.io.bag import open_recording
+from vsx_ros.io.left_out import until_damage
 
 
 @pytest.fixture
@@ -92,11 +95,60 @@ def test_a_wrong_index_length_does_no_harm(tmp_path, drive):
     assert len(recording.odometry) == 5
 
 
-def test_a_damaged_picture_is_named(tmp_path):
+def read(recording):
+    """The stamps of a recording's images, and what it tells."""
+    said: list[str] = []
+    frames = [frame.stamp_ns for frame in replace(recording, tell=said.append).frames()]
+    return frames, said
+
+
+def test_a_damaged_picture_is_named_and_costs_no_other(tmp_path):
     broken = T["sensor_msgs/msg/CompressedImage"](header(7), "jpeg", np.arange(50, dtype=np.uint8))
-    path = write(tmp_path / "b.bag", [("/i/compressed", compressed(1)), ("/i/compressed", broken)])
-    with pytest.raises(InputError, match="image 1 of topic /i/compressed"):
+    path = write(tmp_path / "b.bag", [("/i/compressed", m) for m in (compressed(1), broken, compressed(9))])
+    frames, [said] = read(open_recording(path))
+    assert frames == [1, 9]
+    assert "b.bag: 1 of 3 images left out, as they cannot be used; the first: image 1 of topic /i/compressed" in said
+
+
+def test_raw_images_that_are_cut_or_change_cost_no_other(tmp_path):
+    cut = image(2)
+    cut.data = cut.data[:-1]
+    small = image(3, SCENE[:12, :16].copy(), height=12, width=16)
+    unknown = image(4, encoding="32FC1")
+    messages = [image(1), cut, small, unknown, image(5, np.dstack([SCENE] * 3), "bgr8"), image(6)]
+    path = write(tmp_path / "b.bag", [("/c/camera_info", info()), *(("/c/image_raw", m) for m in messages)])
+    frames, [said] = read(open_recording(path))
+    assert frames == [1, 5, 6]
+    assert "3 of 6 images left out" in said
+    assert "image 1 of topic /c/image_raw of 32x24 mono8 with 32 bytes a row" in said
+
+
+def test_where_no_picture_can_be_used_the_first_is_named(tmp_path):
+    broken = T["sensor_msgs/msg/CompressedImage"](header(7), "jpeg", np.arange(50, dtype=np.uint8))
+    path = write(tmp_path / "b.bag", [("/i/compressed", broken)] * 3)
+    with pytest.raises(InputError, match="of the first 3 images none can be used: image 0 of topic /i/compressed"):
         list(open_recording(path).frames())
+    path = write(tmp_path / "c.bag", [("/i/compressed", broken)] * 150 + [("/i/compressed", compressed(9))])
+    with pytest.raises(InputError, match="of the first 100 images none can be used"):
+        list(open_recording(path).frames())
+
+
+def test_a_bag_that_is_damaged_in_its_middle_is_read_up_to_there(tmp_path, long_drive):
+    whole = [frame.stamp_ns for frame in open_recording(long_drive).frames()]
+    raw = bytearray(long_drive.read_bytes())
+    chunks = [m.end() for m in re.finditer(b"op=\x05", raw)]
+    at = chunks[len(chunks) // 2] + 100
+    raw[at : at + 2000] = bytes(2000)
+    path = tmp_path / "m.bag"
+    path.write_bytes(raw)
+    recording, told = open_recording(path), []
+    assert recording.damage.count("cut short or damaged") == 1
+    assert 0 < len(recording.odometry) < len(whole)
+    frames = [frame.stamp_ns for frame in until_damage(recording.frames(), told)]
+    assert len(told) == 1
+    assert "cut short or damaged" in told[0]
+    assert 0 < len(frames) < len(whole)
+    assert frames == whole[: len(frames)]
 
 
 def test_random_damage_never_escapes_as_another_exception(tmp_path, drive):

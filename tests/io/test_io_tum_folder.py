@@ -36,10 +36,18 @@ def test_calibration_truth_and_odometry_beside_the_images(folder):
     assert recording.odometry[1].v == pytest.approx(0.2)
 
 
-def test_a_missing_image_is_named(folder):
+def test_images_that_are_missing_or_damaged_are_named_and_cost_no_other(folder):
+    said: list[str] = []
     (folder / "rgb/000002.png").unlink()
-    with pytest.raises(InputError, match=r"000002\.png"):
-        list(open_recording(folder).frames())
+    (folder / "rgb/000001.png").write_bytes(b"")
+    recording = replace(open_recording(folder), tell=said.append)
+    assert [f.stamp_ns for f in recording.frames()] == [0, 3 * 10**8]
+    [told] = said
+    assert f"{folder}: 2 of 4 images left out, as they cannot be used; the first: image {folder}/rgb/000001.png" in told
+    for left in ("000000", "000003"):
+        (folder / f"rgb/{left}.png").unlink()
+    with pytest.raises(InputError, match=r"of the first 4 images none can be used: .*000000\.png.*No such file"):
+        list(recording.frames())
 
 
 @pytest.mark.parametrize(("text", "message"), [("", "lists no image"), ("now rgb/0.png\n", "line 1: expected")])

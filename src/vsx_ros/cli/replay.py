@@ -10,10 +10,11 @@ from vsx_ros.cli.compiled import SLAM, compile_kernels
 from vsx_ros.cli.option_values import refuse
 from vsx_ros.config import Config
 from vsx_ros.dense.finished_map import FinishedMap
-from vsx_ros.errors import ConfigError, MapFileError
+from vsx_ros.errors import ConfigError, InputError, MapFileError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
 from vsx_ros.geometry.mount import mounted
+from vsx_ros.io.left_out import until_damage
 from vsx_ros.io.map_export import write_planes, write_ply
 from vsx_ros.io.recording import Recording
 from vsx_ros.io.slam_map_file import load_slam_map
@@ -22,7 +23,7 @@ from vsx_ros.runs.journal import FrameLine, RunEvent
 from vsx_ros.runs.parameters import load
 from vsx_ros.runs.process import STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import RunRecord
-from vsx_ros.runs.report import map_given_up, replay_code, tell_the_end, write_report
+from vsx_ros.runs.report import map_given_up, replay_end, tell_the_end, write_report
 from vsx_ros.runs.saved_map import save_continued
 from vsx_ros.runs.self_calibration import write_self_calibration
 from vsx_ros.runs.session import RunWriter
@@ -50,12 +51,13 @@ def replay(args: argparse.Namespace) -> int:
     session, slam = _slam(recording, config, args)
     folder = replay_folder(args, config)
     keeper = RunWriter(T_base_cam, folder, config=config.runs, resumable=False)
-    record, stopped = keeper.record, _track_all(session, slam, recording, keeper)
+    record, (stopped, broken) = keeper.record, _track_all(session, slam, recording, keeper)
     continued = str(args.load_map.resolve()) if args.load_map else None
-    code = STOPPED if stopped else replay_code([frame.state for frame in record.frames])
-    facts = {"seed": args.seed, "continued_map": continued, "ended_well": ended_well(code)}
+    usual = _stop_reason(record.frames, record.events)
+    code, reason = replay_end([frame.state for frame in record.frames], usual, broken)
     if stopped:
-        facts["stop_reason"] = f"stopped by the operator after {len(record.frames)} of {recording.frame_count} frames"
+        code, reason = STOPPED, f"stopped by the operator after {len(record.frames)} of {recording.frame_count} frames"
+    facts = {"seed": args.seed, "continued_map": continued, "ended_well": ended_well(code), "stop_reason": reason}
     finished = finished_map(slam.slam_map(), config, args.seed) if args.map else None
     grid = finished.grid([pose.T for pose in record.estimate()]) if finished is not None else None
     note = finished.note or None if finished is not None else None
@@ -91,11 +93,12 @@ def _slam(recording: Recording, config: Config, args: argparse.Namespace) -> tup
     return session, session.begin(SequentialSlam, recording.camera, args.seed, metric=bool(recording.odometry))
 
 
-def _track_all(session: SlamSession, slam: SequentialSlam, recording: Recording, keeper: RunWriter) -> bool:
-    """Track every frame with its odometry; on a terminal, show a progress line. Returns whether Ctrl-C was pressed."""
-    progress = Progress(sys.stderr, plain=False)
+def _track_all(session: SlamSession, slam: SequentialSlam, recording: Recording, keeper: RunWriter) -> tuple[bool, str]:
+    """Track every frame with its odometry; on a terminal, show a progress line. Returns whether Ctrl-C was pressed, and
+    why the recording could not be read to its end, or empty. Raises InputError if no image of it can be used."""
+    progress, broken = Progress(sys.stderr, plain=False), list[str]()
     with interruptible() as stopped:
-        for number, frame in enumerate(map(session.exposed, recording.frames()), start=1):
+        for number, frame in enumerate(map(session.exposed, until_damage(recording.frames(), broken)), start=1):
             odometry = recording.odometry_at(frame.stamp_ns)
             began = time.perf_counter()
             result = session.track(frame, odometry)
@@ -109,7 +112,9 @@ def _track_all(session: SlamSession, slam: SequentialSlam, recording: Recording,
             if stopped():
                 break
     progress.clear()
-    return stopped()
+    if broken and not keeper.record.frames:
+        raise InputError(broken[0])
+    return stopped(), "".join(broken)
 
 
 def _summary(slam: SequentialSlam, recording: Recording, record: RunRecord) -> Summary:
@@ -120,9 +125,7 @@ def _summary(slam: SequentialSlam, recording: Recording, record: RunRecord) -> S
     if kind is None:
         summary = summary.with_values(u2_metres=None)
     return summary.with_values(
-        duration_s=(frames[-1].stamp_ns - frames[0].stamp_ns) * 1e-9 if frames else 0.0,
-        stop_reason=_stop_reason(frames, record.events),
-        world=recording.source.name,
+        duration_s=(frames[-1].stamp_ns - frames[0].stamp_ns) * 1e-9 if frames else 0.0, world=recording.source.name
     )
 
 

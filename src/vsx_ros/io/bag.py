@@ -14,6 +14,7 @@ from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.bag_reader import METADATA, Messages, messages
 from vsx_ros.io.calibration_file import camera_from_topic, shutter_from_topic
 from vsx_ros.io.image_encoding import GrayImages
+from vsx_ros.io.left_out import tried, until_damage
 from vsx_ros.io.recording import LEFT_OUT, Recording, open_folder
 from vsx_ros.io.stamp_order import StampOrder
 from vsx_ros.robot import UNSURE_HEADING_RAD2, Frame, Odometry, OdometryEpochs, PoseSpeeds, with_speeds
@@ -51,8 +52,9 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
         odometry_from = _odometry_topic(path, counts, odometry_topic)
         truth_from = [t for t, (kind, _) in counts.items() if kind == POSE and t.endswith(GROUND_TRUTH_TOPIC)]
         camera, count = _camera(bag, images, counts), counts[images][1]
-        odometry, doubt = _odometry(bag, odometry_from, counts[odometry_from][0]) if odometry_from else ([], "")
-        truth = _ground_truth(bag, truth_from[0]) if truth_from else []
+        damage = [bag.damage]
+        odometry = _odometry(bag, odometry_from, counts[odometry_from][0], damage) if odometry_from else []
+        truth = _ground_truth(bag, truth_from[0], damage) if truth_from else []
         frames = partial(_frames, path, images)
         return Recording(
             source=path,
@@ -63,7 +65,7 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
             odometry=odometry,
             ground_truth=truth,
             open_frames=frames,
-            damage="; ".join(text for text in (bag.damage, doubt) if text),
+            damage="; ".join(dict.fromkeys(text for text in damage if text)),
         )
 
 
@@ -131,17 +133,19 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
     return camera if times is None else replace(camera, shutter=shutter_from_topic(times.data, told))
 
 
-def _odometry(bag: Messages, topic: str, kind: str) -> tuple[list[Odometry], str]:
-    """The readings by stamp, and in words how many are left out. Without a twist, speeds are differences."""
+def _odometry(bag: Messages, topic: str, kind: str, damage: list[str]) -> list[Odometry]:
+    """The readings by stamp. Without a twist, speeds are differences. What is left out is added to ``damage``."""
     order, readings, speeds = StampOrder[Odometry](_HELD_READINGS), list[Odometry](), PoseSpeeds()
-    for reading in order.of(_readings(bag, topic)):
+    for reading in order.of(_readings(until_damage(bag.of(topic), damage), topic)):
         lacks_twist = kind != ODOMETRY and readings
         readings.append(with_speeds(reading, readings[-1]) if lacks_twist else speeds.of(reading))
-    return readings, f"{order.left_out} readings of {topic} {LEFT_OUT}" if order.left_out else ""
+    if order.left_out:
+        damage.append(f"{order.left_out} readings of {topic} {LEFT_OUT}")
+    return readings
 
 
-def _readings(bag: Messages, topic: str) -> Iterator[Odometry]:
-    for stamp_ns, message in bag.of(topic):
+def _readings(messages: Iterable[tuple[int, Any]], topic: str) -> Iterator[Odometry]:
+    for stamp_ns, message in messages:
         with_twist = message.__msgtype__ == ODOMETRY
         pose = message.pose if message.__msgtype__ == POSE else message.pose.pose
         v, omega = (message.twist.twist.linear.x, message.twist.twist.angular.z) if with_twist else (0.0, 0.0)
@@ -151,8 +155,9 @@ def _readings(bag: Messages, topic: str) -> Iterator[Odometry]:
         yield Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega, trusted=trusted)
 
 
-def _ground_truth(bag: Messages, topic: str) -> list[StampedPose]:
-    poses = [StampedPose(stamp_ns, _se3(message.pose, topic)) for stamp_ns, message in bag.of(topic)]
+def _ground_truth(bag: Messages, topic: str, damage: list[str]) -> list[StampedPose]:
+    whole = until_damage(bag.of(topic), damage)
+    poses = [StampedPose(stamp_ns, _se3(message.pose, topic)) for stamp_ns, message in whole]
     return sorted(poses, key=lambda pose: pose.stamp_ns)
 
 
@@ -167,13 +172,15 @@ def _se3(pose: Any, topic: str) -> SE3:
     return SE3.from_quaternion(translation, quaternion)
 
 
-def _frames(path: Path, topic: str) -> Iterator[Frame]:
+def _frames(path: Path, topic: str) -> Iterator[Frame | InputError]:
     gray = GrayImages()
     with messages(path) as bag:
         for number, (stamp_ns, message) in enumerate(bag.of(topic)):
-            name = f"image {number} of topic {topic}"
-            if message.__msgtype__ == COMPRESSED:
-                yield Frame(stamp_ns, gray.of_file(bytes(message.data), name, message.format))
-                continue
-            shape, big_endian = (message.height, message.width, message.step), bool(message.is_bigendian)
-            yield Frame(stamp_ns, gray.of(message.encoding, *shape, message.data, big_endian=big_endian, name=name))
+            yield tried(_frame, stamp_ns, message, f"image {number} of topic {topic}", gray)
+
+
+def _frame(stamp_ns: int, message: Any, name: str, gray: GrayImages) -> Frame:
+    if message.__msgtype__ == COMPRESSED:
+        return Frame(stamp_ns, gray.of_file(bytes(message.data), name, message.format))
+    shape, big_endian = (message.height, message.width, message.step), bool(message.is_bigendian)
+    return Frame(stamp_ns, gray.of(message.encoding, *shape, message.data, big_endian=big_endian, name=name))

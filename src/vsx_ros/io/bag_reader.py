@@ -31,8 +31,8 @@ _DAMAGE = (Ros1ReaderError, Ros2ReaderError, SerdeError, sqlite3.Error, apsw.Err
 class Messages:
     """Deserialised messages, one topic at a time. ``damage``: what is wrong with a bag that can still be read."""
 
-    def __init__(self, reader: Any, *, ros2: bool, damage: str = "") -> None:
-        self._reader, self._ros2 = reader, ros2
+    def __init__(self, reader: Any, path: Path, *, ros2: bool, damage: str = "") -> None:
+        self._reader, self._path, self._ros2 = reader, path, ros2
         # Embedded definitions are not needed for standard types, which have not changed within either ROS.
         self._types = get_typestore(Stores.ROS2_HUMBLE if ros2 else Stores.ROS1_NOETIC)
         self.damage = damage
@@ -48,7 +48,11 @@ class Messages:
 
     def of(self, topic: str) -> Iterator[tuple[int, Any]]:
         """(stamp_ns, message): the header's stamp. If there is none, the time of recording, earlier by the delay of the
-        last message that has both."""
+        last message that has both. Raises InputError, with the remedy, where the bag is damaged."""
+        with _damage_explained(self._path, ros2=self._ros2):
+            yield from self._of(topic)
+
+    def _of(self, topic: str) -> Iterator[tuple[int, Any]]:
         connections = [c for c in self._reader.connections if c.topic == topic]
         read = self._types.deserialize_cdr if self._ros2 else self._types.deserialize_ros1
         delay_ns = 0
@@ -67,9 +71,14 @@ def messages(path: Path) -> Iterator[Messages]:
     """Open a bag. Any error in its bytes becomes an InputError with the remedy. A ROS 1 bag with an unusable index is
     read without it."""
     ros2 = _is_ros2(path)
+    with _damage_explained(path, ros2=ros2), ExitStack() as stack:
+        yield Messages(stack.enter_context(BoundedRos2(path)), path, ros2=True) if ros2 else _opened_ros1(path, stack)
+
+
+@contextmanager
+def _damage_explained(path: Path, *, ros2: bool) -> Iterator[None]:
     try:
-        with ExitStack() as stack:
-            yield Messages(stack.enter_context(BoundedRos2(path)), ros2=True) if ros2 else _opened_ros1(path, stack)
+        yield
     except VsxError:
         raise
     except PermissionError as error:
@@ -81,7 +90,7 @@ def messages(path: Path) -> Iterator[Messages]:
 
 def _opened_ros1(path: Path, stack: ExitStack) -> Messages:
     try:
-        return Messages(stack.enter_context(BoundedRos1(path)), ros2=False)
+        return Messages(stack.enter_context(BoundedRos1(path)), path, ros2=False)
     except PermissionError:
         raise
     except _DAMAGE as error:
@@ -93,7 +102,7 @@ def _opened_ros1(path: Path, stack: ExitStack) -> Messages:
             f"bag {path} is cut short or damaged ({_detail(error)}); the {count} messages that are whole are used, "
             "'rosbag reindex FILE' makes it a good one"
         )
-        return Messages(bag, ros2=False, damage=damage)
+        return Messages(bag, path, ros2=False, damage=damage)
 
 
 def _remedy(path: Path, error: Exception, *, ros2: bool) -> str:

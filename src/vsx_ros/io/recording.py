@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 
-from vsx_ros.errors import CalibrationError, InputError, explained
+from vsx_ros.errors import CalibrationError, InputError, VsxError, explained
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.image_encoding import GrayImages
+from vsx_ros.io.left_out import LeftOut, tried
 from vsx_ros.io.stamp_order import StampOrder
 from vsx_ros.io.trajectory_file import parse_stamp, read_trajectory
 from vsx_ros.limits import LOG_BYTES, file_bytes
@@ -21,6 +22,7 @@ from vsx_ros.robot import Frame, Odometry, with_speeds
 
 GRACE_NS = 500_000_000  # odometry has gaps, and images may begin before it
 _HELD_IMAGES = 5  # a recorder of several threads swaps neighbours; the largest images take 32 MB each
+_MOST_IN_VAIN = 100  # unusable images before the first one: three seconds, and none is expected any more
 LEFT_OUT = "left out: their stamps are those of others or out of order"
 _MOST_IMAGES = 2**20  # nine hours at 30 per second
 _LONGEST_NAME = 1000  # of a file; longer is invalid
@@ -32,9 +34,9 @@ CALIBRATION_NAMES = ("camera.json", "camera.yaml", "calibration.yaml", "camera_i
 class Recording:
     """The recorded data and its source. source: file or folder. image_topic, odometry_topic: None for a folder or
     without odometry. frame_count: number of images. camera: its calibration, if found. odometry: all readings, by
-    stamp. ground_truth: T_world_cam by stamp, empty if unknown. open_frames: starts reading the images, in order.
-    damage: what is wrong with a recording that can be used in part, in words; empty for a good one. tell: hears, in
-    words, how many images were left out, each time that all were read."""
+    stamp. ground_truth: T_world_cam by stamp, empty if unknown. open_frames: starts reading the images, in order; in
+    place of one that cannot be used, why. damage: what is wrong with a recording that can be used in part, in words;
+    empty for a good one. tell: hears, in words, how many images were left out, each time that all were read."""
 
     source: Path
     image_topic: str | None
@@ -43,19 +45,26 @@ class Recording:
     camera: PinholeCamera | None
     odometry: Sequence[Odometry]
     ground_truth: Sequence[StampedPose]
-    open_frames: Callable[[], Iterator[Frame]]
+    open_frames: Callable[[], Iterator[Frame | InputError]]
     damage: str = ""
     tell: Callable[[str], object] = str
 
     def frames(self) -> Iterator[Frame]:
         """The images, each later than the one before, sorted within a few images; after the last one, tells how many
-        are left out (see ``StampOrder``). Raises InputError where the recording is damaged, CalibrationError if an
-        image does not have the camera's size."""
-        order = StampOrder[Frame](_HELD_IMAGES)
-        for frame in order.of(self.open_frames()):
-            yield self._checked(frame)
+        are left out: by ``StampOrder``, or because they cannot be decoded or do not have the camera's size. Raises
+        InputError where the recording is damaged; InputError or CalibrationError, for the first image, if none can be
+        used, or none of the first hundred."""
+        order, unusable, damage = StampOrder[Frame](_HELD_IMAGES), LeftOut(), None
+        try:
+            yield from order.of(self._usable(unusable))
+        except InputError as error:
+            damage = error
         if order.left_out:
             self.tell(f"{self.source}: {order.left_out} of {self.frame_count} images {LEFT_OUT}")
+        if unusable.count and unusable.used:
+            self.tell(f"{self.source}: {unusable.words(f'{self.frame_count} images')}")
+        if damage is not None:
+            raise damage
 
     def messages(self) -> Iterator[Frame | Odometry]:
         """Images and odometry in one stream, by stamp; odometry first if stamps are equal."""
@@ -73,14 +82,23 @@ class Recording:
             return first.towards(last, stamp_ns)
         return min(near, key=lambda reading: abs(reading.stamp_ns - stamp_ns))._replace(stamp_ns=stamp_ns)
 
-    def _checked(self, frame: Frame) -> Frame:
+    def _usable(self, left_out: LeftOut) -> Iterator[Frame]:
+        fitting = (self._fitting(frame) for frame in self.open_frames())
+        yield from left_out.of(fitting, _MOST_IN_VAIN)
+        if left_out.first is not None and not left_out.used:
+            raise type(left_out.first)(f"of the first {left_out.count} images none can be used: {left_out.first}")
+
+    def _fitting(self, frame: Frame | InputError) -> Frame | VsxError:
+        """The frame, or why it cannot be used."""
+        if isinstance(frame, InputError) or self.camera is None:
+            return frame
         height, width = frame.image.shape
-        if self.camera is not None and (width, height) != (self.camera.width, self.camera.height):
-            raise CalibrationError(
-                f"{self.source}: images are {width}x{height} but the calibration is for "
-                f"{self.camera.width}x{self.camera.height}; give the right one with --calibration FILE"
-            )
-        return frame
+        if (width, height) == (self.camera.width, self.camera.height):
+            return frame
+        return CalibrationError(
+            f"{self.source} has images of {width}x{height} but the calibration is for "
+            f"{self.camera.width}x{self.camera.height}; give the right one with --calibration FILE"
+        )
 
 
 def open_folder(folder: Path) -> Recording:
@@ -88,14 +106,10 @@ def open_folder(folder: Path) -> Recording:
     calibration. Raises InputError when rgb.txt is missing, empty or malformed."""
     listed = _listed_images(folder)
 
-    def frames() -> Iterator[Frame]:
+    def frames() -> Iterator[Frame | InputError]:
         gray = GrayImages()
         for stamp_ns, name in listed:
-            path = folder / name
-            what = f"image {path} named in {folder / 'rgb.txt'} cannot be read"
-            with explained(InputError, what, "copy the folder again or delete its line"):
-                content = file_bytes(path, LOG_BYTES)
-            yield Frame(stamp_ns, gray.of_file(content, f"image {path}"))
+            yield tried(_frame, stamp_ns, folder, name, gray)
 
     truth = folder / "groundtruth.txt"
     calibration = next((folder / name for name in CALIBRATION_NAMES if (folder / name).exists()), None)
@@ -112,6 +126,14 @@ def open_folder(folder: Path) -> Recording:
         ground_truth=known,
         open_frames=frames,
     )
+
+
+def _frame(stamp_ns: int, folder: Path, name: str, gray: GrayImages) -> Frame:
+    path = folder / name
+    what = f"image {path} named in {folder / 'rgb.txt'} cannot be read"
+    with explained(InputError, what, "copy the folder again or delete its line"):
+        content = file_bytes(path, LOG_BYTES)
+    return Frame(stamp_ns, gray.of_file(content, f"image {path}"))
 
 
 def _listed_images(folder: Path) -> list[tuple[int, str]]:

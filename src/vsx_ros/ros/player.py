@@ -15,6 +15,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Float32, Float64MultiArray
 from tf2_msgs.msg import TFMessage
 
+from vsx_ros.io.left_out import until_damage
 from vsx_ros.io.recording import Recording
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.ros import base_messages, headers, images, topics
@@ -49,6 +50,12 @@ class Player:
         )
         self._now_ns = 0
         self.sent, self.count = 0, recording.frame_count
+        self._broken: list[str] = []
+
+    @property
+    def broken(self) -> str:
+        """Why the recording could not be read to its end, or empty."""
+        return "".join(self._broken)
 
     @property
     def ready(self) -> bool:
@@ -65,7 +72,7 @@ class Player:
 
         rate: recorded seconds per second; 0: as fast as the SLAM answers, without dropping images. At every rate it
         waits for the answer to the first image: by then all connections exist."""
-        messages = _deliveries(self._recording)
+        messages = _deliveries(self._recording, self._broken)
         first = next(messages, None)
         if first is None:
             return
@@ -141,17 +148,18 @@ class _Stopwatch:
         return self._begin_ns + int((time.monotonic() - self._began_s) * self.rate * 1e9)
 
 
-def _deliveries(recording: Recording) -> Iterator[Frame | Odometry]:
+def _deliveries(recording: Recording, broken: list[str]) -> Iterator[Frame | Odometry]:
     """Messages by stamp. As with a real camera, an image comes after the first odometry that is not older. Leaves out
-    images before the first odometry, which have no pose, and odometry long before the first image."""
+    images before the first odometry, which have no pose, and odometry long before the first image. broken: gets, in
+    words, why the recording cannot be read to its end."""
     odometry, waiting = recording.odometry, deque[Frame]()
     first = next(recording.frames(), None)
     if first is None:
         return
     if not odometry:
-        yield from recording.frames()
+        yield from until_damage(recording.frames(), broken)
         return
-    for message in recording.messages():
+    for message in until_damage(recording.messages(), broken):
         if isinstance(message, Frame):
             if message.stamp_ns >= odometry[0].stamp_ns:
                 waiting.append(message)

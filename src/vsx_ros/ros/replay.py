@@ -3,6 +3,7 @@
 import argparse
 import time
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import rosgraph
 import rospy
@@ -22,10 +23,19 @@ from vsx_ros.ros.monitor import Monitor
 from vsx_ros.ros.player import Player
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.process import INTERNAL, STOPPED, ended_well
-from vsx_ros.runs.report import map_given_up, replay_code, tell_the_end, write_report
+from vsx_ros.runs.report import map_given_up, replay_end, tell_the_end, write_report
 from vsx_ros.runs.session import results_of_slam
 from vsx_ros.runs.start import replay_folder
 from vsx_ros.slam.state import TrackingState
+
+
+class _Ending(NamedTuple):
+    """interrupted: by the operator. dead: the node that died, or empty. broken: why the recording could not be read to
+    its end, or empty."""
+
+    interrupted: bool
+    dead: str
+    broken: str
 
 
 def replay(args: argparse.Namespace, config: Config, recording: Recording) -> int:
@@ -37,9 +47,8 @@ def replay(args: argparse.Namespace, config: Config, recording: Recording) -> in
     with LiveRun([slam], config, (slam.name,), folder.path / "log", view=args.view, replayed=True) as live:
         monitor, player = Monitor(emulated=False), Player(recording)
         _play(live, monitor, player, 1.0 if args.rate is None else args.rate)
-        interrupted, dead = live.interrupted, live.dead
-    failure, T_base_cam = f"node {dead} died" if dead else "", mounted(config.robot.mount)
-    return _gather(folder, recording, monitor, args, failure, interrupted, T_base_cam)
+        ending = _Ending(live.interrupted, live.dead, player.broken)
+    return _gather(folder, recording, monitor, args, ending, mounted(config.robot.mount))
 
 
 def _refuse_company() -> None:
@@ -83,8 +92,8 @@ def _play(live: LiveRun, monitor: Monitor, player: Player, rate: float) -> None:
 
 
 def _gather(
-    folder: RunFolder, recording: Recording, monitor: Monitor, args: argparse.Namespace, failure: str,
-    interrupted: bool, T_base_cam: SE3,
+    folder: RunFolder, recording: Recording, monitor: Monitor, args: argparse.Namespace, ending: _Ending,
+    T_base_cam: SE3,
 ) -> int:  # fmt: skip
     """Complete and report what vslam wrote."""
     known, missing = results_of_slam(folder, T_base_cam)
@@ -92,12 +101,14 @@ def _gather(
     states = [(frame.stamp_ns, TrackingState(frame.state)) for frame in looked_at]
     kind: AlignmentKind | None = "yaw" if recording.odometry else None
     summary = with_accuracy(known, *folder.read_trajectories(), recording.ground_truth, kind)
-    code = STOPPED if interrupted else INTERNAL if failure else replay_code([state for _, state in states])
-    if interrupted:
-        failure = f"stopped by the operator after {len(looked_at)} of {recording.frame_count} frames"
+    code, reason = replay_end([state for _, state in states], _stop_reason(folder, states), ending.broken)
+    if ending.dead:
+        code, reason = INTERNAL, f"node {ending.dead} died"
+    if ending.interrupted:
+        code, reason = STOPPED, f"stopped by the operator after {len(looked_at)} of {recording.frame_count} frames"
     summary = summary.with_values(
         duration_s=(looked_at[-1].stamp_ns - looked_at[0].stamp_ns) * 1e-9 if looked_at else 0.0,
-        stop_reason=failure or _stop_reason(folder, states),
+        stop_reason=reason,
         ended_well=ended_well(code),
         world=recording.source.name,
         seed=args.seed,

@@ -113,6 +113,16 @@ def replay_code(states: Sequence[TrackingState]) -> int:
     return LOST if ending is TrackingState.LOST else DONE
 
 
+def replay_end(states: Sequence[TrackingState], usual: str, broken: str) -> tuple[int, str]:
+    """The exit code of a replay and how it ended, in words. usual: the words for a good recording. broken: why it could
+    not be read to its end; empty for a good one."""
+    code = replay_code(states)
+    if not broken:
+        return code, usual
+    told = f"the recording cannot be read to its end: {broken}"
+    return code or FAILED, told if code == DONE else f"{usual}; {told}"
+
+
 def map_given_up(frames: Sequence[tuple[int, TrackingState]], events: Iterable[RunEvent]) -> str:
     """For a replay that had a map and ends without one: when it was there, why it is not, and what is kept. Empty if it
     never had one. frames: stamp and state of each."""
