@@ -165,6 +165,7 @@ def test_a_reader_that_leaves_is_no_error():
         (["world", "render"], "vsx: give the world, e.g. vsx world render lab"),
         (["world", "lab"], "vsx: say what to write"),
         (["replay", "{folder}", "--image-topic", "/x"], "of images, without topics; leave out --image-topic"),
+        (["replay", "{folder}", "--odometry-topic", "/x"], "of images, without topics; leave out --odometry-topic"),
         (["calibrate", "camera", "no_folder", "--board", "8x6x0.025"], "give pictures, a folder of pictures, or a bag"),
         (["map", "info", "{config}"], "is not a .vsxmap; 'vsx map save' makes one"),
         (["map", "export", "{config}", "--format", "ply"], "is not a .vsxmap; 'vsx map save' makes one"),

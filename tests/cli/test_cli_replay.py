@@ -220,6 +220,18 @@ def test_a_camera_that_stands_still_says_why(drive, tmp_path, capsys):
     assert "There is no map" in (tmp_path / "run/report.html").read_text()
 
 
+def test_odometry_can_be_declined(drive, tmp_path, capsys):
+    image = cv2.imread(str(drive / "rgb/000010.png"), cv2.IMREAD_GRAYSCALE)
+    write_images(tmp_path / "still", [(i * 10**8, image) for i in range(3)])
+    (tmp_path / "still/camera.json").write_text((drive / "camera.json").read_text())
+    (tmp_path / "still/odometry.txt").write_text("0.0 0 0 0 0 0 0 0\n")
+    command = ["replay", str(tmp_path / "still"), "--out", str(tmp_path / "run")]
+    assert execute(command) == 1
+    assert "odometry.txt, line 1" in capsys.readouterr().err
+    assert execute([*command, "--odometry-topic", "none"]) == 1
+    assert "the map was never started: camera stands still" in capsys.readouterr().out
+
+
 def test_a_map_that_was_given_up_is_not_one_that_never_started(drive, tmp_path, capsys):
     """Without odometry, a young map that has lost the camera is worth less than another start."""
     pictures = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in sorted((drive / "rgb").iterdir())]

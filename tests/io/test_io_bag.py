@@ -122,6 +122,44 @@ def test_odometry_whose_driver_tells_no_speeds_has_those_of_its_poses(tmp_path):
     assert [reading.v for reading in open_recording(path).odometry] == pytest.approx([0.0, 0.2, 0.2, 0.2])
 
 
+def test_odometry_is_not_looked_at_if_none_is_wanted(tmp_path):
+    messages = [("/a/odom", odometry(1, 0.0)), ("/b/odom", odometry(1, np.nan)), ("/image", image(1))]
+    path = write(tmp_path / "n.bag", messages)
+    with pytest.raises(InputError, match="several odometry topics; choose one with --odometry-topic, or none: /a/odom"):
+        open_recording(path)
+    recording = open_recording(path, odometry_topic="none")
+    assert (recording.odometry, recording.odometry_topic, recording.damage) == ([], None, "")
+    assert len(list(recording.frames())) == 1
+
+
+@pytest.mark.parametrize(("offset_s", "used"), [(0.0, True), (2.9, True), (3.6, False), (-1.5e9, False)])
+def test_odometry_of_another_clock_is_not_used_and_the_clocks_are_told(tmp_path, offset_s, used):
+    stamps = [1_600_000_000 * 10**9 + k * 10**8 for k in range(30)]
+    messages = [("/image", image(s)) for s in stamps]
+    messages += [("/odom", odometry(s + round(1e9 * offset_s), 0.01 * k)) for k, s in enumerate(stamps)]
+    recording = open_recording(write(tmp_path / "k.bag", messages))
+    assert bool(recording.odometry) is bool(recording.odometry_topic) is used
+    told = "odometry of /odom is not used, as 0 of 30 images have any: its stamps are from"
+    assert recording.damage.startswith(told) if not used else recording.damage == ""
+
+
+def test_odometry_too_far_away_is_not_used(tmp_path):
+    messages = [m for k in range(1, 9) for m in (("/image", image(k)), ("/odom", odometry(k, 5e5)))]
+    recording = open_recording(write(tmp_path / "u.bag", messages))
+    assert recording.odometry == []
+    assert "0 of 8 images have any: odometry at (500000, 0) m" in recording.damage
+
+
+def test_odometry_at_a_tenth_of_the_images_is_enough(tmp_path):
+    messages = [("/image", image(k * 10**8 + 1)) for k in range(50)]
+    messages += [("/odom", odometry(k * 10**8 + 1, 0.0)) for k in range(45, 50)]
+    assert len(open_recording(write(tmp_path / "late.bag", messages)).odometry) == 5
+    gone = [("/odom", odometry(k * 10**8 + 1, 0.0)) for k in range(53, 60)]
+    assert (
+        open_recording(write(tmp_path / "few.bag", messages[:50] + gone)).damage.count("2 of 50 images have any") == 1
+    )
+
+
 @pytest.mark.parametrize("wrong", [0, 2, 3])
 def test_one_image_from_the_future_costs_no_other(tmp_path, wrong):
     stamps = [10**9 + k * 10**8 for k in range(5)]

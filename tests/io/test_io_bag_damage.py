@@ -168,10 +168,31 @@ def test_random_damage_never_escapes_as_another_exception(tmp_path, drive):
     assert 8 < refused < 60
 
 
+def with_pose(topic, moved):
+    """The message for one of the topics with this odometry."""
+    return topic, moved if topic == "/odom" else T["geometry_msgs/msg/PoseStamped"](moved.header, moved.pose.pose)
+
+
+def no_rotation(stamp_ns):
+    moved = odometry(stamp_ns, 0.0)
+    moved.pose.pose.orientation.w = 0.0
+    return moved
+
+
 @pytest.mark.parametrize("topic", ["/odom", "/ground_truth/camera"])
-def test_a_pose_that_is_not_finite_is_one_sentence(tmp_path, topic):
-    moved = odometry(1, np.nan)
-    said = moved if topic == "/odom" else T["geometry_msgs/msg/PoseStamped"](header(1), moved.pose.pose)
-    messages = [("/camera/rgb/camera_info", info()), ("/camera/rgb/image_raw", image(1)), (topic, said)]
-    with pytest.raises(InputError, match=f"topic {topic} holds a pose that is not finite"):
-        open_recording(write(tmp_path / "n.bag", messages))
+@pytest.mark.parametrize(
+    ("wrong", "why"), [(odometry(2, np.nan), "a pose that is not finite"), (no_rotation(2), "is no rotation")]
+)
+def test_a_pose_that_cannot_be_is_left_out_and_told(tmp_path, topic, wrong, why):
+    camera = [("/camera/rgb/camera_info", info()), ("/camera/rgb/image_raw", image(1))]
+    good = [with_pose(topic, odometry(stamp_ns, 0.0)) for stamp_ns in (1, 3)]
+    recording = open_recording(write(tmp_path / "n.bag", [*camera, good[0], with_pose(topic, wrong), good[1]]))
+    assert [pose.stamp_ns for pose in (*recording.odometry, *recording.ground_truth)] == [1, 3]
+    assert re.match(
+        f"1 of 3 (readings|poses) of {topic} left out, as they cannot be used; the first: ", recording.damage
+    )
+    assert why in recording.damage
+    recording = open_recording(write(tmp_path / "a.bag", [*camera, with_pose(topic, wrong)]))
+    assert (recording.odometry, recording.odometry_topic, recording.ground_truth) == ([], None, [])
+    assert re.match(f"1 of 1 (readings|poses) of {topic} left out", recording.damage)
+    assert len(list(recording.frames())) == 1

@@ -50,6 +50,17 @@ def test_images_that_are_missing_or_damaged_are_named_and_cost_no_other(folder):
         list(recording.frames())
 
 
+def test_odometry_of_another_clock_or_unwanted_is_not_used(folder):
+    (folder / "odometry.txt").write_text("90.0 0 0 0 0 0 0 1\n90.3 0.02 0 0 0 0 0 1\n")
+    recording = open_recording(folder)
+    assert recording.odometry == []
+    assert "odometry of odometry.txt is not used, as 0 of 4 images have any: its stamps are from 90" in recording.damage
+    (folder / "odometry.txt").write_text("what is this\n")
+    with pytest.raises(InputError, match=r"odometry\.txt, line 1"):
+        open_recording(folder)
+    assert open_recording(folder, odometry_topic="none").damage == ""
+
+
 @pytest.mark.parametrize(("text", "message"), [("", "lists no image"), ("now rgb/0.png\n", "line 1: expected")])
 def test_a_wrong_index_is_refused(folder, text, message):
     (folder / "rgb.txt").write_text(text)

@@ -1,5 +1,7 @@
 """The order in which a recording reaches the nodes."""
 
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +9,7 @@ import pytest
 
 pytest.importorskip("rospy")
 
+from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.recording import Recording
 from vsx_ros.robot import Frame, Odometry
@@ -23,7 +26,7 @@ def recording(images_ms: list[int], odometry_ms: list[int]) -> Recording:
 
 
 def order(images_ms: list[int], odometry_ms: list[int]) -> list[str]:
-    told = player._deliveries(recording(images_ms, odometry_ms))
+    told = player._deliveries(recording(images_ms, odometry_ms), [])
     return [f"{'i' if isinstance(m, Frame) else 'o'}{m.stamp_ns // MS}" for m in told]
 
 
@@ -42,6 +45,19 @@ def test_an_image_follows_the_odometry_of_its_instant(
     images_ms: list[int], odometry_ms: list[int], expected: str
 ) -> None:
     assert order(images_ms, odometry_ms) == expected.split()
+
+
+def test_of_a_recording_that_breaks_all_that_could_be_read_is_played() -> None:
+    def images() -> Iterator[Frame]:
+        yield from (Frame(t * MS, IMAGE) for t in (0, 30, 60))
+        raise InputError("bag x is damaged")
+
+    broken: list[str] = []
+    whole = replace(recording([], [0, 20, 40]), open_frames=images)
+    for odometry in (whole.odometry, []):
+        told = player._deliveries(replace(whole, odometry=odometry), broken)
+        assert [m.stamp_ns // MS for m in told if isinstance(m, Frame)] == [0, 30, 60]
+    assert broken == ["bag x is damaged"] * 2
 
 
 def test_a_recording_waits_for_the_slam_and_not_for_others_who_listen(monkeypatch: pytest.MonkeyPatch) -> None:

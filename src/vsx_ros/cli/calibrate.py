@@ -18,6 +18,7 @@ from vsx_ros.io.bag import open_recording
 from vsx_ros.io.bag_reader import METADATA
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.io.image_encoding import GrayImages
+from vsx_ros.io.recording import NO_ODOMETRY
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.runs.parameters import ros_home
 from vsx_ros.runs.process import DONE, FAILED
@@ -87,7 +88,7 @@ def _is_recording(source: Path) -> bool:
 def _pictures(source: Path, image_topic: str | None) -> Iterator[tuple[str, GrayImage]]:
     """Name and picture; at most ``MAX_SEARCHED`` of a recording, evenly spread."""
     if _is_recording(source):
-        recording = told(open_recording(source, image_topic))
+        recording = told(open_recording(source, image_topic, NO_ODOMETRY))
         step = -(-recording.frame_count // MAX_SEARCHED)
         for number, frame in enumerate(recording.frames()):
             if number % step == 0:

@@ -105,7 +105,7 @@ def replay(parser: argparse.ArgumentParser) -> None:
     add("input", type=Path, metavar="INPUT", help=f"a bag ({bags}) or a folder with rgb.txt")
     add("--calibration", type=Path, metavar="FILE", help="ROS camera_info YAML or camera.json")
     add("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
-    add("--odometry-topic", metavar="T", help="odometry or base poses (default: the only Odometry)")
+    add("--odometry-topic", metavar="T", help="odometry or base poses (default: the only Odometry); none: without")
     add("--map", action="store_true", help="also find surfaces and build the ground map")
     add("--load-map", type=Path, metavar="FILE", help="go on in a SLAM map that --save-map wrote")
     add("--save-map", type=Path, metavar="FILE", help="at the end, save the SLAM map to go on in it")

@@ -16,7 +16,7 @@ from vsx_ros.evaluation.trajectory import AlignmentKind
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.left_out import until_damage
 from vsx_ros.io.map_export import write_planes, write_ply
-from vsx_ros.io.recording import Recording
+from vsx_ros.io.recording import NO_ODOMETRY, Recording
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, RunEvent
@@ -40,7 +40,8 @@ def replay(args: argparse.Namespace) -> int:
     """Replay, write the run folder, print the result; 3 when track or map was lost for good, 1 without any map."""
     _refuse_pace(args)
     if (args.input / "rgb.txt").exists():
-        refuse(args, f"{args.input} is a folder of images, without topics", "image_topic", "odometry_topic")
+        topics = ["image_topic"] + ["odometry_topic"] * (args.odometry_topic != NO_ODOMETRY)
+        refuse(args, f"{args.input} is a folder of images, without topics", *topics)
     config, recording = load(args.config, args.set), opened_recording(args)
     compile_kernels(*SLAM, *(["surfaces"] if args.map and not args.ros else []))
     if args.ros:

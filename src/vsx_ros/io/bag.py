@@ -14,8 +14,9 @@ from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.bag_reader import METADATA, Messages, messages
 from vsx_ros.io.calibration_file import camera_from_topic, shutter_from_topic
 from vsx_ros.io.image_encoding import GrayImages
-from vsx_ros.io.left_out import tried, until_damage
-from vsx_ros.io.recording import LEFT_OUT, Recording, open_folder
+from vsx_ros.io.image_folder import open_folder
+from vsx_ros.io.left_out import tried, until_damage, usable
+from vsx_ros.io.recording import LEFT_OUT, NO_ODOMETRY, Recording
 from vsx_ros.io.stamp_order import StampOrder
 from vsx_ros.robot import UNSURE_HEADING_RAD2, Frame, Odometry, OdometryEpochs, PoseSpeeds, with_speeds
 
@@ -30,9 +31,9 @@ GROUND_TRUTH_TOPIC = "ground_truth/camera"
 
 def open_recording(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
     """Open a ROS 1 or ROS 2 bag, or a folder in the TUM RGB-D layout (rgb.txt, rgb/, groundtruth.txt, camera.json).
-    Raises InputError with the reason and the remedy."""
+    odometry_topic: ``NO_ODOMETRY`` for none. Raises InputError with the reason and the remedy."""
     if path.is_dir() and not (path / METADATA).exists():
-        recording = open_folder(path)
+        recording = open_folder(path, without_odometry=odometry_topic == NO_ODOMETRY)
     elif not path.exists():
         raise InputError(f"there is no {path}; give a bag or a folder with rgb.txt")
     else:
@@ -56,10 +57,10 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
         odometry = _odometry(bag, odometry_from, counts[odometry_from][0], damage) if odometry_from else []
         truth = _ground_truth(bag, truth_from[0], damage) if truth_from else []
         frames = partial(_frames, path, images)
-        return Recording(
+        recording = Recording(
             source=path,
             image_topic=images,
-            odometry_topic=odometry_from,
+            odometry_topic=odometry_from if odometry else None,
             frame_count=count,
             camera=camera,
             odometry=odometry,
@@ -67,6 +68,7 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
             open_frames=frames,
             damage="; ".join(dict.fromkeys(text for text in damage if text)),
         )
+        return recording.with_odometry_at(stamp_ns for stamp_ns, _ in bag.of(images))
 
 
 def _listing(counts: dict[str, tuple[str, int]]) -> str:
@@ -95,13 +97,15 @@ def _image_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str | N
 
 def _odometry_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str | None) -> str | None:
     found = [t for t, (kind, count) in counts.items() if kind == ODOMETRY and count]
+    if wanted == NO_ODOMETRY:
+        return None
     if wanted is not None:
         poses = [t for t, (kind, count) in counts.items() if kind in _POSES and count]
         return _wanted(path, counts, [*found, *poses], wanted, "odometry")
     candidates = [t for t in found if "ground_truth" not in t]
     if len(candidates) > 1:
         raise InputError(
-            f"bag {path} has several odometry topics; choose one with --odometry-topic: {_words(candidates)}"
+            f"bag {path} has several odometry topics; choose one with --odometry-topic, or none: {_words(candidates)}"
         )
     return candidates[0] if candidates else None
 
@@ -136,7 +140,9 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
 def _odometry(bag: Messages, topic: str, kind: str, damage: list[str]) -> list[Odometry]:
     """The readings by stamp. Without a twist, speeds are differences. What is left out is added to ``damage``."""
     order, readings, speeds = StampOrder[Odometry](_HELD_READINGS), list[Odometry](), PoseSpeeds()
-    for reading in order.of(_readings(until_damage(bag.of(topic), damage), topic)):
+    whole = until_damage(bag.of(topic), damage)
+    found = (tried(_reading, stamp_ns, message, topic) for stamp_ns, message in whole)
+    for reading in order.of(usable(found, f"readings of {topic}", damage)):
         lacks_twist = kind != ODOMETRY and readings
         readings.append(with_speeds(reading, readings[-1]) if lacks_twist else speeds.of(reading))
     if order.left_out:
@@ -144,21 +150,24 @@ def _odometry(bag: Messages, topic: str, kind: str, damage: list[str]) -> list[O
     return readings
 
 
-def _readings(messages: Iterable[tuple[int, Any]], topic: str) -> Iterator[Odometry]:
-    for stamp_ns, message in messages:
-        with_twist = message.__msgtype__ == ODOMETRY
-        pose = message.pose if message.__msgtype__ == POSE else message.pose.pose
-        v, omega = (message.twist.twist.linear.x, message.twist.twist.angular.z) if with_twist else (0.0, 0.0)
-        trusted = not with_twist or float(message.pose.covariance[35]) < UNSURE_HEADING_RAD2
-        if not np.isfinite(v + omega):
-            raise InputError(f"topic {topic} holds a speed that is not finite; record it again or choose another topic")
-        yield Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega, trusted=trusted)
+def _reading(stamp_ns: int, message: Any, topic: str) -> Odometry:
+    with_twist = message.__msgtype__ == ODOMETRY
+    pose = message.pose if message.__msgtype__ == POSE else message.pose.pose
+    v, omega = (message.twist.twist.linear.x, message.twist.twist.angular.z) if with_twist else (0.0, 0.0)
+    trusted = not with_twist or float(message.pose.covariance[35]) < UNSURE_HEADING_RAD2
+    if not np.isfinite(v + omega):
+        raise InputError(f"topic {topic} holds a speed that is not finite; record it again or choose another topic")
+    return Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega, trusted=trusted)
 
 
 def _ground_truth(bag: Messages, topic: str, damage: list[str]) -> list[StampedPose]:
     whole = until_damage(bag.of(topic), damage)
-    poses = [StampedPose(stamp_ns, _se3(message.pose, topic)) for stamp_ns, message in whole]
-    return sorted(poses, key=lambda pose: pose.stamp_ns)
+    found = (tried(_stamped, stamp_ns, message.pose, topic) for stamp_ns, message in whole)
+    return sorted(usable(found, f"poses of {topic}", damage), key=lambda pose: pose.stamp_ns)
+
+
+def _stamped(stamp_ns: int, pose: Any, topic: str) -> StampedPose:
+    return StampedPose(stamp_ns, _se3(pose, topic))
 
 
 def _se3(pose: Any, topic: str) -> SE3:

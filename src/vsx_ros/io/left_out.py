@@ -34,6 +34,15 @@ class LeftOut:
         return f"{self.count} of {of} left out, as they cannot be used; the first: {self.first}"
 
 
+def usable(items: Iterable[T | VsxError], what: str, damage: list[str]) -> Iterator[T]:
+    """The items that can be used (see ``LeftOut``); how many are left out is added to ``damage``, in words. what: e.g.
+    "readings of /odom"."""
+    left_out = LeftOut()
+    yield from left_out.of(items)
+    if left_out.count:
+        damage.append(left_out.words(f"{left_out.count + left_out.used} {what}"))
+
+
 def tried(make: Callable[P, T], *args: P.args, **more: P.kwargs) -> T | InputError:
     """What the function returns, or the InputError that it raises."""
     try:

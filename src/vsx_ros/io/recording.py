@@ -1,33 +1,27 @@
-"""A recording from any source: frames, odometry, calibration and ground truth in one type. Also opens folders in the
-layout of the TUM RGB-D benchmark (rgb.txt, rgb/, groundtruth.txt, camera.json)."""
+"""A recording from any source: frames, odometry, calibration and ground truth in one type."""
 
 import heapq
-import io
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
 
-from vsx_ros.errors import CalibrationError, InputError, VsxError, explained
+from vsx_ros.errors import CalibrationError, InputError, VsxError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import StampedPose
-from vsx_ros.io.calibration_file import read_calibration
-from vsx_ros.io.image_encoding import GrayImages
-from vsx_ros.io.left_out import LeftOut, tried
+from vsx_ros.io.left_out import LeftOut, until_damage
 from vsx_ros.io.stamp_order import StampOrder
-from vsx_ros.io.trajectory_file import parse_stamp, read_trajectory
-from vsx_ros.limits import LOG_BYTES, file_bytes
-from vsx_ros.robot import Frame, Odometry, with_speeds
+from vsx_ros.io.trajectory_file import format_stamp
+from vsx_ros.robot import Frame, Odometry
 
 GRACE_NS = 500_000_000  # odometry has gaps, and images may begin before it
 _HELD_IMAGES = 5  # a recorder of several threads swaps neighbours; the largest images take 32 MB each
 _MOST_IN_VAIN = 100  # unusable images before the first one: three seconds, and none is expected any more
 LEFT_OUT = "left out: their stamps are those of others or out of order"
-_MOST_IMAGES = 2**20  # nine hours at 30 per second
-_LONGEST_NAME = 1000  # of a file; longer is invalid
 _STAMP = attrgetter("stamp_ns")
-CALIBRATION_NAMES = ("camera.json", "camera.yaml", "calibration.yaml", "camera_info.yaml")
+_ENOUGH = 10  # odometry at one of so many images: with less, most of the recording would wait for it
+NO_ODOMETRY = "none"  # in place of a topic
 
 
 @dataclass(frozen=True)
@@ -82,6 +76,31 @@ class Recording:
             return first.towards(last, stamp_ns)
         return min(near, key=lambda reading: abs(reading.stamp_ns - stamp_ns))._replace(stamp_ns=stamp_ns)
 
+    def with_odometry_at(self, stamps_ns: Iterable[int]) -> "Recording":
+        """This recording, without its odometry if too few images have any: a map would wait for it. Then ``damage``
+        says so. stamps_ns: of the images, read no further than needed."""
+        seen = found = first_ns = 0
+        impossible = ""
+        for seen, stamp_ns in enumerate(until_damage(stamps_ns, []) if self.odometry else (), start=1):
+            first_ns = stamp_ns if seen == 1 else first_ns
+            reading = self.odometry_at(stamp_ns)
+            found += reading is not None and not reading.impossible
+            impossible = impossible or (reading.impossible if reading is not None else "")
+            if _ENOUGH * found >= self.frame_count:
+                break
+        if _ENOUGH * found >= seen or _ENOUGH * found >= self.frame_count:
+            return self
+        began, ended, first = map(format_stamp, (self.odometry[0].stamp_ns, self.odometry[-1].stamp_ns, first_ns))
+        clocks = (
+            f"its stamps are from {began} to {ended} s, those of images from {first} s on; record both by one clock"
+        )
+        why = f"{found} of {seen} images have any: {impossible or clocks}"
+        return self.without_odometry(f"odometry of {self.odometry_topic or 'odometry.txt'} is not used, as {why}")
+
+    def without_odometry(self, why: str) -> "Recording":
+        """The same without odometry; ``damage`` says why."""
+        return replace(self, odometry=[], odometry_topic=None, damage="; ".join(filter(None, (self.damage, why))))
+
     def _usable(self, left_out: LeftOut) -> Iterator[Frame]:
         fitting = (self._fitting(frame) for frame in self.open_frames())
         yield from left_out.of(fitting, _MOST_IN_VAIN)
@@ -99,74 +118,3 @@ class Recording:
             f"{self.source} has images of {width}x{height} but the calibration is for "
             f"{self.camera.width}x{self.camera.height}; give the right one with --calibration FILE"
         )
-
-
-def open_folder(folder: Path) -> Recording:
-    """A folder with images listed in rgb.txt; optionally groundtruth.txt (T_world_cam), odometry.txt (T_odom_base) and
-    calibration. Raises InputError when rgb.txt is missing, empty or malformed."""
-    listed = _listed_images(folder)
-
-    def frames() -> Iterator[Frame | InputError]:
-        gray = GrayImages()
-        for stamp_ns, name in listed:
-            yield tried(_frame, stamp_ns, folder, name, gray)
-
-    truth = folder / "groundtruth.txt"
-    calibration = next((folder / name for name in CALIBRATION_NAMES if (folder / name).exists()), None)
-    camera = read_calibration(calibration) if calibration is not None else None
-    odometry = _odometry(folder / "odometry.txt")
-    known = sorted(read_trajectory(truth), key=_STAMP) if truth.exists() else []
-    return Recording(
-        source=folder,
-        image_topic=None,
-        odometry_topic=None,
-        frame_count=len(listed),
-        camera=camera,
-        odometry=odometry,
-        ground_truth=known,
-        open_frames=frames,
-    )
-
-
-def _frame(stamp_ns: int, folder: Path, name: str, gray: GrayImages) -> Frame:
-    path = folder / name
-    what = f"image {path} named in {folder / 'rgb.txt'} cannot be read"
-    with explained(InputError, what, "copy the folder again or delete its line"):
-        content = file_bytes(path, LOG_BYTES)
-    return Frame(stamp_ns, gray.of_file(content, f"image {path}"))
-
-
-def _listed_images(folder: Path) -> list[tuple[int, str]]:
-    index = folder / "rgb.txt"
-    if not index.exists():
-        raise InputError(
-            f"folder {folder} has no rgb.txt and no metadata.yaml; give a bag or a folder in the TUM RGB-D layout"
-        )
-    with explained(InputError, f"{index} cannot be read", "give a text file of lines 'stamp file'"):
-        text = file_bytes(index, LOG_BYTES).decode(errors="replace")
-    listed: list[tuple[int, str]] = []
-    for number, line in enumerate(io.StringIO(text), start=1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        stamp, _, name = line.strip().partition(" ")
-        try:
-            if len(name) > _LONGEST_NAME:
-                raise ValueError("no file has so long a name")
-            listed.append((parse_stamp(stamp), name.strip()))
-        except (ValueError, OverflowError) as error:
-            raise InputError(f"{index}, line {number}: expected 'stamp file', got {line.strip()[:80]!r}") from error
-        if len(listed) > _MOST_IMAGES:
-            raise InputError(f"{index} lists more than {_MOST_IMAGES} images; cut the recording into parts")
-    if not listed:
-        raise InputError(f"{index} lists no image; each line shall be 'stamp file'")
-    return listed
-
-
-def _odometry(path: Path) -> list[Odometry]:
-    if not path.exists():
-        return []
-    readings: list[Odometry] = []
-    for stamp_ns, T in sorted(read_trajectory(path), key=_STAMP):
-        reading = Odometry(stamp_ns, T.to_se2())
-        readings.append(with_speeds(reading, readings[-1]) if readings else reading)
-    return readings
