@@ -1,11 +1,15 @@
 """Meshes of a Gazebo world: which parts of a DAE file are drawn, and what is told of the others."""
 
+import base64
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from dae_files import SKIN, write_dae
 from gazebo_files import write_world
 
+from vsx_ros.errors import InputError
 from vsx_ros.sim.gazebo.assemble import Parts, assemble
 from vsx_ros.sim.gazebo.budget import Budget
 from vsx_ros.sim.gazebo.paths import ModelFolders
@@ -49,3 +53,51 @@ def test_a_mesh_file_that_shows_nothing_is_named(tmp_path: Path) -> None:
     parts = parts_of(tmp_path, "<uri>a.dae</uri>")
     assert len(parts.seen.corners) == 0
     assert any("a.dae shows no triangles" in remark for remark in parts.remarks)
+
+
+def write_gltf(folder: Path, corner: dict, **more: object) -> None:
+    """A triangle whose corners are 8-bit integers; corner: more of their accessor; None takes a value away."""
+    data = np.array([[0, 0, 2, 0], [1, 0, 2, 0], [0, 1, 2, 0]], np.int8).tobytes()
+    accessor = {"bufferView": 0, "componentType": 5120, "count": 3, "type": "VEC3", **corner}
+    tree = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "scale": [0.5, 0.5, 0.5]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{name: value for name, value in accessor.items() if value is not None}],
+        "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": len(data), "byteStride": 4}],
+        "buffers": [{"byteLength": len(data), "uri": "data:;base64," + base64.b64encode(data).decode()}],
+        **more,
+    }
+    (folder / "a.gltf").write_text(json.dumps(tree))
+
+
+def test_a_gltf_file_with_extensions_that_change_no_shape_is_read(tmp_path: Path) -> None:
+    harmless = ["KHR_mesh_quantization", "KHR_materials_unlit"]
+    write_gltf(tmp_path, {}, extensionsUsed=harmless, extensionsRequired=harmless)
+    parts = parts_of(tmp_path, "<uri>a.gltf</uri>")
+    assert parts.seen.corners.tolist() == [[[0.0, 0.0, 1.0], [0.5, 0.0, 1.0], [0.0, 0.5, 1.0]]]
+
+
+@pytest.mark.parametrize(
+    "name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "EXT_mesh_gpu_instancing", "KHR_texture_basisu"]
+)
+def test_a_gltf_file_that_needs_an_extension_is_refused_with_its_name(tmp_path: Path, name: str) -> None:
+    write_gltf(tmp_path, {}, extensionsUsed=[name], extensionsRequired=["KHR_mesh_quantization", name])
+    with pytest.raises(InputError, match=rf"a.gltf cannot be read \(it needs {name}, which is not supported"):
+        parts_of(tmp_path, "<uri>a.gltf</uri>")
+
+
+@pytest.mark.parametrize(
+    ("corner", "words"),
+    [
+        ({"bufferView": None}, "compressed or not there"),
+        ({"sparse": {"count": 1}}, "sparse"),
+        ({"normalized": True}, "normalized integers"),
+    ],
+)
+def test_a_gltf_file_with_corners_that_would_be_misread_is_refused(tmp_path: Path, corner: dict, words: str) -> None:
+    write_gltf(tmp_path, corner)
+    with pytest.raises(InputError, match=words):
+        parts_of(tmp_path, "<uri>a.gltf</uri>")

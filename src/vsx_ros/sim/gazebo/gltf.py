@@ -16,6 +16,7 @@ _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _VALUES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _STRIP, _TRIANGLES = 5, 4  # modes of primitives
 _GLOSS = "KHR_materials_pbrSpecularGlossiness"
+_READ = "KHR_materials_", "KHR_lights_punctual", "KHR_mesh_quantization", "EXT_texture_webp"  # extensions, or ignored
 
 
 def triangles_of(path: Path) -> int:
@@ -25,6 +26,7 @@ def triangles_of(path: Path) -> int:
     if sum(text.count(mark) for mark in (b"[", b"{", b",")) > MOST_VALUES:
         raise ValueError(f"it has more than {MOST_VALUES} values")
     tree = json_tree(text)
+    _check_extensions(tree)
     if any(
         _GLOSS in m.get("extensions", {}) and b"specularGlossinessTexture" in text for m in _list(tree, "materials")
     ):
@@ -33,6 +35,7 @@ def triangles_of(path: Path) -> int:
     views = [_whole(view["byteLength"]) for view in _list(tree, "bufferViews")]
     data = [_whole(a["count"]) * _VALUES[a["type"]] * _BYTES[a["componentType"]] for a in accessors]
     _at_most(sum(views) + sum(data), MOST_DATA, "bytes of data")
+    _check_corners(tree, accessors)
     meshes = [mesh["primitives"] for mesh in _list(tree, "meshes")]
     used = [node["mesh"] for node in nodes if "mesh" in node]
     copied = sum(len(mesh["primitives"]) * len(mesh.get("extras") or ()) for mesh in _list(tree, "meshes"))
@@ -43,6 +46,24 @@ def triangles_of(path: Path) -> int:
     sizes = [[_sizes(primitive, counts) for primitive in mesh] for mesh in meshes]
     _at_most(sum(vertices for mesh in sizes for vertices, _ in mesh), MOST_VERTICES, "vertices in its primitives")
     return sum(triangles for k in used for _, triangles in sizes[k])
+
+
+def _check_extensions(tree: Any) -> None:
+    """trimesh reads a file without the extensions that it needs, and makes corners of zeros, or copies of one thing."""
+    needed = [str(name) for name in tree.get("extensionsRequired", ()) if not str(name).startswith(_READ)]
+    if needed:
+        raise ValueError(f"it needs {', '.join(needed):.200}, which is not supported: switch that off")
+
+
+def _check_corners(tree: Any, accessors: list[Any]) -> None:
+    """Raises ValueError for corners or indices that trimesh would read as other numbers."""
+    primitives = [primitive for mesh in _list(tree, "meshes") for primitive in mesh["primitives"]]
+    corners = {p["attributes"]["POSITION"] for p in primitives if "POSITION" in p["attributes"]}
+    for k in corners | {p["indices"] for p in primitives if "indices" in p}:
+        if "bufferView" not in accessors[k] or "sparse" in accessors[k]:
+            raise ValueError("its corners are sparse, compressed or not there: store them plainly")
+        if k in corners and accessors[k].get("normalized"):
+            raise ValueError("its corners are normalized integers: store them as decimal numbers")
 
 
 def _check_tree(nodes: list[Any], scenes: list[Any]) -> None:
