@@ -81,7 +81,7 @@ def test_a_state_moves_what_is_included_without_a_name(tmp_path: Path) -> None:
     assert shapes[0].T_world[:2, 3].tolist() == [2.0, 3.0]
 
 
-def test_frames_other_than_the_parent_are_named(tmp_path: Path) -> None:
+def test_frames_that_do_not_exist_are_named(tmp_path: Path) -> None:
     model = box_model("t", "1 2 0 0 0 0", "1 1 1")
     usual = model.replace("<pose>", '<pose relative_to="world">', 1)
     usual = usual.replace('<visual name="v">', '<visual name="v"><pose relative_to="l">0 0 1 0 0 0</pose>')
@@ -96,7 +96,8 @@ def test_frames_other_than_the_parent_are_named(tmp_path: Path) -> None:
     remarks = layout_of(write_world(tmp_path, *others)).remarks
     assert len(remarks) == 5
     for word, remark in zip(("room_b", "door", "tip", "base", "edge"), remarks):
-        assert f"frame {word} is not supported" in remark
+        assert f"there is no frame {word}" in remark
+        assert "taken from its parent" in remark
 
 
 def test_the_room_is_read_and_its_gaps_are_named() -> None:

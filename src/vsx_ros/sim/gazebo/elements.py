@@ -116,7 +116,8 @@ def shape(element: Element, folder: Path, find: ModelFolders, where: str) -> Mes
                 return geometry.sphere(*_sizes(child, ("radius",), where))
             case "plane":
                 normal = np.array(numbers(child, "normal", (0.0, 0.0, 1.0), where))
-                return geometry.plane(normal, *numbers(child, "size", (1.0, 1.0), where))
+                side = geometry.PLANE_MOST_M if element.tag == "collision" else 1.0  # in physics it has no end
+                return geometry.plane(normal, *numbers(child, "size", (side, side), where))
     return None
 
 

@@ -46,6 +46,11 @@ def quaternion_matrix(x: float, y: float, z: float, qx: float, qy: float, qz: fl
     )
 
 
+def inverse(T: FloatArray) -> FloatArray:
+    """Of a pose (4, 4)."""
+    return np.asarray(np.linalg.inv(T), float)
+
+
 def placed(corners: FloatArray, T: FloatArray) -> FloatArray:
     """(T, 3, 3) corners moved by a (4, 4) matrix."""
     return np.asarray(corners @ T[:3, :3].T + T[:3, 3])

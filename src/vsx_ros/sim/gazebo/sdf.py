@@ -1,6 +1,5 @@
 """An SDF world file with all that it includes, as a flat list of placed shapes and lamps."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
@@ -12,11 +11,13 @@ from vsx_ros.errors import InputError
 from vsx_ros.sim.gazebo import elements, geometry
 from vsx_ros.sim.gazebo.budget import Budget
 from vsx_ros.sim.gazebo.elements import Lamp, MeshUse, numbers, text
+from vsx_ros.sim.gazebo.frames import Scope
 from vsx_ros.sim.gazebo.geometry import Triangles
+from vsx_ros.sim.gazebo.models import ModelFiles
 from vsx_ros.sim.gazebo.paths import ModelFolders, is_remote
+from vsx_ros.sim.gazebo.states import Saved
 from vsx_ros.sim.gazebo.surfaces import Surface
 
-DEEPEST = 16  # models in models
 _SUN = Lamp(
     kind="directional",
     position=np.array([0.0, 0.0, 10.0]),
@@ -60,116 +61,85 @@ def read_layout(path: Path, folders: ModelFolders, budget: Budget) -> Layout:
     return _Reader(folders, budget).read(root, path)
 
 
+class _Around(NamedTuple):
+    """What a part lies in: a world or model at T_world (4, 4). prefix: of the names of its parts."""
+
+    scope: Scope
+    T_world: FloatArray
+    prefix: str
+    saved: Saved
+
+
 class _Reader:
     def __init__(self, folders: ModelFolders, budget: Budget) -> None:
         self._folders, self._budget = folders, budget
-        self._files: dict[tuple[str, Path], Path | None] = {}
-        self._models: dict[Path, tuple[Element | None, int]] = {}
+        self._files = ModelFiles(folders, budget)
         self._layout = Layout(shapes=[], lamps=[], ambient=0.4, sky=0.7, remarks=[])
 
     def read(self, root: Element, path: Path) -> Layout:
         self._budget.take("elements", sum(1 for _ in root.iter()), str(path))
         world = root.find("world")
         world = root if world is None else world
-        moved = {model.get("name", ""): model for model in world.findall("state/model")}
+        saved = Saved(world.findall("state"))
+        for tag in filter(saved.holds, ("insertions", "deletions")):
+            self._remark(f"<{tag}> of <state> is not supported and left out")
+        around = _Around(Scope(world, path.parent, 0, self._files, self._remark), np.eye(4), "", saved)
         for child in world:
-            name = self._name(child, path.parent)
-            T = elements.pose(moved[name], f"state of {name}") if name in moved and child.tag != "light" else None
-            self._part(child, np.eye(4), "", path.parent, 0, T)
+            self._part(child, around)
         where = f"{path}: <scene>"
         r, g, b = numbers(world.find("scene"), "ambient", (0.4, 0.4, 0.4), where)
         sky = numbers(world.find("scene"), "background", (0.7, 0.7, 0.7), where)
         remarks = list(dict.fromkeys(self._layout.remarks))
         return self._layout._replace(ambient=(r + g + b) / 3.0, sky=sum(sky) / 3.0, remarks=remarks)
 
-    def _part(
-        self, element: Element, T_parent: FloatArray, prefix: str, folder: Path, depth: int, T: FloatArray | None
-    ) -> None:
-        """A child of a world or model. T: its pose in place of the file's, or None."""
+    def _part(self, element: Element, around: _Around) -> None:
+        """A child of a world or model."""
         match element.tag:
             case "include":
-                self._include(element, T_parent, prefix, folder, depth, T)
+                self._include(element, around)
             case "model":
-                name = prefix + element.get("name", "unnamed")
-                T_model = self._pose(element, f"model {name}", "__model__" if depth else "world") if T is None else T
-                self._model(element, T_parent @ T_model, name, folder, depth)
+                name = element.get("name", "unnamed")
+                self._model(element, element, around, name, around.scope.folder)
             case "light":
-                where = f"light {element.get('name', '')}"
-                self._lamp(element, T_parent @ elements.pose(element, where), where)
+                name = element.get("name", "")
+                self._lamp(element, self._placed(element, around, "light", name), f"light {name}")
             case tag if tag in _UNSUPPORTED:
-                self._remark(f"<{tag}> {prefix}{element.get('name', '')} is not supported and left out")
+                self._remark(f"<{tag}> {around.prefix}{element.get('name', '')} is not supported and left out")
+
+    def _placed(self, element: Element, around: _Around, tag: str, name: str) -> FloatArray:
+        """T_world of a part: as its state says, else as its pose does."""
+        where = f"{'include of' if element.tag == 'include' else tag} {around.prefix}{name}"
+        saved = around.saved.part(tag, name).pose(where)
+        return around.T_world @ around.scope.place(element, where) if saved is None else saved
 
     def _lamp(self, light: Element, T_world: FloatArray, where: str) -> None:
         self._budget.take("lamps", 1, where)
         if text(light, "light_on", "true").lower() not in ("false", "0"):
             self._layout.lamps.append(elements.lamp(light, T_world, where))
 
-    def _pose(self, element: Element, where: str, parent: str) -> FloatArray:
-        """As ``elements.pose``. A frame that is not the parent's, which moves the element in Gazebo, is told."""
-        placed = element.get("placement_frame") or text(element, "placement_frame")
-        pose = element.find("pose")
-        frame = "" if pose is None else pose.get("relative_to") or pose.get("frame") or ""
-        for named in [name for name, usual in ((placed, "__model__"), (frame, parent)) if name not in ("", usual)]:
-            self._remark(f"{where}: frame {named} is not supported; its pose is taken from its parent")
-        return elements.pose(element, where)
-
     def _remark(self, words: str) -> None:
         self._layout.remarks.append(words)
 
-    def _include(
-        self, element: Element, T_parent: FloatArray, prefix: str, folder: Path, depth: int, T: FloatArray | None
-    ) -> None:
-        uri = text(element, "uri")
-        name = prefix + self._name(element, folder)
-        where, parent = f"include of {name}", "__model__" if depth else "world"
-        file = self._file(uri, folder)
-        if file is None:
-            own = self._pose(element, where, parent) if T is None else T
-            self._built_in(uri, name, T_parent @ own)
-            return
-        model, size = self._first_model(file)
-        self._budget.take("elements", size, name)
-        if model is None:
-            self._remark(f"model {name}: {file} holds none and is left out")
-            return
-        posed = element if element.find("pose") is not None else model
-        own = self._pose(posed, where, parent) if T is None else T
-        if model.tag == "light":
-            self._lamp(model, T_parent @ own, where)
-            return
-        self._model(model, T_parent @ own, name, file.parent, depth)
+    def _include(self, element: Element, around: _Around) -> None:
+        own = self._files.name(element, around.scope.folder)
+        name = around.prefix + own
+        found = self._files.take(element, around.scope.folder, name)
+        if found is None:
+            self._built_in(text(element, "uri"), name, element, around)
+        elif found.element is None:
+            self._remark(f"model {name}: {found.file} holds none and is left out")
+        elif found.element.tag == "light":
+            self._lamp(found.element, self._placed(element, around, "light", own), f"include of {name}")
+        else:
+            self._model(found.element, element, around, own, found.file.parent)
 
-    def _file(self, uri: str, folder: Path) -> Path | None:
-        if (uri, folder) not in self._files:
-            found = self._folders.find(uri, folder)
-            self._files[uri, folder] = _model_file(found) if found is not None else None
-        return self._files[uri, folder]
-
-    def _first_model(self, file: Path) -> tuple[Element | None, int]:
-        """The model or light of a file, read once, and how many elements the file has."""
-        if file not in self._models:
-            root = elements.xml_root(file)
-            model = next((child for child in root if child.tag in ("model", "light")), None)
-            self._models[file] = model, sum(1 for _ in root.iter())
-        return self._models[file]
-
-    def _name(self, element: Element, folder: Path) -> str:
-        """Of an include without a <name>, that of the model in its file, else the last word of its address."""
-        given = element.get("name") or text(element, "name")
-        if given or element.tag != "include":
-            return given
-        uri = text(element, "uri")
-        file = self._file(uri, folder)
-        model = self._first_model(file)[0] if file is not None else None
-        own = model.get("name") if model is not None else None
-        return own or uri.rstrip("/").rpartition("/")[2]
-
-    def _built_in(self, uri: str, name: str, T_world: FloatArray) -> None:
+    def _built_in(self, uri: str, name: str, element: Element, around: _Around) -> None:
         word = uri.rstrip("/").rpartition("/")[2]
         if word == "sun":
             self._budget.take("lamps", 1, name)
             self._layout.lamps.append(_SUN)
         elif word == "ground_plane":
+            T_world = self._placed(element, around, "model", self._files.name(element, around.scope.folder))
             floor = geometry.plane(np.array([0.0, 0.0, 1.0]), 100.0, 100.0)
             for solid in (False, True):
                 paint = Surface((0.6, 0.6, 0.6))
@@ -182,44 +152,66 @@ class _Reader:
             looked = ", ".join(str(folder) for folder in self._folders.folders) or "no folder"
             self._remark(f"model {name} ({uri}) is in none of {looked}: give its folder with --models")
 
-    def _model(self, model: Element, T_world: FloatArray, name: str, folder: Path, depth: int) -> None:
-        if depth > DEEPEST:
-            raise InputError(f"model {name:.200} is nested more than {DEEPEST} deep; take it apart")
+    def _model(self, model: Element, posed: Element, around: _Around, own: str, folder: Path) -> None:
+        """posed: the model, or the include that it comes from. own: its name without prefix. folder: of its file."""
+        name = around.prefix + own
         if len(name) > elements.LONGEST:
             raise InputError(f"model {name:.200}... has a name of {len(name)} letters; rename its models")
+        scope = around.scope.inner(model, folder)
+        saved = around.saved.part("model", own)
+        inside = _Around(scope, self._placed(posed, around, "model", own), f"{name}/", saved)
+        scale = saved.scale(name)
+        if scale.min() <= 0.0:
+            self._remark(f"state of {name}: its <scale> is not positive and ignored")
+            scale = np.ones(3)
         for child in model:
             if child.tag == "link":
-                self._link(child, T_world, name, folder)
+                self._link(child, inside, scale)
             else:
-                self._part(child, T_world, f"{name}/", folder, depth + 1, None)
+                self._part(child, inside)
 
-    def _link(self, link: Element, T_model: FloatArray, model: str, folder: Path) -> None:
-        name = f"{model}/{link.get('name', 'link')}"
-        T_link = T_model @ self._pose(link, name, "__model__")
+    def _link(self, link: Element, model: _Around, scale: FloatArray) -> None:
+        """scale: (3,) of each shape in its own axes."""
+        own = link.get("name", "link")
+        name = model.prefix + own
+        T_model_link = model.scope.place(link, name)
+        T_saved = model.saved.part("link", own).pose(name)
+        if T_saved is not None:
+            T_model_link = geometry.inverse(model.T_world) @ T_saved
         for child in link:
+            if child.tag not in ("visual", "collision", "light"):
+                continue
+            where = name if child.tag == "light" else f"{child.tag} {name}/{child.get('name', '')}"
+            T_world = model.T_world @ model.scope.place(child, where, T_model_link)
             if child.tag == "light":
-                self._lamp(child, T_link @ elements.pose(child, name), name)
-            if child.tag not in ("visual", "collision"):
-                continue
-            where = f"{child.tag} {name}/{child.get('name', '')}"
-            found = elements.shape(child, folder, self._folders, where)
-            if found is None:
-                kind = elements.kind_of_shape(child)
-                self._remark(f"{where} is a <{kind}>, which is not supported, and left out")
-                continue
-            solid = child.tag == "collision"
-            surface, missing = (None, "") if solid else elements.surface(child, folder, self._folders, where)
-            self._add(
-                Shape(
-                    name=where,
-                    link=name,
-                    T_world=T_link @ self._pose(child, where, link.get("name", "")),
-                    solid=solid,
-                    geometry=found,
-                    surface=surface,
-                    missing=missing,
-                )
+                self._lamp(child, T_world, name)
+            else:
+                self._shape(child, name, model.scope.folder, T_world, scale)
+
+    def _shape(self, element: Element, link: str, folder: Path, T_world: FloatArray, scale: FloatArray) -> None:
+        solid, where = element.tag == "collision", f"{element.tag} {link}/{element.get('name', '')}"
+        found = elements.shape(element, folder, self._folders, where)
+        if found is None:
+            kind = elements.kind_of_shape(element)
+            self._remark(f"{where} is a <{kind}>, which is not supported, and left out")
+            return
+        clear = 0.0 if solid else numbers(element, "transparency", (0.0,), where)[0]
+        if clear >= 1.0:
+            return
+        if clear > 0.0:
+            self._remark(f"{where} has transparency {clear:g} and is drawn opaque")
+        surface, missing = (None, "") if solid else elements.surface(element, folder, self._folders, where)
+        self._add(
+            Shape(
+                name=where,
+                link=link,
+                T_world=T_world,
+                solid=solid,
+                geometry=_scaled(found, scale),
+                surface=surface,
+                missing=missing,
             )
+        )
 
     def _add(self, shape: Shape) -> None:
         self._budget.take("shapes", 1, shape.name)
@@ -228,23 +220,7 @@ class _Reader:
         self._layout.shapes.append(shape)
 
 
-def _model_file(found: Path) -> Path | None:
-    """The SDF file of a model's folder: what model.config names, else model.sdf."""
-    if found.is_file():
-        return found
-    named: list[str] = []
-    if (found / "model.config").is_file():
-        named = list(_named(found / "model.config"))
-    for name in [*reversed(named), "model.sdf"]:
-        if (found / name).is_file():
-            return found / name
-    return next(iter(sorted(found.glob("*.sdf"))), None)
-
-
-def _named(config: Path) -> Iterator[str]:
-    """The files that model.config names, the oldest version first."""
-    sdf = elements.xml_root(config).findall("sdf")
-    for element in sorted(
-        sdf, key=lambda e: [int(n) if n.isdecimal() else 0 for n in e.get("version", "0").split(".")]
-    ):
-        yield (element.text or "").strip() or "model.sdf"
+def _scaled(found: MeshUse | Triangles, scale: FloatArray) -> MeshUse | Triangles:
+    if isinstance(found, MeshUse):
+        return found._replace(scale=found.scale * scale)
+    return found._replace(corners=found.corners * scale)
