@@ -13,6 +13,7 @@ from vsx_ros.sim.gazebo.geometry import placed
 from vsx_ros.sim.gazebo.meshes import MeshPart, read_mesh
 from vsx_ros.sim.gazebo.paths import ModelFolders
 from vsx_ros.sim.gazebo.pictures import Picture, Textures, pack
+from vsx_ros.sim.gazebo.plain import MOST_PAIRS, inset, is_shown
 from vsx_ros.sim.gazebo.sdf import Layout, Shape
 from vsx_ros.sim.gazebo.surfaces import GREY, Surface
 
@@ -44,9 +45,18 @@ class Parts(NamedTuple):
 
 
 def assemble(layout: Layout, folders: ModelFolders, budget: Budget) -> Parts:
-    """All shapes in place. Solids of links that show nothing are drawn in plain grey: no obstacle is invisible. Raises
-    InputError for a mesh or picture that is damaged, or for more than the budget has."""
+    """All shapes in place. Solids where their link shows nothing are drawn in plain grey, and all of a link with a
+    visual that cannot be drawn: no obstacle is invisible. Raises InputError for a mesh or picture that is damaged, or
+    for more than the budget has."""
     return _Assembly(folders, budget).of(layout)
+
+
+class _Link(NamedTuple):
+    """Of one link: corners (T, 3, 3) of the parts that are drawn, names of visuals that cannot be, and the solids."""
+
+    drawn: list[FloatArray]
+    failed: list[str]
+    solids: list[tuple[Shape, MeshPart]]
 
 
 class _Assembly:
@@ -58,30 +68,25 @@ class _Assembly:
         self._remarks: list[str] = []
 
     def of(self, layout: Layout) -> Parts:
-        shown: set[str] = set()
-        hidden: list[tuple[Shape, list[MeshPart]]] = []
+        links: dict[str, _Link] = {}
         names: list[str] = []
         solids: list[FloatArray] = []
         owners: list[IntArray] = []
         for shape in layout.shapes:
             parts = self._parts(shape)
+            link = links.setdefault(shape.link, _Link([], [], []))
             if not shape.solid:
                 for part in parts:
                     self._draw(part)
-                if parts:
-                    shown.add(shape.link)
+                link.drawn.extend(part.corners for part in parts)
+                link.failed.extend([] if parts else [shape.name])
                 continue
-            hidden.append((shape, parts))
+            link.solids.extend((shape, part) for part in parts)
             for part in parts:
                 solids.append(part.corners)
                 owners.append(np.full(len(part.corners), len(names), np.int64))
             names.append(shape.link)
-        for shape, parts in hidden:
-            if shape.link not in shown and parts:
-                self._remarks.append(f"{shape.link} has no visual that can be drawn: its collision is drawn plain")
-                for part in parts:
-                    self._budget.take("triangles", len(part.corners), part.name)
-                    self._draw(part._replace(surface=Surface(GREY)))
+        self._draw_plain(links)
         told = [f"{what} ({n} times)" if n > 1 else what for what, n in Counter(self._remarks).items()]
         return Parts(
             seen=self._seen(),
@@ -91,6 +96,28 @@ class _Assembly:
             remarks=[*layout.remarks, *told],
         )
 
+    def _draw_plain(self, links: dict[str, "_Link"]) -> None:
+        """The solids that nothing shows."""
+        pairs = sum(len(link.solids) * sum(map(len, link.drawn)) for link in links.values())
+        step = 1 + pairs // MOST_PAIRS
+        for name, link in links.items():
+            bare = [
+                (shape, part)
+                for shape, part in link.solids
+                if link.failed or not is_shown(part.corners, shape.T_world, link.drawn, step)
+            ]
+            if bare and not link.drawn:
+                self._remarks.append(f"{name} has no visual that can be drawn: its collision is drawn plain")
+            elif bare and link.failed:
+                self._remarks.append(f"{name} has a visual that cannot be drawn: its collision is drawn plain, too")
+            elif bare:
+                count = f"{len(bare)} of its {len(link.solids)} solid parts"
+                self._remarks.append(f"{name} shows nothing at {count}: drawn plain there")
+            for shape, part in bare:
+                self._budget.take("triangles", len(part.corners), part.name)
+                corners = inset(part.corners, shape.T_world) if link.drawn else part.corners
+                self._draw(part._replace(corners=corners, surface=Surface(GREY)))
+
     def _draw(self, part: MeshPart) -> None:
         surface = self._surfaces.setdefault(part.surface, len(self._surfaces))
         self._drawn.append((part.corners.astype(np.float32), part.uv.astype(np.float32), surface))
@@ -99,6 +126,8 @@ class _Assembly:
         """The triangles of a shape in the world, without those that lie far away."""
         if shape.missing:
             self._remarks.append(f"{shape.name}: texture {shape.missing} does not exist; paint is drawn in its place")
+        if shape.geometry is None:
+            return []
         if isinstance(shape.geometry, MeshUse):
             found = self._mesh_parts(shape, shape.geometry)
         else:

@@ -30,14 +30,15 @@ _UNSUPPORTED = "actor", "population", "road"
 
 
 class Shape(NamedTuple):
-    """A visual, or a solid (collision). link: the model and link it belongs to. T_world: (4, 4). surface: in place of
-    its mesh's own, or None. missing: name of a picture that does not exist, or empty."""
+    """A visual, or a solid (collision). link: the model and link it belongs to. T_world: (4, 4). geometry: None for a
+    visual of a kind that cannot be drawn. surface: in place of its mesh's own, or None. missing: name of a picture that
+    does not exist, or empty."""
 
     name: str
     link: str
     T_world: FloatArray
     solid: bool
-    geometry: MeshUse | Triangles
+    geometry: MeshUse | Triangles | None
     surface: Surface | None
     missing: str
 
@@ -194,7 +195,8 @@ class _Reader:
         if found is None:
             kind = elements.kind_of_shape(element)
             self._remark(f"{where} is a <{kind}>, which is not supported, and left out")
-            return
+            if solid or kind in ("nothing", "empty"):
+                return
         clear = 0.0 if solid else numbers(element, "transparency", (0.0,), where)[0]
         if clear >= 1.0:
             return
@@ -215,12 +217,14 @@ class _Reader:
 
     def _add(self, shape: Shape) -> None:
         self._budget.take("shapes", 1, shape.name)
-        if not isinstance(shape.geometry, MeshUse):
+        if isinstance(shape.geometry, Triangles):
             self._budget.take("triangles", len(shape.geometry.corners), shape.name)
         self._layout.shapes.append(shape)
 
 
-def _scaled(found: MeshUse | Triangles, scale: FloatArray) -> MeshUse | Triangles:
+def _scaled(found: MeshUse | Triangles | None, scale: FloatArray) -> MeshUse | Triangles | None:
+    if found is None:
+        return None
     if isinstance(found, MeshUse):
         return found._replace(scale=found.scale * scale)
     return found._replace(corners=found.corners * scale)
