@@ -6,6 +6,7 @@ import signal
 import sys
 import tempfile
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 from vsx_ros.errors import ConfigError, VsxError
@@ -18,11 +19,11 @@ from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import MASTER, READY_WAIT_S, LiveRun, refuse_second_robot
 from vsx_ros.ros.monitor import Monitor, MonitorJournal
 from vsx_ros.ros.nodes.dashboard import TOKEN, open_browser
-from vsx_ros.ros.progress import progress_line
 from vsx_ros.ros.run_results import About, Ending, write_results
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, SignalFlag
+from vsx_ros.runs.progress_line import progress_line
 from vsx_ros.runs.report import EXIT_CODES
 from vsx_ros.runs.start import begin
 from vsx_ros.runs.world import save_world
@@ -176,7 +177,21 @@ def _watch(
                 if (node := warning.partition(":")[0]) in ("mobile_base", "camera"):
                     trouble[node] = warning
         if live.progress.is_due:
-            live.progress.show(progress_line(monitor, coverage.of(monitor), elapsed_s, limit_s, trouble))
+            live.progress.show(told_now(monitor, coverage.of(monitor), elapsed_s, limit_s, trouble))
+
+
+def told_now(
+    monitor: Monitor, coverage: float | None, elapsed_s: float, limit_s: float | None, missing: Iterable[str] = ()
+) -> str:
+    """The terminal's line. missing: nodes that are known to lack their device."""
+    status = monitor.status
+    area_m2 = monitor.grid.known_area_m2 if monitor.grid is not None else 0.0
+    return progress_line(
+        str(status.get("state", MissionState.STARTING.value)),
+        str(status.get("reason", f"waiting for {' and '.join(missing) or 'the nodes'}")),
+        known=f"{100 * coverage:.0f} % covered" if coverage is not None else f"{area_m2:.1f} m2 known",
+        driven_m=monitor.distance_m, elapsed_s=elapsed_s, limit_s=limit_s, left_s=status.get("left_s"),
+    )  # fmt: skip
 
 
 def _ending(live: LiveRun, monitor: Monitor, elapsed_s: float, limit_s: float | None) -> Ending | None:

@@ -11,7 +11,7 @@ import numpy as np
 from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
-from vsx_ros.exploration.time_left import left_words
+from vsx_ros.exploration.decision import Decision
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
@@ -22,6 +22,7 @@ from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.places import begin_places, resume_places, rooms_known, write_places
 from vsx_ros.runs.previous import PreviousSessions
 from vsx_ros.runs.process import DONE, LOST, STOPPED, Progress, ended_well, interruptible
+from vsx_ros.runs.progress_line import progress_line
 from vsx_ros.runs.report import EXIT_CODES, tell_the_end, write_report
 from vsx_ros.runs.rooms import write_rooms
 from vsx_ros.runs.self_calibration import write_self_calibration
@@ -63,6 +64,7 @@ class FastRun:
         self.system = ExplorationSystem(self.robot.camera_given, mount, config, seed, planner, saved, slam_map)
         self.truth: list[StampedPose] = []
         self._errors_m: list[float] = []
+        self._decided: Decision | None = None
         if before is not None:
             known = [line for line in before.lines if isinstance(line, TruthLine)]
             self.truth += [StampedPose(line.stamp_ns, unflat(line.T_world_cam)) for line in known]
@@ -104,7 +106,7 @@ class FastRun:
                     reason = told
                     break
                 if progress.is_due:
-                    progress.show(self._progress(now.frame.stamp_ns))
+                    progress.show(self._progress(limit_s))
         progress.clear()
         if seen is not None:
             self._save(seen.frame.stamp_ns, now=True)
@@ -152,6 +154,7 @@ class FastRun:
         tracking = self.system.track(frame, odometry)
         track_s = time.perf_counter() - began
         step, odometry = self.system.act(tracking, bumper), self.system.odometry
+        self._decided = step.decision or self._decided
         slam, truth = self.system.slam, self.robot.truth
         self.truth.append(StampedPose(frame.stamp_ns, truth.T_world_cam))
         if step.follow_error_m is not None:
@@ -165,14 +168,14 @@ class FastRun:
         self._save(frame.stamp_ns)
         return step.command
 
-    def _progress(self, now_ns: int) -> str:
-        last, mission = self.record.frames[-1], self.system.mission
-        area = self.system.grid.known_area_m2 if self.system.grid else 0.0
-        left = "  " + left_words(mission.view_selector.time_left.at(now_ns))
-        return (
-            f"{now_ns * 1e-9:5.0f} s  {mission.state.value}  {area:.1f} m2 known  "
-            f"{self.robot.truth.path_length_m:.1f} m driven  {last.found}/{last.searched} points{left}"
-        )
+    def _progress(self, limit_s: float) -> str:
+        decided, mission, now_ns = self._decided, self.system.mission, self.record.frames[-1].stamp_ns
+        area_m2 = self.system.grid.known_area_m2 if self.system.grid is not None else 0.0
+        return progress_line(
+            mission.state.value if decided is None else decided.state, "" if decided is None else decided.reason,
+            known=f"{area_m2:.1f} m2 known", driven_m=self.robot.truth.path_length_m, elapsed_s=now_ns * 1e-9,
+            limit_s=limit_s, left_s=mission.view_selector.time_left.at(now_ns),
+        )  # fmt: skip
 
     def exit_code(self, reason: str) -> int:
         """The command's exit code; reason: why the run ended."""
