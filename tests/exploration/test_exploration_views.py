@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.config import Config
+from vsx_ros.exploration.choice import Choice, chosen_in
 from vsx_ros.exploration.decision import without_figures
 from vsx_ros.exploration.utility import (
     BEARINGS,
@@ -236,7 +237,32 @@ def test_in_a_bare_hall_it_is_not_the_best_views_without_landmarks_that_hide_one
 
 def test_the_words_begin_with_the_purpose_and_the_figures_multiply_to_u():
     view = View(SE2(1.0, 2.0, 0.0), gain_m2=4.0, distance_m=3.0, landmarks=30, utility=0.4)
-    words, figures = view.words(2.0).split(" [")
-    assert words == without_figures(view.words(2.0)) == "driving 3.0 m to look at 4.0 m2 of unknown ground"
+    told = Choice(view, None).words(2.0)
+    words, figures = told.split(" [")
+    assert words == without_figures(told)
+    assert words == "driving 3.0 m to look at 4.0 m2 of unknown ground; no other place comes near"
     assert figures.endswith("30 landmarks: U = v/d x landmarks = 4.0 m2 / 5.0 m x 0.50 = 0.40]")
     assert 4.0 / 5.0 * view.landmark_factor(2.0) == pytest.approx(view.utility)
+
+
+def test_a_choice_names_the_best_view_of_another_place():
+    def view(x: float, theta: float, utility: float) -> View:
+        return View(SE2(x, -2.04, theta), gain_m2=5.0 * utility, distance_m=3.0, landmarks=60, utility=utility)
+
+    views = [view(1.0, 0.0, 0.8), view(1.2, 0.3, 0.79), view(1.0, math.pi, 0.6), view(-4.0, 0.0, 0.5)]
+    told = Choice.among(views, 3.0).words(2.0)
+    words, figures = told.split(" [")
+    assert words == ("driving 3.0 m to look at 4.0 m2 of unknown ground; second best: 3.0 m2 after 3.0 m, 75 % as good")
+    assert "; second best at (1.0, -2.0) looking 180 deg, 60 landmarks: U = 3.0 m2 / 5.0 m x 1.00 = 0.60]" in told
+    assert figures.startswith("view at (1.0, -2.0) looking 0 deg")
+    assert Choice.among(views[:2], 3.0).second is None, "it looks at the same"
+    bare = [each._replace(utility=0.0) for each in views]
+    assert "; second best: 3.0 m2 after 3.0 m [" in Choice.among(bare, 3.0).words(2.0)
+
+
+def test_the_place_of_a_choice_is_read_back_from_its_words():
+    view = View(SE2(-11.04, 2.26, math.radians(345.0)), gain_m2=4.0, distance_m=3.0, landmarks=30, utility=0.4)
+    place = chosen_in(Choice(view, view).words(2.0))
+    assert (place.x, place.y, place.theta) == pytest.approx((-11.0, 2.3, math.radians(345.0)))
+    assert chosen_in("driving home") is None
+    assert chosen_in("no view found (3 blacklisted): looking again from further back") is None

@@ -37,8 +37,7 @@ def left_to_see(views: Sequence[View], range_m: float) -> float:
     the most counts. range_m: of the camera."""
     total_m2, centres = 0.0, np.zeros((0, 2))
     for view in sorted(views, key=lambda view: -view.gain_m2):
-        ahead = view.pose.as_array()
-        centre = ahead[:2] + 0.5 * range_m * np.array([np.cos(ahead[2]), np.sin(ahead[2])])
+        centre = view.ahead(0.5 * range_m)
         if not len(centres) or np.hypot(*(centres - centre).T).min() > 0.5 * range_m:
             total_m2 += view.gain_m2
             centres = np.vstack([centres, centre])

@@ -37,15 +37,10 @@ class View(NamedTuple):
     landmarks: int
     utility: float
 
-    def words(self, stop_cost_m: float) -> str:
-        """What the drive is for, for people, then the figures in brackets; stop_cost_m [m] is part of d."""
-        x, y, heading_deg = self.pose.x, self.pose.y, math.degrees(self.pose.theta)
-        d_m, share = self.distance_m + stop_cost_m, self.landmark_factor(stop_cost_m)
-        return (
-            f"driving {self.distance_m:.1f} m to look at {self.gain_m2:.1f} m2 of unknown ground "
-            f"[view at ({x:.1f}, {y:.1f}) looking {heading_deg:.0f} deg, {self.landmarks} landmarks: "
-            f"U = v/d x landmarks = {self.gain_m2:.1f} m2 / {d_m:.1f} m x {share:.2f} = {self.utility:.2f}]"
-        )
+    def ahead(self, way_m: float) -> FloatArray:
+        """(2,) x and y of the place so far before it [m]."""
+        theta = self.pose.theta
+        return np.array([self.pose.x + way_m * math.cos(theta), self.pose.y + way_m * math.sin(theta)])
 
     def landmark_factor(self, stop_cost_m: float) -> float:
         """The share of v / d that is left to a view with few known landmarks: U = v / d times this."""

@@ -2,6 +2,7 @@
 and home on request."""
 
 from vsx_ros.config import Config
+from vsx_ros.exploration.choice import Choice
 from vsx_ros.exploration.decision import SECOND_NS, Action, Decision, MissionLog, NavigationState, Outcome, Situation
 from vsx_ros.exploration.home import Home
 from vsx_ros.exploration.recovery import SPOT_TURN, Trail, escape_arc
@@ -181,7 +182,8 @@ class ViewTour:
         self._empty_rankings, self.has_gone = 0, True
         self._goal = goal = views[0]
         self._gain = self._view_selector.expected_gain(goal, grid)
-        return self._go(now_ns, goal.pose, MAP_FRAME, goal.words(self._config.stop_cost_m))
+        choice = Choice.among(views, self._config.sensor_range_m)
+        return self._go(now_ns, goal.pose, MAP_FRAME, choice.words(self._config.stop_cost_m))
 
     def _nothing_left(self, now_ns: int, situation: Situation, grid: OccupancyGrid) -> Decision:
         """No view is worth its drive: try failed goals again, then look from elsewhere. It is explored only when all
