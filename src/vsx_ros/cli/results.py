@@ -50,7 +50,7 @@ def _of_run(args: argparse.Namespace) -> dict[str, Any]:
     folder = RunFolder.open(args.run_folder)
     run, final = unfinished(folder), list[StampedPose]()
     if run is not None:
-        summary, estimate, truth, has_odometry = run.summary, run.estimate, run.truth, run.has_odometry
+        summary, estimate, truth, has_odometry = run.summary, run.estimate, run.truth, bool(run.odometry)
         print(f"vsx: {summary['stop_reason']}", file=sys.stderr)
     else:
         summary = checked_summary(folder.read_summary(), str(folder.path))

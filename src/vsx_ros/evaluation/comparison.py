@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from vsx_ros.evaluation.page import document
-from vsx_ros.evaluation.report import STYLE, command, map_picture, section, shown, timeline, versions
+from vsx_ros.evaluation.report import STYLE, command, known_area, map_picture, section, shown, timeline, versions
 from vsx_ros.evaluation.report_data import ReportData
 
 Named = tuple[str, ReportData]
@@ -37,6 +37,7 @@ def compare(a: Named, b: Named) -> str:
         _side_by_side(a, b, lambda data: html.escape(str(data.summary.get("stop_reason") or "unknown"))),
         section("Numbers", _numbers(a, b)),
         section("Map and trajectory", _side_by_side(a, b, map_picture)),
+        section("Known area", _side_by_side(a, b, known_area)),
         section("Tracking over time", _side_by_side(a, b, timeline)),
         section("Settings that differ", _settings(a, b)),
         section("How to repeat them", _side_by_side(a, b, command)),

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -23,6 +23,7 @@ _VIEWER_SPACING_CELLS, _RAYS_AROUND = 4, 360  # 20 cm, 1 deg: a cell that rays m
 _HALF_VIEW_RAD, _RAYS_IN_VIEW = 0.45, 120  # a Kinect's half view minus some degrees; rays 0.4 deg apart
 _MIN_VIEWS = 3  # as many as a map needs for a point
 _UNKNOWN_GREY, _FREE_WHITE = 200, 255
+_Metres = NDArray[np.float32]
 _FOUND, _MISSED, _PHANTOM = (30, 30, 30), (40, 140, 255), (40, 40, 220)  # BGR: black, orange, red
 
 
@@ -74,12 +75,32 @@ def observable_cells(truth: OccupancyGrid, viewers: IntArray, sensor_range_m: fl
     return np.asarray(seen & (truth.data != UNKNOWN))
 
 
+class TruthCells(NamedTuple):
+    """Cells of the truth that maps are compared at. centres: (N, 2) in the frame of the maps [m]. to_obstacle_m,
+    to_free_m: (N,) from each to the nearest such cell."""
+
+    centres: Points2
+    to_obstacle_m: _Metres
+    to_free_m: _Metres
+
+    @staticmethod
+    def of(truth: OccupancyGrid, chosen: BoolArray, T_truth_map: SE2) -> "TruthCells":
+        """chosen: (H, W). T_truth_map: true pose of the maps' origin."""
+        centres = T_truth_map.inverse() @ truth.centres(np.argwhere(chosen))
+        return TruthCells(centres, *(metres_to(truth.data == kind, truth)[chosen] for kind in (OCCUPIED, FREE)))
+
+    def correct_share(self, estimate: OccupancyGrid) -> float | None:
+        """The share of the cells that a map knows rightly, see ``MapQuality``; None if there are none."""
+        values = _values_at(estimate, self.centres)
+        off_m = np.where(values == OCCUPIED, self.to_obstacle_m, self.to_free_m)
+        return _share((off_m <= TOLERANCE_M) & (values != UNKNOWN))
+
+
 def map_quality(estimate: OccupancyGrid, truth: OccupancyGrid, observable: BoolArray, T_truth_map: SE2) -> MapQuality:
     """Judge a map. observable: (H, W) mask over the truth. T_truth_map: true pose of the map's origin."""
     to_obstacle, to_free = metres_to(truth.data == OCCUPIED, truth), metres_to(truth.data == FREE, truth)
-    values = on_truth(estimate, truth, T_truth_map)[observable]
-    known = values != UNKNOWN
-    off_m = np.where(values == OCCUPIED, to_obstacle[observable], to_free[observable])
+    cells = TruthCells.of(truth, observable, T_truth_map)
+    values = _values_at(estimate, cells.centres)
 
     def under(value: int) -> tuple[IntArray, ...]:
         """Rows and columns of the truth's cells, clipped to its edge, under the estimate's cells with the value."""
@@ -91,8 +112,8 @@ def map_quality(estimate: OccupancyGrid, truth: OccupancyGrid, observable: BoolA
     estimated[occupied] = True
     faces = observable & (truth.data == OCCUPIED)
     return MapQuality(
-        coverage=_share(known),
-        coverage_correct=_share((off_m <= TOLERANCE_M) & known),
+        coverage=_share(values != UNKNOWN),
+        coverage_correct=cells.correct_share(estimate),
         occupied_precision=_share(to_obstacle[occupied] <= TOLERANCE_M),
         occupied_recall=_share(metres_to(estimated, truth)[faces] <= TOLERANCE_M),
         free_inside_obstacle=_share(to_free[under(FREE)] > TOLERANCE_M),
@@ -194,8 +215,14 @@ def metres_to(cells: BoolArray, grid: OccupancyGrid) -> np.ndarray[tuple[int, in
 
 def on_truth(grid: OccupancyGrid, truth: OccupancyGrid, T_truth_map: SE2) -> NDArray[np.int8]:
     """(H, W) the map's values at the centres of the truth's cells, UNKNOWN outside."""
-    cells = grid.cells(T_truth_map.inverse() @ truth.centres(np.argwhere(np.ones(truth.shape, bool))))
+    centres = T_truth_map.inverse() @ truth.centres(np.argwhere(np.ones(truth.shape, bool)))
+    return _values_at(grid, centres).reshape(truth.shape)
+
+
+def _values_at(grid: OccupancyGrid, points: Points2) -> NDArray[np.int8]:
+    """(N,) the map's values at points (N, 2), UNKNOWN outside."""
+    cells = grid.cells(points)
     inside = grid.contains(cells)
     values = np.full(len(cells), UNKNOWN, np.int8)
     values[inside] = grid.data[tuple(cells[inside].T)]
-    return values.reshape(truth.shape)
+    return values

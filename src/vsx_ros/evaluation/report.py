@@ -10,7 +10,7 @@ from vsx_ros.arrays import Points2, Points3
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation import svg
 from vsx_ros.evaluation.events import collapsed, rows
-from vsx_ros.evaluation.page import document, png_figure, table
+from vsx_ros.evaluation.page import document, figures, png_figure, table
 from vsx_ros.evaluation.report_data import ReportData
 from vsx_ros.evaluation.scrubber import scrubber
 from vsx_ros.evaluation.svg import map_view, window_around, window_of
@@ -20,6 +20,7 @@ from vsx_ros.slam.state import TrackingState
 
 _MAX_EVENTS = 400  # rows; the file has all of them
 _FLOOR_M = 0.06  # lower points are floor and hide the map; as ground_map.obstacle_min_height_m
+_SMALL = 450.0, 210.0  # px, of a diagram beside another
 _FASTEST_MS = 0.1  # least of the axis; a quicker frame was refused
 
 
@@ -33,6 +34,7 @@ def render(data: ReportData) -> str:
         _figures(data.summary),
         section("Second by second", scrubber(data)),
         section("Map and trajectory", map_picture(data)),
+        section("Known area", known_area(data)),
         section("Rooms", room_table(data.rooms)),
         section("Tracking over time", timeline(data)),
         section("Events", _events(data)),
@@ -131,6 +133,24 @@ def _truth_in_map(data: ReportData) -> Points3:
     return alignment.apply(np.array([pose.T.translation for pose in data.truth]))
 
 
+def known_area(data: ReportData) -> str:
+    """What was known of the place over time and over the way; with the truth, the share of it that was right."""
+    if not data.progress:
+        return ""
+    times, metres, areas = (np.array(column, float) for column in list(zip(*data.progress))[1:4])
+    rows = [row for row in data.progress if row.coverage_correct is not None]
+    curves = [("known area [m2]", times, metres, areas, svg.top(areas))]
+    if rows:
+        right = np.array([[row.elapsed_s, row.driven_m, row.coverage_correct] for row in rows], float)
+        curves.append(("known and right, as a share of what can be seen,", *right.T, 1.0))
+    pictures = [
+        (f"{name} over {of}", svg.plot([("curve", x, y)], name, top, unit=unit, size=_SMALL))
+        for name, seconds, way, y, top in curves
+        for of, unit, x in (("time", "s", seconds), ("the way driven", "m", way))
+    ]
+    return figures(pictures)
+
+
 def room_table(rooms: Sequence[Room]) -> str:
     """How much of each room is known."""
     cells = [(str(r.number), r.name, f"{r.area_m2:.1f} m2", f"{100 * r.known_ratio:.0f} %") for r in rooms]
@@ -223,4 +243,6 @@ background:var(--c)}
 figcaption{color:var(--soft);font-size:13px}
 table{width:100%}td:first-child{white-space:nowrap}summary{cursor:pointer;color:var(--blue);margin:8px 0}
 i{color:var(--soft)}
+.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(380px,100%),1fr));gap:8px 20px}
+figure{margin:0;min-width:0}
 """

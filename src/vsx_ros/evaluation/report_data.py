@@ -23,6 +23,17 @@ class MapPicture(NamedTuple):
     known_area_m2: float
 
 
+class ProgressRow(NamedTuple):
+    """How far a run had come at a moment. elapsed_s: without interruptions. driven_m: by odometry. coverage_correct: as
+    of ``MapQuality``; None if the map was not compared with the truth."""
+
+    stamp_ns: int
+    elapsed_s: float
+    driven_m: float
+    known_area_m2: float
+    coverage_correct: float | None
+
+
 @dataclass(frozen=True)
 class ReportData:
     """The data of a run folder. world_is_level: z is up, so the map is drawn along z; else the first camera's x and z.
@@ -30,7 +41,8 @@ class ReportData:
     source, state, reason). frames: (stamp_ns, value of the state, searched, found, keyframe_added, track_ms, U2 so
     far). picture_png: what the camera saw last; empty if unknown. pictures: (stamp_ns, JPEG) of what it saw about once
     a second. maps: of the same moments, as far as they changed. moments_trouble: why there are neither; empty if they
-    were not to be kept. rooms: of the ground map."""
+    were not to be kept. rooms: of the ground map. progress: by time; empty without maps of the moments or without
+    odometry."""
 
     summary: Mapping[str, Any]
     facts: Mapping[str, Any]
@@ -51,6 +63,7 @@ class ReportData:
     T_base_cam: SE3 = field(default_factory=SE3.identity)
     robot_radius_m: float = 0.0
     rooms: Sequence[Room] = ()
+    progress: Sequence[ProgressRow] = ()
 
     @property
     def began_ns(self) -> int:

@@ -5,7 +5,6 @@ import math
 from base64 import b64encode
 from collections.abc import Sequence
 from importlib import resources
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,13 +12,13 @@ import numpy as np
 from vsx_ros.evaluation import svg
 from vsx_ros.evaluation.page import paragraph
 from vsx_ros.evaluation.report_data import ReportData
+from vsx_ros.evaluation.run_time import Part, parts
 from vsx_ros.evaluation.svg import Sheet, window_around, window_of
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.state import TrackingState
 
 _STEP_S = 0.1  # between places of the robot
 _MOST_PLACES = 4000  # of a long run
-_PAUSE_NS = 30_000_000_000  # so long without an image the run was interrupted, and the slider leaves that out
 _SMALLEST_PX = 7.0  # radius of the robot
 _Pose = tuple[float, float, float]
 
@@ -98,12 +97,10 @@ def _some_frames(data: ReportData) -> list[tuple[Any, ...]]:
     return list({int(frame[0] // step_ns): frame for frame in reversed(data.frames)}.values())[::-1]
 
 
-def _spans(data: ReportData) -> list[tuple[int, int]]:
-    """Begin and end of each part of the run between its interruptions."""
+def _spans(data: ReportData) -> list[Part]:
+    """Begin and end of each part of the run between its interruptions, which the slider leaves out."""
     stamps = [frame[0] for frame in data.frames] + [stamp_ns for stamp_ns, _ in data.pictures]
-    stamps = sorted([*stamps, *(seen.stamp_ns for seen in data.maps)])
-    breaks = [(a, b) for a, b in pairwise(stamps) if b - a > _PAUSE_NS]
-    return list(zip([stamps[0], *(b for _, b in breaks)], [*(a for a, _ in breaks), stamps[-1]]))
+    return parts([*stamps, *(seen.stamp_ns for seen in data.maps)])
 
 
 def _json(tree: Any) -> str:

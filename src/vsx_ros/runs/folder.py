@@ -33,7 +33,7 @@ from vsx_ros.runs.versions import installed_versions, is_of_a_run
 FILES = (
     "summary.json", "config.yaml", "trajectory.txt", "trajectory_final.txt", "odometry.txt", "groundtruth.txt",
     "map.pgm", "map.yaml", "sparse.ply", "dense.ply", "planes.json", "events.jsonl", "frames.csv", "report.html",
-    "map.vsxmap", "moments.jsonl", "map_zones.yaml", "map_rooms.json", "map_rooms.pgm", "map_dock.yaml",
+    "map.vsxmap", "moments.jsonl", "progress.csv", "map_zones.yaml", "map_rooms.json", "map_rooms.pgm", "map_dock.yaml",
     "world.yaml", "world_resumed.yaml", "odometry_calibration.yaml",
 )  # fmt: skip
 _RUNS = Path("runs")

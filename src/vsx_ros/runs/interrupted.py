@@ -18,15 +18,15 @@ _FACTS = "world", "seed", "planner"
 
 
 class KnownRun(NamedTuple):
-    """As in the files of a finished run: summary.json, events.jsonl, frames.csv, trajectory.txt, groundtruth.txt.
-    has_odometry: whether its map is level."""
+    """As in the files of a finished run: summary.json, events.jsonl, frames.csv, trajectory.txt, groundtruth.txt,
+    odometry.txt; with odometry its map is level."""
 
     summary: dict[str, Any]
     events: list[RunEvent]
     frames: list[FrameRecord]
     estimate: list[StampedPose]
     truth: list[StampedPose]
-    has_odometry: bool
+    odometry: list[StampedPose]
 
 
 def unfinished(folder: RunFolder) -> KnownRun | None:
@@ -52,15 +52,15 @@ def _known(lines: list[Line], config: Config, facts: dict[str, Any]) -> KnownRun
     record = RunRecord(mounted(config.robot.mount))
     record.restore(lines)
     truth = [StampedPose(x.stamp_ns, unflat(x.T_world_cam)) for x in lines if isinstance(x, TruthLine)]
-    has_odometry = any(isinstance(line, FrameLine) and line.T_odom_base is not None for line in lines)
-    kind: AlignmentKind | None = "yaw" if has_odometry else None
+    odometry = record.odometry()
+    kind: AlignmentKind | None = "yaw" if odometry else None
     summary = with_accuracy(record.counted(), record.estimate(), (), truth, kind).with_values(
         **{name: facts.get(name) for name in _FACTS}, phi=config.planner.phi_rad_m, duration_s=_lasted_s(lines),
         stop_reason=REASON, ended_well=False,
     )  # fmt: skip
     return KnownRun(
         summary=summary.as_dict(), events=sorted(record.told(), key=lambda event: event.stamp_ns),
-        frames=record.frame_records(), estimate=record.estimate(), truth=truth, has_odometry=has_odometry,
+        frames=record.frame_records(), estimate=record.estimate(), truth=truth, odometry=odometry,
     )  # fmt: skip
 
 

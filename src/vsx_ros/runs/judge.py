@@ -9,6 +9,7 @@ from vsx_ros.arrays import BoolArray
 from vsx_ros.config import Config
 from vsx_ros.evaluation.map_quality import (
     MapQuality,
+    TruthCells,
     map_on_truth_picture,
     map_quality,
     observable_cells,
@@ -39,6 +40,14 @@ class MapJudge:
     def quality(self, grid: OccupancyGrid) -> MapQuality:
         """Coverage, precision and recall, free cells inside obstacles."""
         return map_quality(grid, self._truth, self._observable, self._start)
+
+    @cached_property
+    def _cells(self) -> TruthCells:
+        return TruthCells.of(self._truth, self._observable, self._start)
+
+    def coverage_correct(self, grid: OccupancyGrid) -> float | None:
+        """As in ``quality``, in a tenth of the time."""
+        return self._cells.correct_share(grid)
 
     def picture(self, grid: OccupancyGrid) -> NDArray[np.uint8]:
         """The map as ``map_on_truth_picture`` draws it, with the visible obstacles that it lacks."""

@@ -13,7 +13,7 @@ from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, Line, TruthLine, read_journal
 from vsx_ros.system import SavedSystem
 
-_BETWEEN_FRAMES_M = 0.5  # no base drives farther between two frames of its journal
+BETWEEN_FRAMES_M = 0.5  # no base drives farther between two frames of its journal
 
 
 class PreviousSessions:
@@ -104,6 +104,6 @@ def _told_from(remembered: Mapping[str, Any], there: SE2) -> SE2:
     which counts if the memory tells no place, or one in another odometry."""
     try:
         told = SE2(*map(float, remembered["T_odom_base"]))
-        return told if told.distance_to(there) < _BETWEEN_FRAMES_M else there
+        return told if told.distance_to(there) < BETWEEN_FRAMES_M else there
     except (KeyError, TypeError, ValueError):
         return there

@@ -88,6 +88,11 @@ class RunRecord:
             for ns, T_world_cam in self.estimate()
         ]
 
+    def odometry(self) -> list[StampedPose]:
+        """T_odom_base of every frame that has odometry."""
+        readings = [frame.odometry for frame, _ in self._known()]
+        return [StampedPose(r.stamp_ns, SE3.from_se2(r.T_odom_base)) for r in readings if r is not None]
+
     def summary(self, statistics: SlamStatistics) -> Summary:
         """The numbers that need no ground truth."""
         jumps = len(self._continuity().odometry_jumps)
@@ -128,9 +133,7 @@ class RunRecord:
         if slam is not None:
             yield lambda: folder.write_poses("trajectory_final", self.final(slam.slam_map()))
         yield lambda: folder.write_frames(self.frame_records())
-        readings = [frame.odometry for frame, _ in self._known()]
-        T_odom_base = [StampedPose(r.stamp_ns, SE3.from_se2(r.T_odom_base)) for r in readings if r is not None]
-        if T_odom_base:
+        if T_odom_base := self.odometry():
             yield lambda: folder.write_poses("odometry", T_odom_base)
         points_world = slam.snapshot().points_world if slam is not None else None
         if points_world is not None and len(points_world):

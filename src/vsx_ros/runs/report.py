@@ -21,11 +21,12 @@ from vsx_ros.io.map_file import map_of_png
 from vsx_ros.io.room_file import load_rooms, room_file
 from vsx_ros.occupancy.grid import MAX_CELLS
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.interrupted import KnownRun, unfinished
+from vsx_ros.runs.interrupted import REASON, KnownRun, unfinished
 from vsx_ros.runs.journal import MapLine, RunEvent
 from vsx_ros.runs.moments import REMEDY, Moments
 from vsx_ros.runs.parameters import commented_yaml
 from vsx_ros.runs.process import DONE, FAILED, HARDWARE, LOST, STOPPED
+from vsx_ros.runs.progress import judge_of, progress_of, write_progress
 from vsx_ros.slam.state import TrackingState
 
 _OTHERS = {
@@ -35,9 +36,12 @@ EXIT_CODES = dict.fromkeys(Outcome, FAILED) | _OTHERS  # For each outcome of an 
 
 
 def write_report(folder: RunFolder) -> Path:
-    """Write report.html of a run; returns its path."""
-    path = folder.path / "report.html"
-    write_text(path, render(report_data(folder)))
+    """Write report.html of a run, and when the run has ended, progress.csv, whose curves it shows; returns the path of
+    the report."""
+    path, data = folder.path / "report.html", report_data(folder)
+    if data.summary.get("stop_reason") != REASON:
+        write_progress(folder, data.progress)
+    write_text(path, render(data))
     return path
 
 
@@ -62,7 +66,7 @@ def report_data(folder: RunFolder) -> ReportData:
         truth=run.truth,
         grid=grid,
         points_world=read_ply(points) if points.exists() else np.zeros((0, 3)),
-        world_is_level=run.has_odometry,
+        world_is_level=bool(run.odometry),
         good_ratio=config.slam.tracker.good_ratio,
         lost_ratio=config.slam.tracker.lost_ratio,
         picture_png=folder.checkpoint.newest_picture(),
@@ -72,6 +76,7 @@ def report_data(folder: RunFolder) -> ReportData:
         T_base_cam=mounted(config.robot.mount),
         robot_radius_m=config.robot.radius_m,
         rooms=rooms.rooms if rooms is not None else (),
+        progress=progress_of(run, moments, grid, judge_of(folder, config, facts.get("load_map"))),
     )
 
 
@@ -80,7 +85,7 @@ def _finished(folder: RunFolder) -> KnownRun:
     return KnownRun(
         summary=checked_summary(folder.read_summary(), str(folder.path)), events=folder.read_events(),
         frames=folder.read_frames(), estimate=folder.read_poses("trajectory"), truth=folder.read_poses("groundtruth"),
-        has_odometry=bool(folder.read_poses("odometry")),
+        odometry=folder.read_poses("odometry"),
     )  # fmt: skip
 
 

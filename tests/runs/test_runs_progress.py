@@ -1,0 +1,139 @@
+"""How far a run had come: known area over time and metres, and with the truth the correct share."""
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vsx_ros.config import Config
+from vsx_ros.evaluation.summary import Summary
+from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se3 import SE3, StampedPose
+from vsx_ros.io.map_file import map_png
+from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
+from vsx_ros.runs import progress
+from vsx_ros.runs.folder import FrameRecord, RunFolder
+from vsx_ros.runs.interrupted import REASON
+from vsx_ros.runs.journal import Journal, MapLine, PictureLine
+from vsx_ros.runs.judge import MapJudge
+from vsx_ros.runs.moments import map_line, preview
+from vsx_ros.runs.report import report_data, write_report
+from vsx_ros.runs.world import open_world, save_world
+from vsx_ros.sim.truth import ground_truth_grid
+
+SECOND = 1_000_000_000
+BEGAN = 1_700_000_000 * SECOND
+PAUSE_S = 5000.0
+STRAIGHT = {0.1 * k: 0.02 * k for k in range(101)}  # 2 m in 10 s
+
+
+def known(cells: int) -> OccupancyGrid:
+    """A row of free cells of 0.01 m2 in unknown ground."""
+    data = np.full((4, 100), UNKNOWN, np.int8)
+    data[1, :cells] = FREE
+    return OccupancyGrid(data, 0.1, -1.0, -0.2)
+
+
+def stamp(second: float) -> int:
+    return BEGAN + round(second * SECOND)
+
+
+def ended_run(
+    path: Path, maps: Mapping[float, OccupancyGrid], way: Mapping[float, float], pictures: tuple[float, ...] = ()
+) -> RunFolder:
+    """maps: by second. way: x of the odometry by second, of each frame."""
+    folder = RunFolder.create(path / "run")
+    folder.write_config(Config(), ["vsx", "explore"], seed=1)
+    folder.write_frames([FrameRecord(stamp(at), "good", 9, 9, keyframe_added=False, track_ms=5.0) for at in way])
+    folder.write_poses("odometry", [StampedPose(stamp(at), SE3.from_se2(SE2(x))) for at, x in way.items()])
+    lines: list[PictureLine | MapLine] = [map_line(stamp(at), grid, map_png(grid)) for at, grid in maps.items()]
+    lines += [PictureLine(stamp(at), preview(np.zeros((48, 64), np.uint8))) for at in pictures]
+    Journal(folder.moments, lines).close()
+    folder.write_summary(Summary(frames=len(way), stop_reason="explored").as_dict())
+    return folder
+
+
+def table(folder: RunFolder) -> dict[str, list[str]]:
+    write_report(folder)
+    with (folder.path / "progress.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+def numbers(column: list[str]) -> list[float]:
+    return [float(cell) for cell in column]
+
+
+def test_the_table_tells_area_over_time_and_metres_and_names_its_units(tmp_path: Path) -> None:
+    told = table(ended_run(tmp_path, {2.0: known(10), 5.0: known(60)}, STRAIGHT, pictures=(2.0, 8.0)))
+    assert list(told) == ["stamp_s", "elapsed_s", "driven_m", "known_area_m2", "coverage_correct"]
+    assert numbers(told["elapsed_s"]) == [0.0, 2.0, 5.0, 8.0, 10.0]
+    assert numbers(told["known_area_m2"]) == [0.0, 0.1, 0.6, 0.6, 0.6]
+    assert numbers(told["driven_m"]) == pytest.approx([0.0, 0.4, 1.0, 1.6, 2.0], abs=0.021)
+    assert told["stamp_s"][1] == "1700000002.000000000"
+    assert set(told["coverage_correct"]) == {""}, "of a real place nobody knows it"
+
+
+def test_the_last_row_is_of_the_final_map(tmp_path: Path) -> None:
+    """It may have grown since the last moment."""
+    folder = ended_run(tmp_path, {2.0: known(10)}, STRAIGHT)
+    folder.write_map(known(90))
+    assert numbers(table(folder)["known_area_m2"]) == pytest.approx([0.0, 0.1, 0.9])
+
+
+def test_the_time_between_two_sessions_does_not_count_and_odometry_may_begin_again(tmp_path: Path) -> None:
+    again = {PAUSE_S + second: 7.0 + x for second, x in STRAIGHT.items()}
+    told = table(ended_run(tmp_path, {5.0: known(10), PAUSE_S + 5.0: known(60)}, {**STRAIGHT, **again}))
+    assert numbers(told["elapsed_s"]) == [0.0, 5.0, 15.0, 20.0]
+    assert numbers(told["driven_m"]) == pytest.approx([0.0, 1.0, 3.0, 4.0], abs=0.021)
+
+
+def test_emulated_the_share_is_that_of_the_summary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    world, config = open_world("lab", 3), Config()
+    ground = config.ground_map
+    judge = MapJudge(world, config)
+    truth = ground_truth_grid(world, ground.resolution_m, ground.obstacle_min_height_m, ground.obstacle_max_height_m)
+    part = truth.data.copy()
+    part[: len(part) // 2] = UNKNOWN
+    grids = [OccupancyGrid(data, truth.resolution, truth.origin_x, truth.origin_y) for data in (part, truth.data)]
+    folder = ended_run(tmp_path, {2.0: grids[0], 5.0: grids[1]}, STRAIGHT)
+    save_world(world, folder.path / "world.yaml")
+    told = table(folder)["coverage_correct"]
+    shares = [judge.quality(grid).coverage_correct for grid in grids]
+    assert numbers(told) == pytest.approx([0.0, *shares, shares[1]], abs=1e-5)
+    assert shares[0] != shares[1]
+    monkeypatch.setattr(progress, "_MOST_JUDGED", 1)
+    assert table(folder)["coverage_correct"][1] == "", "of many maps some are compared"
+    assert numbers(table(folder)["coverage_correct"][2:]) == pytest.approx([shares[1]] * 2, abs=1e-5)
+    folder.write_config(config, ["vsx", "explore"], seed=1, load_map="lab.vsxmap")
+    assert set(table(folder)["coverage_correct"]) == {""}, "the place of a loaded map in the world is unknown"
+
+
+def test_what_cannot_be_compared_is_left_out(tmp_path: Path) -> None:
+    folder = ended_run(tmp_path, {2.0: known(10)}, STRAIGHT)
+    save_world(open_world("lab", 3), folder.path / "world.yaml")
+    line = map_line(stamp(2.0), known(10), map_png(known(10))[:40])
+    Journal(folder.moments, [line]).close()
+    assert table(folder)["coverage_correct"] == ["0", "", ""]
+    (folder.path / "world.yaml").write_text("{}")
+    assert set(table(folder)["coverage_correct"]) == {""}
+
+
+@pytest.mark.parametrize("lacks", ["odometry", "maps"])
+def test_without_metres_or_maps_there_is_no_table(tmp_path: Path, lacks: str) -> None:
+    folder = ended_run(tmp_path, {2.0: known(10)}, STRAIGHT)
+    table(folder)
+    (folder.moments if lacks == "maps" else folder.path / "odometry.txt").unlink()
+    page = write_report(folder)
+    assert not (folder.path / "progress.csv").exists(), "not even an old one"
+    assert "<h2>Known area" not in page.read_text()
+
+
+def test_a_run_that_goes_on_shows_its_curves_and_writes_no_table(tmp_path: Path) -> None:
+    folder = ended_run(tmp_path, {2.0: known(10)}, STRAIGHT)
+    folder.write_summary(Summary(stop_reason=REASON).as_dict())
+    assert "<h2>Known area" in write_report(folder).read_text()
+    assert len(report_data(folder).progress) == 3
+    assert not (folder.path / "progress.csv").exists()
