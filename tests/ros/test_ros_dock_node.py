@@ -12,8 +12,10 @@ import pytest
 pytest.importorskip("rospy")
 
 import rospy
+from actionlib_msgs.msg import GoalID
 from docking_robot import DockingRobot, Room
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from move_base_msgs.msg import MoveBaseActionGoal
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlanResponse
 from std_msgs.msg import Bool, String, UInt8
@@ -105,7 +107,7 @@ class WiredRobot(DockingRobot):
 
     def __init__(self, wires: Wires, monkeypatch: pytest.MonkeyPatch, config: Config) -> None:
         self.wires, self.states_seen = wires, []
-        self._heard_ns, self._battery_ns, self._command = 0, 0, (0, STOP)
+        self._heard_ns, self._battery_ns, self._command, self.goals = 0, 0, (0, STOP), 0
         self.node: Any = None
         super().__init__("kobuki", Room(SE2(1.5, 0.4, 2.5)), 7, config)
         wires.now_ns = lambda: self.now_ns
@@ -120,6 +122,7 @@ class WiredRobot(DockingRobot):
 
     def _go(self, now_ns: int, frame: str, goal: SE2) -> None:
         assert frame == MAP_FRAME
+        self.goals += 1
         self.navigator.go(now_ns, goal, frame)
         self.navigator.state = NavigationState.ACTIVE
 
@@ -280,6 +283,75 @@ def test_an_exploration_that_begins_anew_is_paused_again_and_a_new_dock_node_let
     assert wires.served[topics.DOCK_LEAVE](None).success
     robot.until("undocked", 20.0)
     assert not wires.paused
+
+
+RVIZ, VSX_GO, LIVE_VIEW = "/rviz_7_2-1-3.5", "/go_12_1700-1-4.5", "/dashboard-1700000000"
+
+
+def goal_comes(wires: Wires, identity: str) -> None:
+    wires.say(topics.MOVE_BASE_GOAL, MoveBaseActionGoal(goal_id=GoalID(id=identity)))
+
+
+@pytest.mark.parametrize(("state", "identity"), [("approaching", RVIZ), ("searching", VSX_GO), ("creeping", LIVE_VIEW)])
+def test_a_goal_of_somebody_else_ends_the_docking(wires, monkeypatch, state, identity):
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    robot.wait(0.5)
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.until(state, 60.0)
+    goals = robot.goals
+    goal_comes(wires, identity)
+    robot.until("failed", 1.0)
+    assert wires.status()["reason"] == f"{identity.split('-')[0]} has sent a goal to move_base"
+    assert not wires.paused, "the exploration waits for the goal by itself"
+    robot.wait(3.0)
+    assert (wires.status()["state"], robot.goals) == ("failed", goals), "the goal is not disturbed"
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.wait(1.0)
+    assert wires.status()["state"] == "approaching", "the newer wish counts"
+
+
+def test_a_goal_for_a_base_on_its_dock_leads_it_off_first_and_the_battery_waits_a_minute(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch)
+    robot.wait(2.0)
+    robot.board.battery.fraction = 0.1
+    robot.until("docked", 90.0)
+    goal_comes(wires, LIVE_VIEW)
+    robot.until("undocking", 0.5)
+    goal_comes(wires, RVIZ)
+    robot.until("undocked", 20.0)
+    assert not wires.paused
+    robot.wait(30.0)
+    assert wires.status()["state"] == "undocked"
+    robot.until("approaching", 40.0)
+
+
+def test_goals_of_exploration_and_dock_and_those_before_the_docking_end_nothing(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    robot.wait(0.5)
+    goal_comes(wires, "/rviz-1")
+    robot.wait(0.5)
+    assert wires.status()["state"] == "idle"
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    for identity in ("/dock-1-2.0", "/explore-3-4.0"):
+        robot.wait(0.5)
+        goal_comes(wires, identity)
+    robot.until("docked", 90.0)
+    goal_comes(wires, "/explore-4-5.0")
+    robot.wait(1.0)
+    assert wires.status()["state"] == "docked"
+
+
+def test_held_wheels_keep_a_base_on_its_dock_until_they_are_let_go(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    robot.wait(0.5)
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.until("docked", 90.0)
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "teleop", "since_ns": 5}))
+    goal_comes(wires, VSX_GO)
+    robot.wait(2.0)
+    assert wires.status()["state"] == "docked"
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    robot.until("undocked", 20.0)
 
 
 def restarted(robot: WiredRobot) -> None:

@@ -1,25 +1,33 @@
 """The follower's node drives by what is new: odometry that cannot be used is as good as none."""
 
+import json
+
 import pytest
 
 pytest.importorskip("rospy")
 
+from driving import open_floor
+from move_base_msgs.msg import MoveBaseGoal
 from std_msgs.msg import String
-from wires import Wires
+from wires import BEGIN_NS, OverError, Wires
 
 from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.navigation.docking_state import DockingState
 from vsx_ros.navigation.follower import FollowerReport, decode_report
 from vsx_ros.planning.path import certified
 from vsx_ros.planning.pieces import arc_piece
 from vsx_ros.planning.time_scaling import time_scale
-from vsx_ros.ros import driving, topics
+from vsx_ros.ros import convert, driving, topics
 from vsx_ros.ros.nodes.follower import FollowerNode
+from vsx_ros.ros.nodes.move_base import MoveBaseNode
 
 pytestmark = pytest.mark.changes_rospy
 
 LIMITS = Config().limits
+_AHEAD = certified(SE2(), SE2(3.0, 0.0, 0.0), (arc_piece(SE2(), 0.0, 3.0, 1),), "arcs and lines")
+WAY = time_scale(_AHEAD, LIMITS)
 
 
 @pytest.fixture
@@ -29,8 +37,7 @@ def wires(monkeypatch: pytest.MonkeyPatch) -> Wires:
     FollowerNode(Config())
     wires.at_each_step = lambda: wires.say(topics.FOLLOWER_LEASE, String("move_base"))
     wires.go_on(0.1)
-    path = certified(SE2(), SE2(3.0, 0.0, 0.0), (arc_piece(SE2(), 0.0, 3.0, 1),), "arcs and lines")
-    wires.say(topics.TRAJECTORY, driving.trajectory_msg(time_scale(path, LIMITS), topics.MAP_FRAME, wires.base.now_ns))
+    wires.say(topics.TRAJECTORY, driving.trajectory_msg(WAY, topics.MAP_FRAME, wires.base.now_ns))
     wires.go_on(2.5)
     assert wires.told[-1].v == pytest.approx(LIMITS.v_m_s, abs=0.02)
     return wires
@@ -69,3 +76,56 @@ def test_a_message_without_points_stops_at_once_and_a_deceleration_on_the_way(wi
     assert wires.told[-1].v == 0.0
     assert report(wires).status is FollowStatus.STOPPED
     assert report(wires).stop is None
+
+
+def dock_says(wires: Wires, state: DockingState) -> None:
+    wires.say(topics.DOCK_STATUS, String(json.dumps({"state": state.value, "reason": "for some reason"})))
+
+
+@pytest.mark.parametrize("state", [state for state in DockingState if state.drives])
+def test_while_the_dock_moves_the_base_nobody_else_does(wires: Wires, state: DockingState) -> None:
+    dock_says(wires, state)
+    wires.go_on(0.5)
+    assert report(wires).status is FollowStatus.HELD
+    assert report(wires).reason == "the dock has the wheels: for some reason"
+    wires.told.clear()
+    wires.at_each_step = lambda: dock_says(wires, state)
+    wires.say(topics.TRAJECTORY, driving.trajectory_msg(WAY, topics.MAP_FRAME, wires.base.now_ns))
+    wires.go_on(5.0)
+    assert wires.told == [], "not even zeros"
+
+
+@pytest.mark.parametrize("state", [state for state in DockingState if not state.drives])
+def test_at_rest_and_on_its_way_the_dock_leaves_the_wheels_to_navigation(wires: Wires, state: DockingState) -> None:
+    dock_says(wires, state)
+    wires.go_on(0.5)
+    assert report(wires).status is FollowStatus.FOLLOWING
+
+
+def test_a_dock_that_has_ended_holds_nobody(wires: Wires) -> None:
+    dock_says(wires, DockingState.CREEPING)
+    wires.go_on(2.5)
+    assert report(wires).status is FollowStatus.HELD
+    wires.go_on(1.0)
+    assert report(wires).status is FollowStatus.IDLE
+
+
+def test_a_goal_waits_while_the_dock_moves_the_base(monkeypatch: pytest.MonkeyPatch) -> None:
+    wires, waited_m = Wires(monkeypatch), list[float]()
+    FollowerNode(Config())
+    MoveBaseNode(Config())
+    wires.go_on(0.5)
+    wires.say(topics.MAP, convert.grid_msg(open_floor(), topics.MAP_FRAME, wires.base.now_ns))
+
+    def leave() -> None:
+        leaves = wires.base.now_ns < BEGIN_NS + 6 * 10**9
+        dock_says(wires, DockingState.UNDOCKING if leaves else DockingState.UNDOCKED)
+        waited_m.extend([wires.base.pose.x] * leaves)
+
+    wires.at_each_step, wires.until_ns = leave, BEGIN_NS + 25 * 10**9
+    wires.server.send(MoveBaseGoal(convert.pose_stamped(topics.MAP_FRAME, wires.base.now_ns, SE2(1.0, 0.0, 0.0))))
+    with pytest.raises(OverError):
+        wires.server.run()
+    assert max(waited_m) == 0.0
+    assert [end for end, _ in wires.server.ended] == ["succeeded"]
+    assert wires.base.pose.x == pytest.approx(1.0, abs=0.1)

@@ -18,7 +18,7 @@ from std_msgs.msg import String
 
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import VelocityCommand
-from vsx_ros.ros import convert, driving, headers, planning_thread, situation, slam_messages, threads, topics
+from vsx_ros.ros import convert, dock_hold, driving, headers, planning_thread, situation, slam_messages, threads, topics
 from vsx_ros.ros.logs import Diagnostics
 from vsx_ros.ros.nodes import follower, move_base
 from vsx_ros.slam.state import TrackingState
@@ -69,7 +69,7 @@ class Wires:
             monkeypatch.setattr(owner, name, fake)
         time = SimpleNamespace(monotonic=lambda: 1e-9 * self.base.now_ns, sleep=self.go_on)
         # others have threads, which go on
-        for module in (follower, driving, move_base, situation, planning_thread):
+        for module in (follower, driving, move_base, situation, planning_thread, dock_hold):
             if hasattr(module, "time"):
                 monkeypatch.setattr(module, "time", time)
 

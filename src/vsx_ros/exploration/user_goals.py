@@ -19,9 +19,9 @@ class GoalState(NamedTuple):
 
 
 class UserGoals:
-    """The newest goal that is not ours. own: what the identities of ours begin with, "/explore-"."""
+    """The newest goal that is not ours. own: what the identities of ours begin with, as "/explore-"."""
 
-    def __init__(self, own: str) -> None:
+    def __init__(self, *own: str) -> None:
         self._own = own
         self._listed = False
         self.current: UserGoal | None = None

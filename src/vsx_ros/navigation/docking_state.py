@@ -29,6 +29,11 @@ class DockingState(Enum):
         """Whether nothing is driven, and nothing will be."""
         return self in (DockingState.IDLE, DockingState.DOCKED, DockingState.UNDOCKED, DockingState.FAILED)
 
+    @property
+    def drives(self) -> bool:
+        """Whether docking itself moves the base, and nobody else may."""
+        return not self.rests and self is not DockingState.APPROACHING
+
 
 class DockingSeen(NamedTuple):
     """What is known. sight: None until the receivers were read again. charging: current flows, or the battery is full.

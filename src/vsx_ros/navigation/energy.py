@@ -87,6 +87,10 @@ class ChargeKeeper:
         """Time to keep for the way to the dock [m] (None: unknown), with the reserve."""
         return self._config.reserve_s + 1.5 * (_FAR_M if way_m is None else way_m) / _MEAN_M_S
 
+    def put_off(self, now_ns: int) -> None:
+        """Somebody has another use for the base: the battery waits a minute."""
+        self._not_before_ns = now_ns + _TRY_AGAIN_NS
+
     def errand(self, now_ns: int, state: DockingState, way_m: float | None) -> Errand | None:
         """What to begin now, if anything. state: of the docking."""
         if math.isnan(self._fraction):

@@ -98,12 +98,12 @@ class Follower:
         return self._rest(now_ns)
 
     def hold(self, now_ns: int, reason: str) -> VelocityCommand | None:
-        """The operator holds the wheels for this reason (empty: no more). A drive ends, and no other begins."""
+        """The operator or the dock holds the wheels for this reason (empty: no more). A drive ends, no other begins."""
         if not self._held and not reason:
             return None
         self._held = reason
         if not reason:
-            self.result = FollowResult(STOP, FollowStatus.IDLE, "the operator has let go of the wheels")
+            self.result = FollowResult(STOP, FollowStatus.IDLE, "nobody holds the wheels any more")
             return None
         command = self.end(now_ns, reason)
         self.result = FollowResult(STOP, FollowStatus.HELD, reason)

@@ -7,7 +7,7 @@
       +-----------------+                                               |
       +<---- RESTING <----(cancelled: brake; nothing left to try)-------+
 
-While the operator holds the wheels, PLANNING waits, and no try is used up. ``step`` takes what is known and returns
+While operator or dock hold the wheels, PLANNING waits, and no try is used up. ``step`` takes what is known and returns
 what to do. The caller passes the planner's answers to ``planned``."""
 
 import math

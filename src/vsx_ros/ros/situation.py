@@ -68,13 +68,35 @@ class LocalizationSubscriber:
         return time.monotonic() - self._taken_s
 
 
+def hear_user_goals(*own: str) -> UserGoals:
+    """The newest goal of other nodes than these. Subscribers: move_base/{goal,status}."""
+    goals, lock = UserGoals(*(f"{name}-" for name in own)), threading.Lock()
+
+    def sent(msg: MoveBaseActionGoal) -> None:
+        with lock:
+            goals.sent(headers.timer_ns(), msg.goal_id.id)
+
+    def told(msg: GoalStatusArray) -> None:
+        states = {
+            status.goal_id.id: GoalState(
+                live=status.status in LIVE_GOAL, reached=status.status == GoalStatus.SUCCEEDED, reason=status.text
+            )
+            for status in msg.status_list
+        }
+        with lock:
+            goals.told(headers.timer_ns(), states)
+
+    subscribe(topics.MOVE_BASE_GOAL, MoveBaseActionGoal, sent, queue_size=5, tcp_nodelay=True)
+    subscribe(topics.MOVE_BASE_STATUS, GoalStatusArray, told, queue_size=5, tcp_nodelay=True)
+    return goals
+
+
 class HeardSituation:
     """Subscribers: map, zones, vslam/{map_points,keyframe_places}, mobile_base/{hazards,operator_hold},
     move_base/{goal,status}, follower/lease, and those of ``LocalizationSubscriber``. grid: the newest map with the
     zones, if any."""
 
     def __init__(self, config: Config) -> None:
-        self._lock = threading.Lock()
         self.grid: OccupancyGrid | None = None
         self.where = LocalizationSubscriber()
         self._leases = LeaseWatch(topics.FOLLOWER_LEASE)
@@ -82,14 +104,12 @@ class HeardSituation:
         self._keyframes: KeyframePlaces | None = None
         self._hazards = 0
         self._held: OperatorHold | None = None
-        self._user_goals = UserGoals(f"{rospy.get_name()}-")
+        self._user_goals = hear_user_goals(rospy.get_name())
         ZonedMap(config, self._on_map)
         subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
         subscribe(topics.KEYFRAME_PLACES, Float64MultiArray, self._on_keyframes, queue_size=1, buff_size=2**20)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5)
         hear_operator_hold(self._on_hold)
-        subscribe(topics.MOVE_BASE_GOAL, MoveBaseActionGoal, self._on_goal, queue_size=5, tcp_nodelay=True)
-        subscribe(topics.MOVE_BASE_STATUS, GoalStatusArray, self._on_goals, queue_size=5, tcp_nodelay=True)
 
     def _on_map(self, grid: OccupancyGrid, _: int) -> None:
         self.grid = grid
@@ -105,20 +125,6 @@ class HeardSituation:
 
     def _on_hold(self, hold: OperatorHold | None) -> None:
         self._held = hold
-
-    def _on_goal(self, msg: MoveBaseActionGoal) -> None:
-        with self._lock:
-            self._user_goals.sent(headers.timer_ns(), msg.goal_id.id)
-
-    def _on_goals(self, msg: GoalStatusArray) -> None:
-        states = {
-            status.goal_id.id: GoalState(
-                live=status.status in LIVE_GOAL, reached=status.status == GoalStatus.SUCCEEDED, reason=status.text
-            )
-            for status in msg.status_list
-        }
-        with self._lock:
-            self._user_goals.told(headers.timer_ns(), states)
 
     def is_claimed_since(self, situation: Situation) -> bool:
         """Whether the operator holds the wheels, or sent a goal, that this situation does not know."""

@@ -1,7 +1,7 @@
 """Node ``dock``: drives the base onto its dock and off it again; in time by itself, when the battery runs low.
 
 Subscribers: mobile_base/sensors/dock_ir, mobile_base/{docked,hazards,operator_hold}, battery, dock/pose,
-    explore/status, odom, vslam/pose, vslam/state.
+    explore/status, odom, vslam/pose, vslam/state, move_base/{goal,status}.
 Publishers: cmd_vel_mux/input/navi (while it docks or undocks), dock/status (latched String, JSON, 1 Hz and on change:
     state, reason, tries, docked, known: a dock; battery_left_s: until it is empty, null while unknown), /diagnostics,
     move_base/lease.
@@ -10,8 +10,8 @@ Services: dock/start (AddDiagnostics, a standard type that takes a text: JSON {}
 Actions: client of move_base, for the way to the dock.
 Parameters: ~config (tree of 'vsx config', branch docking), ~seed (int, 0).
 
-The exploration is paused from docking to undocking; one that begins on the dock leaves it first. Bumpers, cliffs and
-emergency stop act as always; whoever takes the wheels ends the docking."""
+The exploration is paused from docking to undocking; one that begins on the dock leaves it first, and so does a goal of
+somebody else. Bumpers, cliffs and emergency stop act as always; held wheels and such a goal end the docking."""
 
 import math
 import threading
@@ -28,6 +28,7 @@ from vsx_ros.navigation.energy import ChargeKeeper, Errand
 from vsx_ros.robot import STOP
 from vsx_ros.ros import convert, headers, node, threads, topics
 from vsx_ros.ros.callbacks import offer_text, offer_trigger
+from vsx_ros.ros.dock_claims import DockClaims
 from vsx_ros.ros.docking import DockStatus, Errands, HeardDock, wanted_dock
 from vsx_ros.ros.driving import PERIOD_S, Lease
 from vsx_ros.ros.mission_output import GoalSender
@@ -42,7 +43,7 @@ class DockNode:
         self._lock = threading.Lock()
         self._docking = Docking(config.docking, int(rospy.get_param("~seed", 0)))
         self._keeper = ChargeKeeper(config.docking)
-        self._heard, self._goals = HeardDock(self._keeper), GoalSender()
+        self._heard, self._goals, self._claims = HeardDock(self._keeper), GoalSender(), DockClaims(self._keeper)
         self._errands = Errands(config.docking, self._heard, self._keeper)
         self._status, self._busy, self._lease = DockStatus(), False, Lease(topics.NAVIGATION_LEASE, rospy.get_name())
         self._command_pub = rospy.Publisher(topics.COMMAND_NAVI, Twist, queue_size=1, tcp_nodelay=True)
@@ -77,9 +78,8 @@ class DockNode:
 
     def _control(self) -> None:
         now_ns = headers.timer_ns()
-        if self._heard.hold is not None:
-            self._cancel(self._heard.hold.words())
         with self._lock:
+            self._claims.heed(now_ns, self._docking, self._heard.hold, bool(self._heard.docked))
             if not self._docking.state.rests:
                 self._busy = True
                 self._drive(now_ns)

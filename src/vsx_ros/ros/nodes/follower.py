@@ -1,7 +1,8 @@
 """Node ``follower``: drives along the trajectory of move_base, 30 times a second.
 
 Subscribers: move_base/trajectory (frame map: by camera and odometry; frame odom: by odometry alone), odom, vslam/pose,
-    vslam/state, mobile_base/{hazards,operator_hold}, follower/lease.
+    vslam/state, mobile_base/{hazards,operator_hold}, dock/status (while the dock moves the base, goals wait),
+    follower/lease.
 Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, frame, error,
     at_s: the current time within the trajectory, stop: while it brakes for move_base, the pose x, y, theta where it
     will stand).
@@ -25,6 +26,7 @@ from vsx_ros.navigation.follower import Follower, FollowerReport, MessageAges
 from vsx_ros.robot import STOP, OperatorHold, VelocityCommand
 from vsx_ros.ros import convert, driving, headers, node, threads, topics
 from vsx_ros.ros.callbacks import hear_operator_hold, offer_trigger, subscribe
+from vsx_ros.ros.dock_hold import DockHold
 from vsx_ros.ros.driving import LeaseWatch
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.situation import LocalizationSubscriber
@@ -39,7 +41,7 @@ class FollowerNode:
 
     def __init__(self, config: Config) -> None:
         self._follower = Follower(config)
-        self._lock = threading.Lock()
+        self._lock, self._held, self._dock = threading.Lock(), "", DockHold()
         self._reported: FollowerReport | None = None
         self._reported_s = 0.0
         self._where = LocalizationSubscriber()
@@ -70,7 +72,8 @@ class FollowerNode:
 
     def _on_hold(self, hold: OperatorHold | None) -> None:
         with self._lock:
-            self._tell(self._follower.hold(headers.timer_ns(), hold.words() if hold is not None else ""))
+            self._held = hold.words() if hold is not None else ""
+            self._tell(self._follower.hold(headers.timer_ns(), self._held or self._dock.words))
 
     def _cancel(self) -> str:
         with self._lock:
@@ -80,6 +83,7 @@ class FollowerNode:
     def _control(self) -> None:
         with self._lock:
             now_ns, age_s = headers.timer_ns(), self._leases.age_s
+            self._tell(self._follower.hold(now_ns, self._held or self._dock.words))
             ages = MessageAges(age_s("vslam"), self._where.odometry_age_s, age_s("move_base"))
             self._tell(self._follower.step(now_ns, self._where.at(headers.now_ns()), ages))
 

@@ -8,7 +8,7 @@ Services: move_base/make_plan (frames as of goals; the answer is in map), move_b
 Actions: move_base. Goals are planned in the newest map from the fused pose; those in odom, base_footprint or base_link
     become goals in the map when they come. Goals in odom_blind (explore: first drive, way back) are in odom and driven
     to by odometry alone. Plans keep the map points in view, drive slowly where they cannot, and are refused if that
-    part would be long; points of another time than the map's do not count. A goal waits while the operator holds the
+    part would be long; points of another time than the map's do not count. A goal waits while operator or dock hold the
     wheels; then it is planned anew.
 Parameters: ~config (tree of 'vsx config'), ~planner (fov, unconstrained, paper or a plug-in's; fov), ~seed (int, 0).
     dynamic_reconfigure changes for later plans: ~v_m_s and ~omega_rad_s (up to the configured limits), ~phi_rad_m.

@@ -1,0 +1,31 @@
+"""While the node dock moves the base, nobody else does."""
+
+import math
+import time
+
+from std_msgs.msg import String
+
+from vsx_ros.navigation.docking_state import DockingState
+from vsx_ros.ros import topics
+from vsx_ros.ros.callbacks import json_object, subscribe
+
+_GONE_S = 3.0  # a node that says nothing for so long has ended: it repeats its status each second
+_DRIVES = {state.value for state in DockingState if state.drives}
+
+
+class DockHold:
+    """Subscribers: dock/status."""
+
+    def __init__(self) -> None:
+        self._words, self._heard_s = "", -math.inf
+        subscribe(topics.DOCK_STATUS, String, self._on_status, queue_size=5, tcp_nodelay=True)
+
+    def _on_status(self, msg: String) -> None:
+        told = json_object(msg, "state", "reason")
+        self._words = f"the dock has the wheels: {told['reason']}" if str(told["state"]) in _DRIVES else ""
+        self._heard_s = time.monotonic()
+
+    @property
+    def words(self) -> str:
+        """What the dock moves the base for; empty if it does not."""
+        return self._words if time.monotonic() - self._heard_s < _GONE_S else ""
