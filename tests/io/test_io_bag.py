@@ -1,5 +1,6 @@
 """What is found in a bag, by type and by name."""
 
+import math
 from dataclasses import replace
 
 import cv2
@@ -148,6 +149,20 @@ def test_odometry_too_far_away_is_not_used(tmp_path):
     recording = open_recording(write(tmp_path / "u.bag", messages))
     assert recording.odometry == []
     assert "0 of 8 images have any: odometry at (500000, 0) m" in recording.damage
+
+
+def test_odometry_of_a_camera_in_the_hand_is_not_that_of_wheels(tmp_path):
+    messages = [("/image", image(k * 10**8 + 1)) for k in range(20)]
+    for k in range(20):
+        reading = odometry(k * 10**8 + 1, 0.01 * k)
+        reading.pose.pose.orientation.x, reading.pose.pose.orientation.w = math.sin(0.2), math.cos(0.2)
+        messages.append(("/vio/odom", reading))
+    recording = open_recording(write(tmp_path / "h.bag", messages))
+    assert (recording.odometry, recording.odometry_topic) == ([], None)
+    told = (
+        "odometry of /vio/odom is not used: 20 of 20 poses are none of wheels on a floor (up to 23 deg of tilt, 0.0 m"
+    )
+    assert recording.damage.startswith(told)
 
 
 def test_odometry_at_a_tenth_of_the_images_is_enough(tmp_path):

@@ -61,6 +61,13 @@ def test_odometry_of_another_clock_or_unwanted_is_not_used(folder):
     assert open_recording(folder, odometry_topic="none").damage == ""
 
 
+def test_odometry_of_what_flies_is_not_that_of_wheels(folder):
+    (folder / "odometry.txt").write_text("".join(f"{0.1 * k} 0 0 {0.2 * k} 0 0 0 1\n" for k in range(4)))
+    recording = open_recording(folder)
+    assert recording.odometry == []
+    assert "odometry.txt is not used: 2 of 4 poses are none of wheels" in recording.damage
+
+
 @pytest.mark.parametrize(("text", "message"), [("", "lists no image"), ("now rgb/0.png\n", "line 1: expected")])
 def test_a_wrong_index_is_refused(folder, text, message):
     (folder / "rgb.txt").write_text(text)

@@ -139,6 +139,13 @@ def test_odometry_survives(x: float, y: float, theta: float, v: float, omega: fl
     assert back.T_odom_base.distance_to(reading.T_odom_base) < 1e-9
 
 
+def test_odometry_of_what_is_carried_is_refused() -> None:
+    msg = convert.odometry_msg(Odometry(STAMP_NS, SE2(1.0, 2.0, 0.5), 0.0, 0.0), topics.ODOM_FRAME, topics.BASE_FRAME)
+    msg.pose.pose.orientation = Quaternion(math.sin(0.15), 0.0, 0.0, math.cos(0.15))
+    with pytest.raises(InputError, match="odometry is tilted by 17 deg, as no base on wheels is"):
+        convert.odometry(msg)
+
+
 def test_maps_survive_and_other_mappers_probabilities_are_thresholded() -> None:
     data = np.array([[-1, 0, 100], [100, -1, 0]], np.int8)
     msg = convert.grid_msg(OccupancyGrid(data, 0.05, -1.5, 2.0), topics.MAP_FRAME, STAMP_NS)

@@ -10,6 +10,7 @@ import numpy as np
 
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.level import LevelWatch
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.bag_reader import METADATA, Messages, messages
 from vsx_ros.io.calibration_file import camera_from_topic, shutter_from_topic
@@ -138,26 +139,32 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
 
 
 def _odometry(bag: Messages, topic: str, kind: str, damage: list[str]) -> list[Odometry]:
-    """The readings by stamp. Without a twist, speeds are differences. What is left out is added to ``damage``."""
+    """The readings by stamp, none if they are not of wheels. Without a twist, speeds are differences. What is left out
+    is added to ``damage``."""
     order, readings, speeds = StampOrder[Odometry](_HELD_READINGS), list[Odometry](), PoseSpeeds()
+    watch = LevelWatch()
     whole = until_damage(bag.of(topic), damage)
-    found = (tried(_reading, stamp_ns, message, topic) for stamp_ns, message in whole)
+    found = (tried(_reading, stamp_ns, message, topic, watch) for stamp_ns, message in whole)
     for reading in order.of(usable(found, f"readings of {topic}", damage)):
         lacks_twist = kind != ODOMETRY and readings
         readings.append(with_speeds(reading, readings[-1]) if lacks_twist else speeds.of(reading))
     if order.left_out:
         damage.append(f"{order.left_out} readings of {topic} {LEFT_OUT}")
-    return readings
+    if watch.refusal:
+        damage.append(f"odometry of {topic} is not used: {watch.refusal}")
+    return [] if watch.refusal else readings
 
 
-def _reading(stamp_ns: int, message: Any, topic: str) -> Odometry:
+def _reading(stamp_ns: int, message: Any, topic: str, watch: LevelWatch) -> Odometry:
     with_twist = message.__msgtype__ == ODOMETRY
     pose = message.pose if message.__msgtype__ == POSE else message.pose.pose
     v, omega = (message.twist.twist.linear.x, message.twist.twist.angular.z) if with_twist else (0.0, 0.0)
     trusted = not with_twist or float(message.pose.covariance[35]) < UNSURE_HEADING_RAD2
     if not np.isfinite(v + omega):
         raise InputError(f"topic {topic} holds a speed that is not finite; record it again or choose another topic")
-    return Odometry(stamp_ns, _se3(pose, topic).to_se2(), v, omega, trusted=trusted)
+    T_odom_base = _se3(pose, topic)
+    watch.see(T_odom_base)
+    return Odometry(stamp_ns, T_odom_base.to_se2(), v, omega, trusted=trusted)
 
 
 def _ground_truth(bag: Messages, topic: str, damage: list[str]) -> list[StampedPose]:

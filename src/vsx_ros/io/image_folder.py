@@ -7,6 +7,7 @@ from operator import attrgetter
 from pathlib import Path
 
 from vsx_ros.errors import InputError, explained
+from vsx_ros.geometry.level import LevelWatch
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.io.left_out import tried
@@ -35,7 +36,7 @@ def open_folder(folder: Path, *, without_odometry: bool = False) -> Recording:
     truth = folder / "groundtruth.txt"
     calibration = next((folder / name for name in CALIBRATION_NAMES if (folder / name).exists()), None)
     camera = read_calibration(calibration) if calibration is not None else None
-    odometry = [] if without_odometry else _odometry(folder / "odometry.txt")
+    odometry, damage = ([], "") if without_odometry else _odometry(folder / "odometry.txt")
     known = sorted(read_trajectory(truth), key=_STAMP) if truth.exists() else []
     recording = Recording(
         source=folder,
@@ -46,6 +47,7 @@ def open_folder(folder: Path, *, without_odometry: bool = False) -> Recording:
         odometry=odometry,
         ground_truth=known,
         open_frames=frames,
+        damage=damage,
     )
     return recording.with_odometry_at(stamp_ns for stamp_ns, _ in listed)
 
@@ -84,11 +86,11 @@ def _listed_images(folder: Path) -> list[tuple[int, str]]:
     return listed
 
 
-def _odometry(path: Path) -> list[Odometry]:
-    if not path.exists():
-        return []
-    readings: list[Odometry] = []
-    for stamp_ns, T in sorted(read_trajectory(path), key=_STAMP):
+def _odometry(path: Path) -> tuple[list[Odometry], str]:
+    """The readings by stamp, or why they are not of wheels, in words."""
+    readings, watch = list[Odometry](), LevelWatch()
+    for stamp_ns, T in sorted(read_trajectory(path), key=_STAMP) if path.exists() else ():
+        watch.see(T)
         reading = Odometry(stamp_ns, T.to_se2())
         readings.append(with_speeds(reading, readings[-1]) if readings else reading)
-    return readings
+    return ([], f"odometry of {path} is not used: {watch.refusal}") if watch.refusal else (readings, "")

@@ -18,6 +18,7 @@ from vsx_hw.readings import Hazard
 from vsx_ros.arrays import FloatArray, IntArray, Points3
 from vsx_ros.config import MountConfig
 from vsx_ros.errors import InputError, MapFileError
+from vsx_ros.geometry.level import refuse_tilt
 from vsx_ros.geometry.mount import mount_pose, mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -126,12 +127,13 @@ def mount_transforms(mount: MountConfig, stamp_ns: int) -> list[TransformStamped
 
 def odometry(msg: OdometryMsg) -> Odometry:
     """Wheel odometry; not trusted if its heading variance is 1 rad2 or more. Raises InputError for numbers that are not
-    finite."""
+    finite, and a pose that no base on wheels has."""
     v, omega = msg.twist.twist.linear.x, msg.twist.twist.angular.z
     if not (math.isfinite(v) and math.isfinite(omega)):
         raise InputError(f"odometry message holds speeds {v} m/s, {omega} rad/s; they must be finite")
-    trusted = msg.pose.covariance[35] < UNSURE_HEADING_RAD2
-    return Odometry(msg.header.stamp.to_nsec(), se2(msg.pose.pose), v=v, omega=omega, trusted=trusted)
+    T_odom_base, trusted = se3(msg.pose.pose), msg.pose.covariance[35] < UNSURE_HEADING_RAD2
+    refuse_tilt(T_odom_base)
+    return Odometry(msg.header.stamp.to_nsec(), T_odom_base.to_se2(), v=v, omega=omega, trusted=trusted)
 
 
 def odometry_msg(reading: Odometry, frame_id: str, child_frame_id: str) -> OdometryMsg:
