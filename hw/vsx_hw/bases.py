@@ -38,8 +38,13 @@ class BaseKind(NamedTuple):
 
     def stop_bytes(self) -> StopBytes:
         """The bytes that stop it without a driver."""
-        dialect = self.dialect(1.0, 1.0)
-        return StopBytes(dialect.halt(), dialect.farewell())
+        return stop_bytes(self.dialect)
+
+
+def stop_bytes(dialect: Callable[[float, float], Dialect]) -> StopBytes:
+    """The bytes that stop a base of this protocol without a driver."""
+    spoken = dialect(1.0, 1.0)
+    return StopBytes(spoken.halt(), spoken.farewell())
 
 
 BASES = {
@@ -52,20 +57,15 @@ BASES = {
 def base_driver(
     kind: str, port: str, on_reading: Callable[[BaseReading], None],
     on_link: Callable[[bool, str], None] = lambda connected, message: None, command_timeout_s: float = 0.25,
-    scales: tuple[float, float] = (1.0, 1.0), on_command: Callable[[bool], None] = lambda turning: None,
-    allow_unknown_firmware: bool = False,
+    on_command: Callable[[bool], None] = lambda turning: None,
 ) -> BaseDriver:  # fmt: skip
-    """A driver for the base of this kind at a serial port such as /dev/kobuki; call ``start`` on it.
-
-    scales: factors on measured distance and on measured turn. allow_unknown_firmware: lets such a Kobuki drive.
-    Raises KeyError for a kind that is not in BASES."""
+    """A driver for the base of this kind at a serial port such as /dev/kobuki; call ``start`` on it. Raises KeyError
+    for a kind that is not in BASES."""
     base = BASES[kind]
-    dialect = base.dialect(*scales)
-    if isinstance(dialect, KobukiDialect):
-        dialect.allow_unknown_firmware = allow_unknown_firmware
     return BaseDriver(
-        dialect, lambda: SerialTransport(port, base.baud), port, on_reading, on_link, command_timeout_s, on_command
-    )
+        base.dialect(1.0, 1.0), lambda: SerialTransport(port, base.baud), port, on_reading, on_link, command_timeout_s,
+        on_command,
+    )  # fmt: skip
 
 
 def base_emulator(kind: str, plant: Plant, link: str, seed: int = 0, battery_pace: float = 1.0) -> SerialEmulator:

@@ -71,14 +71,17 @@ def test_numbers_above_0_are_taken(parameters: dict[str, object]) -> None:
     assert speed_limits(LimitsConfig()) == SpeedLimits(0.1, 1.5)
 
 
+@pytest.mark.parametrize("silence", ["", "no reading"])
 @pytest.mark.parametrize("stands", [True, False])
-def test_the_watchdogs_are_let_go_only_once_the_wheels_surely_stand(stands: bool) -> None:
+def test_the_watchdogs_are_let_go_only_once_the_wheels_surely_stand(stands: bool, silence: str) -> None:
     released: list[bool] = []
     node = SimpleNamespace(
-        _driver=SimpleNamespace(close=lambda: stands), _watchdogs=SimpleNamespace(release=lambda: released.append(True))
+        _driver=SimpleNamespace(close=lambda: stands),
+        _watchdogs=SimpleNamespace(release=lambda: released.append(True)),
+        _health=SimpleNamespace(silence=silence),
     )
     mobile_base.MobileBaseNode.close(node)  # type: ignore[arg-type]  # a bare one
-    assert released == [True] * stands
+    assert released == [True] * (stands and not silence)
 
 
 def test_a_base_at_a_port_takes_no_words_behind_a_colon() -> None:

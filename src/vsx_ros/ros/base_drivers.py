@@ -8,10 +8,13 @@ from typing import Any, NamedTuple, Protocol
 import rospy
 
 from vsx_hw import bases
+from vsx_hw.base_driver import BaseDriver, Dialect
 from vsx_hw.errors import DeviceError
+from vsx_hw.kobuki.driver import KobukiDialect
 from vsx_hw.readings import BaseReading, LinkStatus, Signal
 from vsx_hw.safety import SOURCES, SpeedLimits, Supervisor
-from vsx_hw.watchdog import Watchdogs
+from vsx_hw.transport import SerialTransport
+from vsx_hw.watchdog import StopBytes, Watchdogs
 from vsx_ros.config import Config, LimitsConfig
 from vsx_ros.errors import ConfigError
 from vsx_ros.registry import Registry
@@ -62,11 +65,29 @@ class Listeners(NamedTuple):
     on_command: Callable[[bool], None]
 
 
-def _at_port(settings: BaseSettings, hears: Listeners) -> Base:
-    wired(settings.robot_type)
-    kind, port, timeout_s, linear, angular, allow = settings
-    scales = linear, angular
-    return bases.base_driver(kind, port, hears.on_reading, hears.on_link, timeout_s, scales, hears.on_command, allow)
+class BaseEntry(NamedTuple):
+    """One kind of base. driver: makes it. stop, baud: of a base at the serial port ~port; its watchdogs send these
+    bytes when the driver hangs or is dead."""
+
+    driver: Callable[[BaseSettings, Listeners], Base]
+    stop: StopBytes | None = None
+    baud: int = 0
+
+
+def at_port(baud: int, dialect: Callable[[float, float], Dialect]) -> BaseEntry:
+    """A base at a serial port, with the driver that keeps the safety rules, and with watchdogs. dialect: makes its
+    protocol from the factors on measured distance and on measured turn."""
+
+    def driver(settings: BaseSettings, hears: Listeners) -> Base:
+        port, spoken = settings.port, dialect(settings.linear_scale, settings.angular_scale)
+        if isinstance(spoken, KobukiDialect):
+            spoken.allow_unknown_firmware = settings.allow_unknown_firmware
+        return BaseDriver(
+            spoken, lambda: SerialTransport(port, baud), port, hears.on_reading, hears.on_link,
+            settings.command_timeout_s, hears.on_command,
+        )  # fmt: skip
+
+    return BaseEntry(driver, bases.stop_bytes(dialect), baud)
 
 
 def _over_topics(settings: BaseSettings, hears: Listeners) -> Base:
@@ -80,14 +101,24 @@ def _over_topics(settings: BaseSettings, hears: Listeners) -> Base:
     return TopicBase(names, hears.on_reading, hears.on_link, settings.command_timeout_s)
 
 
-BASES: Registry[Callable[[BaseSettings, Listeners], Base]] = Registry(
-    "base", {**dict.fromkeys(bases.BASES, _at_port), "ros": _over_topics}
+BASES: Registry[BaseEntry] = Registry(
+    "base",
+    {name: at_port(kind.baud, kind.dialect) for name, kind in bases.BASES.items()} | {"ros": BaseEntry(_over_topics)},
+    BaseEntry,
 )
 
 
+def _entry(robot_type: str) -> BaseEntry:
+    """Raises ConfigError for an unknown kind, and for words after the colon of one at a port."""
+    kind, colon, _ = robot_type.partition(":")
+    if colon and BASES[kind].stop is not None:
+        raise ConfigError(f"~robot_type {robot_type!r}: give {kind}, and its port as ~port")
+    return BASES[kind]
+
+
 def base_driver(settings: BaseSettings, hears: Listeners) -> Base:
-    """The driver of a base; it connects when started. Raises ConfigError for an unknown robot_type."""
-    return BASES[settings.robot_type.partition(":")[0]](settings, hears)
+    """The driver of a base; it connects when started. Raises ConfigError for a robot_type that does not exist."""
+    return _entry(settings.robot_type).driver(settings, hears)
 
 
 class NoWatchdogs(Watchdogs):
@@ -97,16 +128,16 @@ class NoWatchdogs(Watchdogs):
         self._both = ()
 
 
-def base_watchdogs(robot_type: str, port: str) -> Watchdogs:
-    """The processes that stop a base at a serial port if this process dies or hangs."""
-    base = bases.BASES.get(robot_type)
-    return NoWatchdogs() if base is None else Watchdogs(port, base.baud, base.stop_bytes())
+def base_watchdogs(settings: BaseSettings) -> Watchdogs:
+    """The processes that stop a base at a serial port if this process dies or hangs. Raises as ``base_driver`` does."""
+    entry = _entry(settings.robot_type)
+    return NoWatchdogs() if entry.stop is None else Watchdogs(settings.port, entry.baud, entry.stop)
 
 
 def wired(robot_type: str) -> bases.BaseKind:
-    """A base at a serial port; each one also has an emulator. Raises ConfigError for any other base."""
+    """A base that has an emulator. Raises ConfigError for any other base."""
     if robot_type not in bases.BASES:
-        raise ConfigError(f"~robot_type {robot_type!r}: give {', '.join(bases.BASES)} or auto")
+        raise ConfigError(f"~robot_type {robot_type!r} has no emulator: give {', '.join(bases.BASES)}")
     return bases.BASES[robot_type]
 
 

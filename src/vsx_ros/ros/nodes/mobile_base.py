@@ -56,7 +56,7 @@ class MobileBaseNode:
         diagnostics = Diagnostics(settings.port)
         settings = wait_for_base(settings, diagnostics)
         self._health = BaseHealth(diagnostics, self._supervisor)
-        self._watchdogs = base_watchdogs(settings.robot_type, settings.port)
+        self._watchdogs = base_watchdogs(settings)
         self._driver = base_driver(settings, Listeners(self._on_reading, self._on_link, self._watchdogs.beat))
         for source, topic in topics.COMMANDS.items():
             rospy.Subscriber(topic, Twist, self._on_command, source, queue_size=1, tcp_nodelay=True)

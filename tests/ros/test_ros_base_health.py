@@ -1,0 +1,93 @@
+"""Whether the readings of a base still come, whatever its driver says."""
+
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rospy")
+
+import rospy
+
+from vsx_hw.errors import DeviceError
+from vsx_hw.readings import BaseReading, BatteryReading, Hazard, LinkStatus, OdometryReading
+from vsx_hw.safety import Decision, SpeedLimits, Supervisor
+from vsx_ros.ros.base_health import BaseHealth
+
+CONNECTED = LinkStatus(True, "connected", "mine", {})
+MS = 1_000_000
+
+
+class Rig:
+    """A BaseHealth on a clock of its own. told: (connected, message) of the link."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_ns = 10**12
+        self.told: list[tuple[bool, str]] = []
+        self.supervisor = Supervisor(SpeedLimits())
+        monkeypatch.setattr(time, "monotonic_ns", lambda: self.now_ns)
+        monkeypatch.setattr(rospy, "logwarn", lambda *_: None)
+        self.health = BaseHealth(SimpleNamespace(device=self._device, set=lambda *_, **__: None), self.supervisor)
+
+    def _device(self, component: str, status: LinkStatus, **_: Any) -> None:
+        assert component == "link"
+        self.told.append((status.connected, status.message))
+
+    def reading(self) -> None:
+        odometry = OdometryReading(self.now_ns, 0.0, 0.0, 0.0, 0.0, 0.0)
+        reading = BaseReading(self.now_ns, odometry, Hazard.NONE, BatteryReading(12.0, 1.0, False, "full"))
+        self.health.heard(reading, Decision(0.0, 0.0, "", ""))
+
+    def serve(self, seconds: float, status: LinkStatus = CONNECTED, readings: bool = True) -> None:
+        for k in range(round(seconds * 50)):
+            self.now_ns += 20 * MS
+            if readings:
+                self.reading()
+            if k % 10 == 9:
+                self.health.link(status)
+
+
+def test_readings_that_stay_away_are_an_error_then_the_end_of_the_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig(monkeypatch)
+    rig.serve(3.0)
+    assert rig.told == [(True, "connected")] * 15
+    assert rig.health.report() is not None
+    rig.serve(0.4, readings=False)
+    assert rig.told[-1] == (True, "connected")
+    rig.supervisor.command("teleop", 0.1, 0.0, rig.now_ns)
+    rig.serve(0.2, readings=False)
+    assert rig.told[-1] == (
+        False, "no reading for 0.6 s though the driver says 'connected'; the wheels are told to stand"
+    )  # fmt: skip
+    assert rig.supervisor.decide(rig.now_ns, Hazard.NONE).v_m_s == 0.0, "a late reading must not obey an old command"
+    assert rig.health.report() is None
+    with pytest.raises(DeviceError, match=r"^mine: no reading for 2\.6 s though the driver says 'connected'; the node"):
+        rig.serve(3.0, readings=False)
+
+
+def test_readings_that_come_again_are_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig(monkeypatch)
+    for _ in range(3):
+        rig.serve(2.0, readings=False)
+        assert rig.health.silence
+        rig.serve(0.2)
+        assert (rig.told[-1], rig.health.silence) == ((True, "connected"), "")
+
+
+def test_a_process_that_was_halted_is_not_ended_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig(monkeypatch)
+    rig.serve(1.0)
+    rig.now_ns += 60_000 * MS
+    rig.health.link(CONNECTED)
+    assert not rig.told[-1][0]
+    rig.serve(1.0)
+    assert rig.told[-1][0]
+
+
+def test_a_base_that_is_away_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig(monkeypatch)
+    rig.serve(1.0)
+    rig.serve(60.0, LinkStatus(False, "unplugged", "mine", {}), readings=False)
+    assert rig.told[-1] == (False, "unplugged")
+    assert not rig.health.silence
