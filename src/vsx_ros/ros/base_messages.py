@@ -1,10 +1,7 @@
-"""The base's readings as messages, on the topics of the node mobile_base, and in its diagnostics and log."""
+"""The base's readings as messages, on the topics of the node mobile_base."""
 
-import contextlib
 import json
 import math
-import os
-import socket
 import threading
 import time
 from typing import Any
@@ -18,12 +15,10 @@ from std_msgs.msg import Bool, String, UInt8, UInt8MultiArray
 from tf2_msgs.msg import TFMessage
 
 from vsx_hw.readings import BaseReading, GyroReading, Hazard, OdometryReading, RateSample
-from vsx_hw.safety import Decision, Supervisor
 from vsx_ros.control.operator_hold import OperatorHoldWatch
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry, OperatorHold
 from vsx_ros.ros import convert, energy_messages, headers, topics
-from vsx_ros.ros.logs import ERROR, OK, WARN, Diagnostics
 from vsx_ros.ros.topic_base import topic_names
 
 # Variances of the TurtleBot's own driver (kobuki_node).
@@ -35,7 +30,6 @@ _WHEEL_RADIUS_M = 0.035  # of a Kobuki; used only to draw the joints
 # As in kobuki_bumper2pc: a pressed bumper or cliff is a point on the rim; otherwise the point is far away.
 _RIM_M, _FAR_M, _SIDE_RAD, _BUMPER_HEIGHT_M = 0.25, 100.0, 0.349, 0.04
 _NOT_MEASURED = [-1.0] + [0.0] * 8
-_BATTERY_LEVELS = {"low": WARN, "critical": ERROR}
 _JOINTS = ["wheel_left_joint", "wheel_right_joint"]
 
 
@@ -185,49 +179,3 @@ class BaseTopics:
         if message != self._news.get(topic):
             self._news[topic] = message
             self._tell(topic, message)
-
-
-class BaseHealth:
-    """Reports battery, odometry and safety to the diagnostics, and logs changes."""
-
-    def __init__(self, diagnostics: Diagnostics, supervisor: Supervisor) -> None:
-        self._diagnostics, self._supervisor = diagnostics, supervisor
-        self._troubles: tuple[str, ...] = ()
-        self._doubt = ""
-
-    def doubt(self, doubt: str) -> None:
-        """Log which sensor the others contradict (empty: none)."""
-        if doubt != self._doubt:
-            self._doubt = doubt
-            rospy.logwarn("odometry: %s", doubt or "all sensors agree again")
-
-    def report(self, reading: BaseReading, decision: Decision) -> None:
-        """Called once a second."""
-        battery, odometry = reading.battery, reading.odometry
-        self._diagnostics.set(
-            "battery", _BATTERY_LEVELS.get(battery.state, OK), battery.state, voltage_v=battery.voltage_v,
-            fraction=round(battery.fraction, 3), charging=battery.charging, docked=battery.docked,
-        )  # fmt: skip
-        agree = "all sensors agree" if odometry.trusted else "pushed, or not sure of its heading"
-        level = OK if odometry.trusted else WARN
-        self._diagnostics.set("odometry", level, odometry.doubt or agree, gaps=odometry.gaps)
-        troubles = reading.warnings + ((reading.refusal,) if reading.refusal else ())
-        for trouble in set(troubles) - set(self._troubles):
-            rospy.logwarn("%s", trouble)
-        self._troubles = troubles
-        blocked = bool(decision.reason) and decision.source != ""
-        message = "; ".join([decision.reason or f"driving for {decision.source}", *reading.warnings])
-        self._diagnostics.set(
-            "safety", WARN if blocked or reading.hazards or troubles else OK, message,
-            hazards=reading.hazards.name or "NONE", estop=self._supervisor.estopped,
-            refused_commands=self._supervisor.refused, mode=reading.mode,
-        )  # fmt: skip
-
-
-def tell_systemd(state: str) -> None:
-    """Send a state to the service manager (sd_notify). No effect unless a unit of Type=notify started the process."""
-    address = os.environ.get("NOTIFY_SOCKET", "")
-    if not address:
-        return
-    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as connection:
-        connection.sendto(state.encode(), "\0" + address[1:] if address.startswith("@") else address)

@@ -30,11 +30,11 @@ from geometry_msgs.msg import Twist
 from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
 
 from vsx_hw.readings import BaseReading, Hazard
-from vsx_hw.safety import Decision
 from vsx_ros.config import Config
 from vsx_ros.ros import headers, logs, node, threads, topics
 from vsx_ros.ros.base_drivers import Listeners, base_driver, base_settings, base_watchdogs, supervisor, wait_for_base
-from vsx_ros.ros.base_messages import BaseHealth, BaseTopics, tell_systemd
+from vsx_ros.ros.base_health import BaseHealth, tell_systemd
+from vsx_ros.ros.base_messages import BaseTopics
 from vsx_ros.ros.callbacks import offer_trigger
 from vsx_ros.ros.logs import Diagnostics
 from vsx_ros.ros.master_watch import master_watch
@@ -47,7 +47,6 @@ class MobileBaseNode:
     """Answers each report of the base with a decision in the same cycle."""
 
     def __init__(self, config: Config) -> None:
-        self._latest: tuple[BaseReading, Decision] | None = None
         self._master = master_watch()
         self._master.period_s, self._master.topics_every = 0.1, 3
         settings = base_settings(config)
@@ -65,7 +64,7 @@ class MobileBaseNode:
         self._driver.start()
         tell_systemd("READY=1")
         threads.every(1.0, "health", self._report)
-        threads.every(LINK_PERIOD_S, "link", lambda: diagnostics.device("link", self._driver.status()))
+        threads.every(LINK_PERIOD_S, "link", self._check_link)
 
     def _on_command(self, msg: Twist, source: str) -> None:
         accepted = self._supervisor.command(source, msg.linear.x, msg.angular.z, time.monotonic_ns())
@@ -80,8 +79,7 @@ class MobileBaseNode:
         self._driver.show(signal)
         self._topics.tell(reading, decision.source)
         self._topics.tell_hold(self._supervisor.estopped, decision.source)
-        self._health.doubt(reading.odometry.doubt)
-        self._latest = reading, decision
+        self._health.heard(reading, decision)
 
     def _on_link(self, connected: bool, message: str) -> None:
         """On the driver's thread. Old commands become invalid; a disconnected base has no contacts."""
@@ -100,18 +98,20 @@ class MobileBaseNode:
         self._driver.reset_odometry()
         return "odometry starts at the origin"
 
+    def _check_link(self) -> None:
+        self._health.link(self._driver.status())
+        if self._health.silence:
+            self._driver.drive(0.0, 0.0)
+
     def _report(self) -> None:
         """Report battery and health; called once a second."""
-        with self._supervisor.lock:
-            tell_systemd("WATCHDOG=1")
         self._watchdogs.revive()
-        if self._latest is not None and self._driver.status().connected:
-            self._topics.tell_battery(self._latest[0])
-            self._health.report(*self._latest)
+        if (reading := self._health.report()) is not None:
+            self._topics.tell_battery(reading)
 
     def close(self) -> None:
-        """Stop the wheels and leave the base safe; if that fails, the watchdogs do it after this process."""
-        if self._driver.close():
+        """Stop the wheels. If that fails, or a silent driver claims it, the watchdogs do it after this process."""
+        if self._driver.close() and not self._health.silence:
             self._watchdogs.release()
 
 
