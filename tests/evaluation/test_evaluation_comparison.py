@@ -12,7 +12,8 @@ from vsx_ros.evaluation.comparison import change, compare
 from vsx_ros.evaluation.page import Section, figures, interval, page, table
 from vsx_ros.evaluation.paired import Interval
 from vsx_ros.evaluation.report_data import ReportData
-from vsx_ros.evaluation.svg import map_view, plot, window_around, window_of
+from vsx_ros.evaluation.sheet import window_around, window_of
+from vsx_ros.evaluation.svg import map_view, plot
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
 A = ReportData(

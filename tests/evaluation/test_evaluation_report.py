@@ -1,6 +1,7 @@
 import html
 import re
 import xml.etree.ElementTree as ElementTree
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,8 +9,9 @@ import pytest
 from vsx_ros.evaluation import svg
 from vsx_ros.evaluation.report import render
 from vsx_ros.evaluation.report_data import ReportData
+from vsx_ros.evaluation.sheet import grid_image, ticks, window_around
 from vsx_ros.evaluation.summary import Summary
-from vsx_ros.evaluation.svg import map_view, window_around
+from vsx_ros.evaluation.svg import map_view
 from vsx_ros.geometry.se3 import SE3, StampedPose, so3_exp
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.rooms import Room
@@ -111,8 +113,11 @@ def test_the_ending_is_coloured_by_how_it_was_and_not_by_its_words(well, kind):
 
 
 def test_the_truth_is_laid_over_the_estimate():
-    lines = {line.get("class"): line.get("points") for line in drawings(page())[0].iter("polyline")}
-    assert lines["truth"] == lines["estimate"]
+    lines = [(line.get("class"), line.get("points").split()) for line in drawings(page())[0].iter("polyline")]
+    (truth,) = [points for name, points in lines if name == "truth"]
+    pieces = [points for name, points in lines if name == "estimate"]
+    assert all(before[-1] == after[0] for before, after in pairwise(pieces))
+    assert [pieces[0][0], *(point for piece in pieces for point in piece[1:])] == truth
 
 
 def test_how_much_of_each_room_is_known_is_told():
@@ -137,7 +142,7 @@ def test_one_frame_one_pose():
     ("low", "high", "expected"), [(0, 1, [0, 0.2, 0.4, 0.6, 0.8, 1.0]), (0, 95, [0, 20, 40, 60, 80]), (3, 3, [3])]
 )
 def test_ticks_are_round(low, high, expected):
-    assert svg.ticks(low, high, 6) == pytest.approx(expected)
+    assert ticks(low, high, 6) == pytest.approx(expected)
 
 
 def test_a_curve_breaks_where_nothing_is_known():
@@ -178,7 +183,7 @@ def test_the_map_is_drawn_to_scale():
 
 
 def test_the_grid_picture_has_north_up():
-    picture = svg.grid_image(OccupancyGrid(np.array([[0, 100], [-1, 0]]), 1.0, 0.0, 0.0))
+    picture = grid_image(OccupancyGrid(np.array([[0, 100], [-1, 0]]), 1.0, 0.0, 0.0))
     assert picture[1, 0, :3].tolist() == [255, 255, 255]
     assert picture[1, 1, 0] < 60
     assert picture[0, 0, 3] < 255
@@ -200,3 +205,8 @@ def test_events_begin_at_zero_also_those_before_the_first_image():
     text = page(events=[(-3 * SECOND, "mission", "starting", "first drive"), (5 * SECOND, "slam", "lost", "dark")])
     assert "<td>0.0 s</td><td>mission</td>" in text
     assert "<td>8.0 s</td><td>slam</td>" in text
+
+
+def test_events_are_told_without_their_figures():
+    text = page(events=[(5 * SECOND, "mission", "mapping", "driving 1.2 m to look at 3 m2 [view at (1.0, 2.0)]")])
+    assert "<td>driving 1.2 m to look at 3 m2</td>" in text

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from vsx_ros.evaluation.page import document
-from vsx_ros.evaluation.report import STYLE, command, known_area, map_picture, section, shown, timeline, versions
+from vsx_ros.evaluation.report import STYLE, command, known_area, section, shown, timeline, versions
 from vsx_ros.evaluation.report_data import ReportData
+from vsx_ros.evaluation.run_map import MAP_STYLE, map_picture
 
 Named = tuple[str, ReportData]
 
@@ -42,7 +43,7 @@ def compare(a: Named, b: Named) -> str:
         section("Settings that differ", _settings(a, b)),
         section("How to repeat them", _side_by_side(a, b, command)),
     ]
-    return document(title, "".join(body), STYLE + _SIDE)
+    return document(title, "".join(body), STYLE + MAP_STYLE + _SIDE)
 
 
 def change(key: str, before: Any, after: Any) -> tuple[str, str]:

@@ -6,20 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from vsx_ros.arrays import Points2, Points3
-from vsx_ros.errors import InputError
 from vsx_ros.evaluation import svg
 from vsx_ros.evaluation.events import collapsed, rows
 from vsx_ros.evaluation.page import document, figures, png_figure, table
 from vsx_ros.evaluation.report_data import ReportData
+from vsx_ros.evaluation.run_map import MAP_STYLE, map_picture
 from vsx_ros.evaluation.scrubber import scrubber
-from vsx_ros.evaluation.svg import map_view, window_around, window_of
-from vsx_ros.evaluation.trajectory import align, associate
 from vsx_ros.occupancy.rooms import Room
 from vsx_ros.slam.state import TrackingState
 
 _MAX_EVENTS = 400  # rows; the file has all of them
-_FLOOR_M = 0.06  # lower points are floor and hide the map; as ground_map.obstacle_min_height_m
 _SMALL = 450.0, 210.0  # px, of a diagram beside another
 _FASTEST_MS = 0.1  # least of the axis; a quicker frame was refused
 
@@ -35,13 +31,14 @@ def render(data: ReportData) -> str:
         section("Second by second", scrubber(data)),
         section("Map and trajectory", map_picture(data)),
         section("Known area", known_area(data)),
+        section("Goals", goal_table(data)),
         section("Rooms", room_table(data.rooms)),
         section("Tracking over time", timeline(data)),
         section("Events", _events(data)),
         section("All numbers", _folded("summary.json", data.summary)),
         section("How to repeat it", _repeat(data)),
     ]
-    return document(title, "".join(body), STYLE)
+    return document(title, "".join(body), STYLE + MAP_STYLE)
 
 
 def section(title: str, content: str) -> str:
@@ -95,44 +92,6 @@ def _figures(summary: Mapping[str, Any]) -> str:
     return f'<div class="tiles">{shown}</div>'
 
 
-def map_picture(data: ReportData) -> str:
-    """The map from above with trajectory, truth and points."""
-    columns = (0, 1) if data.world_is_level else (0, 2)
-
-    def flat(points: Points3) -> Points2:
-        return np.asarray(points, float).reshape(-1, 3)[:, columns]
-
-    estimate = np.array([pose.T.translation for pose in data.estimate]).reshape(-1, 3)
-    if not len(estimate) and not len(data.points_world) and data.grid is None:
-        begun = data.summary.get("initialized_at_s") is not None
-        return f"<p>There is no map: it was {'given up' if begun else 'never started'}.</p>"
-    truth = _truth_in_map(data)
-    ways = [(name, flat(points).tolist()) for name, points in (("estimate", estimate), ("truth", truth))]
-    unit = "m" if data.world_is_level else "map units (no odometry, hence no scale; x and z of the first camera)"
-    points = data.points_world if data.grid is None else data.points_world[data.points_world[:, 2] > _FLOOR_M]
-    dots = flat(points)
-    corners = [] if data.grid is None else [corner.tolist() for corner in window_of(data.grid)]
-    inner = np.percentile(dots, [1, 99], axis=0).tolist() if len(dots) else []
-    window = window_around([corners, inner, *(way for _, way in ways)])
-    starts = [(name, way[0]) for name, way in ways if way]
-    picture = map_view(data.grid, ways, window, marks=starts, dots=dots, unit=unit, width_px=svg.WIDTH)
-    legend = '<span class="key estimate">estimate</span>'
-    legend += '<span class="key truth">truth, aligned</span>' if len(truth) else ""
-    legend += '<span class="key points">map points</span>' if len(data.points_world) else ""
-    return f'{picture}<p class="legend">{legend}</p>'
-
-
-def _truth_in_map(data: ReportData) -> Points3:
-    """(N, 3) true positions aligned to the estimate; empty if they cannot be compared."""
-    try:
-        pairs = associate(data.estimate, data.truth)
-    except InputError:
-        return np.zeros((0, 3))
-    estimate, truth = (np.array([T.translation for T in poses]) for poses in zip(*pairs))
-    alignment = align(truth, estimate, "yaw" if data.world_is_level else "sim3")
-    return alignment.apply(np.array([pose.T.translation for pose in data.truth]))
-
-
 def known_area(data: ReportData) -> str:
     """What was known of the place over time and over the way; with the truth, the share of it that was right."""
     if not data.progress:
@@ -149,6 +108,19 @@ def known_area(data: ReportData) -> str:
         for of, unit, x in (("time", "s", seconds), ("the way driven", "m", way))
     ]
     return figures(pictures)
+
+
+def goal_table(data: ReportData) -> str:
+    """The views driven to, by their numbers on the map, and why each was left."""
+    rows = []
+    for number, goal in enumerate(data.goals[:_MAX_EVENTS], start=1):
+        words, _, figures_of = html.escape(goal.words.removesuffix("]")).partition(" [")
+        why = f"<details><summary>{words}</summary>{figures_of}</details>"
+        left = f'<div class="left">left: {html.escape(goal.left)}</div>' if goal.left else ""
+        at = f"{(goal.stamp_ns - data.began_ns) * 1e-9:.1f} s"
+        rows.append(f"<tr><td>{number}</td><td>{at}</td><td>{why}{left}</td></tr>")
+    head = "".join(f"<th>{name}</th>" for name in ("goal", "at", "why it was chosen and left"))
+    return f'<table class="goals"><tr>{head}</tr>{"".join(rows)}</table>' if rows else ""
 
 
 def room_table(rooms: Sequence[Room]) -> str:
@@ -185,11 +157,12 @@ def timeline(data: ReportData) -> str:
         scale = svg.decades(max(float(np.nanpercentile(times, 1.0)), _FASTEST_MS), float(np.nanmax(times)))
         parts.append("<h3>time per frame [ms]; in lock-step mapping and planning are part of it</h3>")
         parts.append(svg.plot([("curve", seconds, times)], "ms per frame", scale[-1], bottom=scale[0]))
-    return "".join(parts)
+    return f'<div class="pan">{"".join(parts)}</div>'
 
 
 def _events(data: ReportData) -> str:
-    told = collapsed([event for event in data.events if event[2] != "keyframe"])
+    """Their words; the figures of choices are in the table of goals."""
+    told = collapsed([(*event[:3], event[3].partition(" [")[0]) for event in data.events if event[2] != "keyframe"])
     more = f"<p>... and {len(told) - _MAX_EVENTS} more in events.jsonl</p>" if len(told) > _MAX_EVENTS else ""
     return table(["at", "who", "state", "why"], rows(told[:_MAX_EVENTS], data.began_ns)) + more
 
@@ -244,5 +217,7 @@ figcaption{color:var(--soft);font-size:13px}
 table{width:100%}td:first-child{white-space:nowrap}summary{cursor:pointer;color:var(--blue);margin:8px 0}
 i{color:var(--soft)}
 .figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(380px,100%),1fr));gap:8px 20px}
-figure{margin:0;min-width:0}
+figure{margin:0;min-width:0}.goals td:nth-child(2){white-space:nowrap}.goals td:last-child{width:100%}
+.goals summary{margin:0;color:var(--ink)}.left,.goals details{color:var(--soft)}
+.pan{overflow-x:auto}@media(max-width:700px){.pan svg.plot{min-width:660px}}
 """

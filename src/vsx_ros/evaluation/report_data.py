@@ -8,6 +8,7 @@ import numpy as np
 
 from vsx_ros.arrays import Points3
 from vsx_ros.evaluation.events import Event
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.rooms import Room
@@ -34,6 +35,15 @@ class ProgressRow(NamedTuple):
     coverage_correct: float | None
 
 
+class Goal(NamedTuple):
+    """A view that was chosen. words: why it, with figures in brackets. left: why it was left; empty if it was not."""
+
+    stamp_ns: int
+    pose: SE2
+    words: str
+    left: str
+
+
 @dataclass(frozen=True)
 class ReportData:
     """The data of a run folder. world_is_level: z is up, so the map is drawn along z; else the first camera's x and z.
@@ -42,7 +52,7 @@ class ReportData:
     far). picture_png: what the camera saw last; empty if unknown. pictures: (stamp_ns, JPEG) of what it saw about once
     a second. maps: of the same moments, as far as they changed. moments_trouble: why there are neither; empty if they
     were not to be kept. rooms: of the ground map. progress: by time; empty without maps of the moments or without
-    odometry."""
+    odometry. goals: in the order in which they were driven to."""
 
     summary: Mapping[str, Any]
     facts: Mapping[str, Any]
@@ -64,6 +74,7 @@ class ReportData:
     robot_radius_m: float = 0.0
     rooms: Sequence[Room] = ()
     progress: Sequence[ProgressRow] = ()
+    goals: Sequence[Goal] = ()
 
     @property
     def began_ns(self) -> int:

@@ -13,7 +13,7 @@ from vsx_ros.evaluation import svg
 from vsx_ros.evaluation.page import paragraph
 from vsx_ros.evaluation.report_data import ReportData
 from vsx_ros.evaluation.run_time import Part, parts
-from vsx_ros.evaluation.svg import Sheet, window_around, window_of
+from vsx_ros.evaluation.sheet import Sheet, Window, window_around, window_of
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.state import TrackingState
 
@@ -42,7 +42,7 @@ def _place(T_world_cam: SE3, data: ReportData) -> _Pose:
     return float(at[0]), float(at[2]), math.atan2(looks[2], looks[0])
 
 
-def _window(data: ReportData, poses: Sequence[_Pose]) -> svg.Window:
+def _window(data: ReportData, poses: Sequence[_Pose]) -> Window:
     corners = [corner.tolist() for corner in window_of(data.grid)] if data.grid is not None else []
     for seen in data.maps:
         corners += [seen.origin, tuple(np.add(seen.origin, seen.size))]

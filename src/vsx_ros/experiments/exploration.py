@@ -10,7 +10,8 @@ from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.evaluation.page import Section, csv_text, figures, interval, paragraph, table
 from vsx_ros.evaluation.paired import mean_interval, share_interval
-from vsx_ros.evaluation.svg import FIGURE_PX, map_view, plot, window_of
+from vsx_ros.evaluation.sheet import window_of
+from vsx_ros.evaluation.svg import FIGURE_PX, map_view, plot
 from vsx_ros.experiments.campaign import Result
 from vsx_ros.exploration.decision import Outcome
 from vsx_ros.occupancy.grid import OccupancyGrid

@@ -13,7 +13,7 @@ from vsx_ros.dense.planes import PlaneKind
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.map_quality import map_on_truth_picture, obstacle_quality, seen_faces, truth_picture
 from vsx_ros.evaluation.page import Section, figures, paragraph, table
-from vsx_ros.evaluation.svg import png_url
+from vsx_ros.evaluation.sheet import png_url
 from vsx_ros.experiments.exploration import run_whole
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2

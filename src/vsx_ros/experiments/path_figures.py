@@ -8,7 +8,8 @@ import numpy as np
 
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.page import Section, figures, paragraph, table
-from vsx_ros.evaluation.svg import FIGURE_PX, Way, map_view, plot, window_around
+from vsx_ros.evaluation.sheet import Way, window_around
+from vsx_ros.evaluation.svg import FIGURE_PX, map_view, plot
 from vsx_ros.experiments.drive import (
     CONFIG,
     CONSTRAINED,

@@ -21,6 +21,7 @@ from vsx_ros.io.map_file import map_of_png
 from vsx_ros.io.room_file import load_rooms, room_file
 from vsx_ros.occupancy.grid import MAX_CELLS
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.goals import goals_of
 from vsx_ros.runs.interrupted import REASON, KnownRun, unfinished
 from vsx_ros.runs.journal import MapLine, RunEvent
 from vsx_ros.runs.moments import REMEDY, Moments
@@ -77,6 +78,7 @@ def report_data(folder: RunFolder) -> ReportData:
         robot_radius_m=config.robot.radius_m,
         rooms=rooms.rooms if rooms is not None else (),
         progress=progress_of(run, moments, grid, judge_of(folder, config, facts.get("load_map"))),
+        goals=goals_of(run.events),
     )
 
 
