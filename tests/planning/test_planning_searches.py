@@ -10,13 +10,14 @@ from vsx_ros.config import PlannerConfig, RobotConfig
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField
 from vsx_ros.kernels.planning.lattice import lattice_search
+from vsx_ros.kernels.planning.motions import Lattice
 from vsx_ros.kernels.planning.shortcuts import MAX_SEGMENTS, shorten
 from vsx_ros.occupancy.distance import joined_distance
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
 from vsx_ros.planning import lattice_ways
 from vsx_ros.planning.coarse_path import ArcBounds, CoarsePath, shortest_word
 from vsx_ros.planning.corridor import Corridor, build_corridor
-from vsx_ros.planning.lattice_ways import coarse_lattice, is_stuck, search, search_lattice_back
+from vsx_ros.planning.lattice_ways import coarse_lattice, is_stuck, search, search_lattice_back, word_table
 from vsx_ros.planning.path import Plan, Refusal
 from vsx_ros.planning.planner import Planner
 
@@ -149,3 +150,11 @@ def test_a_goal_that_faces_out_of_a_dead_end_is_given_up_without_a_search_of_the
     assert isinstance(refused, Refusal)
     assert 10_000 < sum(searched) < 250_000
     assert isinstance(planner.plan(start, SE2(30.0, 12.5, 0.0), map_, np.random.default_rng(0)), Plan)
+
+
+def test_the_memory_of_a_search_grows_with_its_arrivals_and_not_with_the_map():
+    field, goal = DistanceField(np.full((20, 20), 99.0), 50.0, 0.0, 0.0), np.array([503.0, 501.0, 1.0])
+    lattice = Lattice(headings=96, bins=2, cell_m=0.025, most_states=120_000)  # a byte for each state would be 154 GB
+    start, hopes = np.array([500.0, 500.0, 0.0]), np.zeros((20, 20))
+    poses, *_, winner = lattice_search(field, start, 1.0, lattice, 1.5, goal, hopes, word_table())
+    assert 0 <= winner < len(poses) < 1000

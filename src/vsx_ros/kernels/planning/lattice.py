@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros.arrays import Float32Array, FloatArray, IntArray
-from vsx_ros.kernels import kernel
+from vsx_ros.kernels import kernel, part
 from vsx_ros.kernels.occupancy.clearance import DistanceField, interpolate
 from vsx_ros.kernels.planning.motions import (
     BENDS,
@@ -25,6 +25,8 @@ _GREED = 1.2  # weight of the remaining length: far fewer states; paths are shor
 _SLACK = 1.0  # steps by which the estimate may exceed the remaining length
 _MOST_ARCS = 32_000  # of a path; int16 counts them
 _NEARER = 1.1  # factor by which the table may underestimate a word's length
+_PLACES, _SPREAD = 1 << 12, 2_654_435_761  # at first in the table of states; odd, scatters neighbouring states in it
+_ARCS_BITS, _ARCS = 16, (1 << 16) - 1  # of an entry in that table
 
 
 @kernel
@@ -54,6 +56,29 @@ def reverse_run(lengths: FloatArray) -> float:
     return longest
 
 
+@part
+def _place_of(table: IntArray, state: int) -> int:
+    """Where a table (T,) holds an entry for a state, or would; T is a power of two, and half the places are empty (-1).
+
+    Memory thus grows with the states that were reached, not with the map. An entry is a state, then in 16 bits the arcs
+    of its cheapest arrival plus one, or 0 once it is done. All bits of an empty place are set: more than any arcs."""
+    mask: int = table.shape[0] - 1
+    place: int = (state * _SPREAD >> _ARCS_BITS) & mask
+    while table[place] >= 0 and table[place] >> _ARCS_BITS != state:
+        place = (place + 1) & mask
+    return place
+
+
+@kernel
+def _twice_as_long(table: IntArray) -> IntArray:
+    """The same entries in twice as many places."""
+    longer = np.full(2 * table.shape[0], -1, np.int64)
+    for entry in table:
+        if entry >= 0:
+            longer[_place_of(longer, entry >> _ARCS_BITS)] = entry
+    return longer
+
+
 @kernel
 def lattice_search(
     field: DistanceField, start: FloatArray, phi: float, lattice: Lattice, max_reverse: float, goal: FloatArray,
@@ -74,16 +99,15 @@ def lattice_search(
     rows = int(math.ceil(values.shape[0] * resolution / cell))
     columns = int(math.ceil(values.shape[1] * resolution / cell))
     step = bins * 2.0 * math.pi / headings / phi
-    size = rows * columns * headings
-    capacity = min(size, most)
-    level = np.full((rows, columns, headings), -1, np.int16)
+    capacity = min(rows * columns * headings, most)
+    known = np.full(_PLACES, -1, np.int64)
     states = np.empty(capacity, np.int64)
     poses = np.empty((capacity, 3))
     parents = np.empty(capacity, np.int64)
     motions = np.empty(capacity, np.int8)
     reversed_m = np.empty(capacity)
     left_m = np.empty(capacity)
-    hopeful = np.ones(capacity, np.bool_)  # words much shorter than the path around obstacles are not free
+    hopeful = np.empty(capacity, np.bool_)  # words much shorter than the path around obstacles are not free
     following = np.empty(capacity, np.int64)
     way = room_for(1)
     arcs = arc_places(headings, start[2], step, phi, resolution)
@@ -97,11 +121,10 @@ def lattice_search(
         return poses[:0], parents[:0], motions[:0], step, winner
     # Arrivals wait in buckets of total length; each bucket is a linked list, last in first out.
     buckets = np.full(8 * _BUCKETS * (rows + columns) + 1, -1, np.int64)
-    level[i, j, 0] = 0
     states[0] = (i * columns + j) * headings
+    known[_place_of(known, states[0])] = states[0] << _ARCS_BITS | 1
     poses[0] = start
-    parents[0], motions[0], reversed_m[0], left_m[0], following[0] = -1, -1, 0.0, 0.0, -1
-    done = np.zeros(size, np.bool_)
+    parents[0], motions[0], reversed_m[0], left_m[0], hopeful[0], following[0] = -1, -1, 0.0, 0.0, True, -1
     buckets[0] = 0
     count, bucket = 1, 0
     while bucket < buckets.shape[0]:
@@ -113,13 +136,16 @@ def lattice_search(
             continue
         buckets[bucket] = following[node]
         state = states[node]
-        if done[state]:
+        place = _place_of(known, state)
+        arrived = known[place] & _ARCS  # by one more arc
+        if arrived == 0:
             continue
-        done[state] = True
+        known[place] -= arrived
+        if 2 * (count + MOTIONS) > known.shape[0]:
+            known = _twice_as_long(known)
         h = state % headings
-        i, j = state // headings // columns, state // headings % columns
         x, y = poses[node, 0], poses[node, 1]
-        reached = level[i, j, h] * step
+        reached = (arrived - 1) * step
         if reached + left_m[node] - _SLACK * step >= best:
             continue
         dx, dy = goal[0] - x, goal[1] - y
@@ -135,7 +161,6 @@ def lattice_search(
             ):
                 best, winner = reached + word, node
         margin = interpolate(field, x, y)
-        arrived = level[i, j, h] + 1
         for m in range(MOTIONS):
             backwards = reversed_m[node] + step if SIGNS[m] < 0 else 0.0
             if backwards > max_reverse or count >= capacity or arrived > _MOST_ARCS:
@@ -145,8 +170,9 @@ def lattice_search(
             if ny < y0 or nx < x0 or a >= rows or b >= columns:
                 continue
             g = (h + BENDS[m] * SIGNS[m] * bins + headings) % headings
-            before = level[a, b, g]
-            if before >= 0 and (before <= arrived or done[(a * columns + b) * headings + g]):
+            state = (a * columns + b) * headings + g
+            place = _place_of(known, state)
+            if known[place] & _ARCS <= arrived + 1:
                 continue
             # Open ground: the field (of slope about one) proves the whole arc free.
             if margin < 1.3 * step and not places_are_free(field, x, y, arcs[h, m], step):
@@ -159,16 +185,15 @@ def lattice_search(
             turned = start[2] + g * width
             direct = look_up_length(table, phi * (c * dx + s * dy), phi * (c * dy - s * dx), goal[2] - turned) / phi
             left = max(math.sqrt(dx * dx + dy * dy), around, direct)
-            place = max(bucket, int(_BUCKETS * (arrived + _GREED * left / step)))
-            if place >= buckets.shape[0]:
+            queue = max(bucket, int(_BUCKETS * (arrived + _GREED * left / step)))
+            if queue >= buckets.shape[0]:
                 continue
-            level[a, b, g] = arrived
-            states[count] = (a * columns + b) * headings + g
+            known[place], states[count] = state << _ARCS_BITS | arrived + 1, state
             poses[count, 0], poses[count, 1], poses[count, 2] = nx, ny, turned
             parents[count], motions[count], reversed_m[count], left_m[count] = node, m, backwards, left
             hopeful[count] = direct == 0.0 or around <= _NEARER * direct + step
-            following[count] = buckets[place]
-            buckets[place] = count
+            following[count] = buckets[queue]
+            buckets[queue] = count
             count += 1
     return poses[:count], parents[:count], motions[:count], step, winner
 
