@@ -55,7 +55,6 @@ def _distance_to(mask: BoolArray, reach: int) -> FloatArray:
         for j in range(columns):
             before = vertical[i + 1, j]
             vertical[i, j] = min(vertical[i, j], before + (0.5 if before == 0.0 else 1.0))
-    out = np.empty((rows, columns))
     squares = np.full(columns + 2 * reach, far * far)
     best = np.empty(columns)
     for i in range(rows):
@@ -74,8 +73,8 @@ def _distance_to(mask: BoolArray, reach: int) -> FloatArray:
             left, right = squares[reach - k : reach - k + columns], squares[reach + k : reach + k + columns]
             _lower(best, left, right, side)
         for j in range(columns):
-            out[i, j] = min(far, math.sqrt(best[j]))
-    return out
+            vertical[i, j] = min(far, math.sqrt(best[j]))  # of this row alone, which no other row needs
+    return vertical
 
 
 @kernel
