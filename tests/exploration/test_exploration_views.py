@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from vsx_ros.arrays import array_bytes
 from vsx_ros.config import Config
 from vsx_ros.exploration.choice import Choice, chosen_in
 from vsx_ros.exploration.decision import without_figures
@@ -23,7 +24,7 @@ from vsx_ros.exploration.utility import (
 )
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from vsx_ros.occupancy.unknown_ground import SECTORS, find_frontiers, information_weights, opaque_walls
+from vsx_ros.occupancy.unknown_ground import SECTORS, find_frontiers, looks_so_far, opaque_walls
 
 CONFIG = Config().exploration
 NO_LANDMARKS_NEEDED = Config().exploration.__class__(min_landmarks=0)
@@ -71,7 +72,7 @@ def test_short_frontiers_are_left_out():
 
 def test_gain_is_the_unknown_area_inside_the_field_of_view():
     grid = half_known_room()
-    gain = view_gain(grid, np.array([[2.5, 2.0]]), np.ones((1, *grid.shape)), CONFIG)[0]
+    gain = view_gain(grid, np.array([[2.5, 2.0]]), looks_so_far(grid, NOWHERE_YET, CONFIG), CONFIG)[0]
     # Looking along +x: a sector of the sensor's angle between the border (x = 3) and range or wall (x = 5.95).
     half = CONFIG.sensor_fov_rad / 2
     angles = np.linspace(-half, half, 2001)
@@ -158,23 +159,40 @@ def test_unreachable_and_blacklisted_views_are_counted_not_returned():
 
 def test_unknown_ground_is_worth_less_with_every_look_from_the_same_side():
     grid = half_known_room()
-    looks = np.tile([[2.5, 1.9, 0.1]], (2, 1))
-    weights = information_weights(grid, looks, CONFIG)
-    ahead, beside, far, known = grid.cells(np.array([[4.0, 2.4], [3.2, 3.5], [5.9, 2.4], [2.5, 2.0]]))
-    assert weights[(0, *ahead)] == pytest.approx(0.5 ** (2 / CONFIG.looks_to_half))
-    assert weights[(1, *ahead)] == weights[(SECTORS - 1, *ahead)] == pytest.approx(0.5 ** (1 / CONFIG.looks_to_half))
-    assert (weights[(slice(2, SECTORS - 1), *ahead)] == 1.0).all()
-    assert (weights[(slice(None), *beside)] == 1.0).all()
-    assert (weights[(slice(None), *far)] == 1.0).all()
-    assert (weights[(slice(None), *known)] == 0.0).all()
+    looks = looks_so_far(grid, np.tile([[2.5, 1.9, 0.1]], (2, 1)), CONFIG)
+    ahead, beside, far = (
+        looks.left[looks.halves[row, column]].tolist()
+        for row, column in grid.cells(np.array([[4.0, 2.4], [3.2, 3.5], [5.9, 2.4]]))
+    )
+    assert ahead[0] == pytest.approx(0.5 ** (2 / CONFIG.looks_to_half))
+    assert ahead[1] == ahead[-1] == pytest.approx(0.5 ** (1 / CONFIG.looks_to_half))
+    assert ahead[2:-1] == [1.0] * (SECTORS - 3)
+    assert beside == far == [1.0] * SECTORS
+
+
+def test_looks_take_less_memory_than_a_weight_for_every_cell_and_sector():
+    grid = half_known_room()
+    assert array_bytes(looks_so_far(grid, NOWHERE_YET, CONFIG)) < 20 * grid.data.size
+
+
+def test_ground_that_is_not_wanted_hides_what_is_behind_it_and_gains_nothing():
+    grid = OccupancyGrid(np.full((80, 120), UNKNOWN, np.int8), RESOLUTION, 0.0, 0.0)
+    looks, place = looks_so_far(grid, NOWHERE_YET, CONFIG), np.array([[0.5, 2.0]])
+    near = np.broadcast_to(np.arange(120) < 40, grid.shape)
+    of_all, of_near, of_far = (
+        view_gain(grid, place, looks._replace(wanted=np.array(wanted)), CONFIG)[0, 0]
+        for wanted in (looks.wanted, near, ~near)
+    )
+    assert of_all == pytest.approx(of_near + of_far)
+    assert of_near > of_far > 0.0
 
 
 def test_what_was_looked_at_from_one_side_gains_from_the_other():
     grid = OccupancyGrid(np.full((80, 120), UNKNOWN, np.int8), RESOLUTION, 0.0, 0.0)
-    weights = information_weights(grid, np.tile([[1.0, 2.0, 0.0]], (6, 1)), CONFIG)
-    before = view_gain(grid, np.array([[1.0, 2.0], [4.0, 2.0]]), np.ones_like(weights), CONFIG)
-    after = view_gain(grid, np.array([[1.0, 2.0], [4.0, 2.0]]), weights, CONFIG)
-    again, from_behind = after / np.maximum(before, 1e-9)
+    places = np.array([[1.0, 2.0], [4.0, 2.0]])
+    before = view_gain(grid, places, looks_so_far(grid, NOWHERE_YET, CONFIG), CONFIG)
+    looks = looks_so_far(grid, np.tile([[1.0, 2.0, 0.0]], (6, 1)), CONFIG)
+    again, from_behind = view_gain(grid, places, looks, CONFIG) / np.maximum(before, 1e-9)
     assert again[0] < 0.2
     assert from_behind[BEARINGS // 2] == pytest.approx(1.0)
 

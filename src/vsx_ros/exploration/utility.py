@@ -16,10 +16,10 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.config import ExplorationConfig
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.kernels.occupancy.visibility import unknown_area_by_bearing
+from vsx_ros.kernels.occupancy.visibility import Looks, unknown_area_by_bearing
 from vsx_ros.occupancy.distance import landmarks_in_view
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.occupancy.unknown_ground import information_weights, opaque_walls
+from vsx_ros.occupancy.unknown_ground import looks_so_far, opaque_walls
 from vsx_ros.registry import Registry
 
 BEARINGS = 72  # every 5 deg; at 3 m rays are 26 cm apart
@@ -126,12 +126,12 @@ def near_poses(poses: FloatArray, others: FloatArray, radius_m: float, angle: fl
     return near
 
 
-def view_gain(grid: OccupancyGrid, positions: Points2, weights: FloatArray, config: ExplorationConfig) -> FloatArray:
-    """(N, BEARINGS) unknown area [m2], weighted by weights (S, H, W), in the field of view from each position (N, 2)
+def view_gain(grid: OccupancyGrid, positions: Points2, looks: Looks, config: ExplorationConfig) -> FloatArray:
+    """(N, BEARINGS) unknown area [m2], weighted by the looks so far, in the field of view from each position (N, 2)
     [m], looking at each bearing k * 2 pi / BEARINGS."""
     bearings: FloatArray = np.arange(BEARINGS, dtype=np.float64) * (2 * math.pi / BEARINGS)
     per_bearing = unknown_area_by_bearing(
-        grid.data, weights, grid.resolution, grid.origin_x, grid.origin_y, positions, bearings,
+        grid.data, looks, grid.resolution, grid.origin_x, grid.origin_y, positions, bearings,
         config.sensor_range_m, config.mean_free_path_m,
     )  # fmt: skip
     return window_sums(per_bearing, max(1, round(config.sensor_fov_rad / (2 * math.pi) * BEARINGS)))
@@ -152,7 +152,7 @@ def gain_at(
     """v of one pose [m2]; arguments as of ``RankingInput``."""
     opaque, place = opaque_walls(grid, 2.0 * radius_m, config.wall_gap_m), np.array([[pose.x, pose.y]])
     near = np.hypot(*(looked_from[:, :2] - place).T) < config.sensor_range_m + config.look_range_m + grid.resolution
-    gains = view_gain(opaque, place, information_weights(opaque, looked_from[near], config), config)[0]
+    gains = view_gain(opaque, place, looks_so_far(opaque, looked_from[near], config), config)[0]
     return float(gains[round(pose.theta / (2 * math.pi) * BEARINGS) % BEARINGS])
 
 
@@ -231,8 +231,8 @@ def _candidates(
         rejected[Rejection.NO_ROOM] = int(room.size)
         return np.zeros((0, 3)), np.zeros(0)
     positions = grid.centres(cells)
-    weights = information_weights(opaque, asked.looked_from, config)
-    gain = view_gain(opaque, positions, weights, config)[:, :: BEARINGS // HEADINGS]
+    looks = looks_so_far(opaque, asked.looked_from, config)
+    gain = view_gain(opaque, positions, looks, config)[:, :: BEARINGS // HEADINGS]
     enough = gain >= config.min_gain_m2
     rejected[Rejection.NO_GAIN] = int((~enough).sum())
     i, k = np.nonzero(enough)

@@ -154,8 +154,9 @@ def _views() -> None:
     data.flags.writeable = False
     grid = data, 0.1, 0.0, 0.0
     visibility.visible_landmarks(*grid, poses, places, 0.5, 0.5, 4.0)
-    weights = visibility.weights_of_looks(data, visibility.count_looks(*grid, poses, 0.5, 4.0, 4), np.ones(3))
-    visibility.unknown_area_by_bearing(data, weights, *grid[1:], places, bearings, 4.0, 1.0)
+    halves = visibility.count_half_looks(*grid, poses, 0.5, 4.0, 4)
+    looks = visibility.Looks(halves, np.ones(3), np.ones((4, 4), np.bool_))
+    visibility.unknown_area_by_bearing(data, looks, *grid[1:], places, bearings, 4.0, 1.0)
 
 
 def _emulation() -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray, Points2
 from vsx_ros.config import ExplorationConfig
-from vsx_ros.kernels.occupancy.visibility import count_looks, weights_of_looks
+from vsx_ros.kernels.occupancy.visibility import Looks, count_half_looks
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import ZonedGrid
 
@@ -117,18 +117,15 @@ def opaque_walls(grid: OccupancyGrid, gap_m: float, wall_gap_m: float) -> Occupa
     return replace(grid, data=np.where(solid & (grid.data == UNKNOWN), OCCUPIED, grid.data))
 
 
-def information_weights(grid: OccupancyGrid, looked_from: FloatArray, config: ExplorationConfig) -> FloatArray:
-    """(SECTORS, H, W) weight of each unknown cell, in (0, 1]: the information in a look from a sector of bearings; 0
-    where the ground is known.
+def looks_so_far(grid: OccupancyGrid, looked_from: FloatArray, config: ExplorationConfig) -> Looks:
+    """The looks at each cell from SECTORS sectors of bearings, and the information in another, a weight in (0, 1].
 
-    Every ``looks_to_half`` looks in that sector from within ``look_range_m``, among the poses looked_from (N, 3), halve
+    Every ``looks_to_half`` looks in a sector from within ``look_range_m``, among the poses looked_from (N, 3), halve
     the weight. Looks in the two adjacent sectors count half. Ground outside the zones to look into has no weight."""
-    looks = count_looks(
+    halves = count_half_looks(
         grid.data, grid.resolution, grid.origin_x, grid.origin_y, np.ascontiguousarray(looked_from).reshape(-1, 3),
         0.5 * config.sensor_fov_rad, config.look_range_m, SECTORS,
     )  # fmt: skip
     left: FloatArray = np.exp2(-0.5 * np.arange(2 * len(looked_from) + 1) / config.looks_to_half)
-    weights = weights_of_looks(grid.data, looks, left)
-    if isinstance(grid, ZonedGrid) and grid.zones.wanted is not None:
-        weights *= grid.zones.wanted
-    return weights
+    wanted = grid.zones.wanted if isinstance(grid, ZonedGrid) else None
+    return Looks(halves, left, np.ones(grid.shape, np.bool_) if wanted is None else np.array(wanted))

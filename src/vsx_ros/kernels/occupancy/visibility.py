@@ -1,29 +1,40 @@
 """What a camera on the robot would see from candidate poses: unknown cells, and known landmarks."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, IntArray, Points2
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Points2
 from vsx_ros.kernels import kernel
 
 OCCUPIED, UNKNOWN = 100, -1  # of nav_msgs/OccupancyGrid
+_MOST_HALVES = 32_767  # of int16; after far fewer half looks no weight is left
+
+
+class Looks(NamedTuple):
+    """Looks at cells so far. halves (H, W, S): half looks at each cell from each of S equal sectors of bearings; left
+    (N,): the weight of another look after n half ones; wanted (H, W): cells that have a weight."""
+
+    halves: NDArray[np.int16]
+    left: FloatArray
+    wanted: BoolArray
 
 
 @kernel
 def unknown_area_by_bearing(
-    data: NDArray[np.int8], weights: FloatArray, resolution: float, origin_x: float, origin_y: float,
+    data: NDArray[np.int8], looks: Looks, resolution: float, origin_x: float, origin_y: float,
     positions: Points2, bearings: FloatArray, range_m: float, mean_free_path_m: float,
 ) -> FloatArray:  # fmt: skip
-    """(N, B) area [m2], weighted by ``weights`` (S, H, W), of the unknown cells seen from each position (N, 2) around
-    each of B equally spaced bearings; the weight depends on which of S equal sectors the bearing is in.
+    """(N, B) area [m2], weighted by the looks so far, of the unknown cells seen from each position (N, 2) around each
+    of B equally spaced bearings; the weight depends on which sector the bearing is in.
 
     A ray runs to the first occupied cell, the edge of the grid or range_m. Unknown cells may be obstacles: cells behind
     them count by the probability that they are seen, exp(-s / mean_free_path_m) after s metres of unknown ground. Each
     step counts the area of its ring sector, so near cells are not counted twice."""
     rows, columns = data.shape
-    n, b, sectors = positions.shape[0], bearings.shape[0], weights.shape[0]
+    n, b, sectors = positions.shape[0], bearings.shape[0], looks.halves.shape[2]
     width = 2.0 * math.pi / b
     step = resolution
     passed = math.exp(-step / mean_free_path_m)
@@ -43,7 +54,8 @@ def unknown_area_by_bearing(
                 if value == OCCUPIED:
                     break
                 if value == UNKNOWN:
-                    total += seen * weights[k, row, column] * step * r * width
+                    if looks.wanted[row, column]:
+                        total += seen * looks.left[looks.halves[row, column, k]] * step * r * width
                     seen *= passed
                 r += step
             area[i, j] = total
@@ -51,14 +63,15 @@ def unknown_area_by_bearing(
 
 
 @kernel
-def count_looks(
+def count_half_looks(
     data: NDArray[np.int8], resolution: float, origin_x: float, origin_y: float, poses: FloatArray, half_fov: float,
     range_m: float, sectors: int,
-) -> Int32Array:  # fmt: skip
-    """(S, H, W) number of poses (N, 3: x, y, theta) with each cell in the field of view, in range and not hidden,
-    separately for each of S equal sectors of the bearing from pose to cell."""
+) -> NDArray[np.int16]:  # fmt: skip
+    """(H, W, S) half looks at each cell, at most 32767, separately for each of S equal sectors of the bearing to it.
+    Each pose (N, 3: x, y, theta) with the cell in the field of view, in range and not hidden adds two, and one in each
+    of the two sectors beside."""
     rows, columns = data.shape
-    looks = np.zeros((sectors, rows, columns), np.int32)
+    halves = np.zeros((rows, columns, sectors), np.int16)
     last = np.full((rows, columns), -1, np.int32)
     rays = int(math.ceil(2.0 * half_fov * range_m / resolution))
     for i in range(poses.shape[0]):
@@ -74,25 +87,10 @@ def count_looks(
                     break
                 if last[row, column] != i:
                     last[row, column] = i
-                    looks[k, row, column] += 1
+                    for sector, more in ((k, 2), ((k - 1) % sectors, 1), ((k + 1) % sectors, 1)):
+                        halves[row, column, sector] = min(halves[row, column, sector] + more, _MOST_HALVES)
                 r += resolution
-    return looks
-
-
-@kernel
-def weights_of_looks(data: NDArray[np.int8], looks: Int32Array, left: FloatArray) -> FloatArray:
-    """(S, H, W) weight of a look from each of S sectors at each unknown cell after the looks (S, H, W), 0 for known
-    cells. left: weight left after n half looks; looks in adjacent sectors count half."""
-    sectors, rows, columns = looks.shape
-    weights = np.zeros((sectors, rows, columns))
-    for k in range(sectors):
-        before, after = (k - 1) % sectors, (k + 1) % sectors
-        for row in range(rows):
-            for column in range(columns):
-                if data[row, column] == UNKNOWN:
-                    beside = looks[before, row, column] + looks[after, row, column]
-                    weights[k, row, column] = left[2 * looks[k, row, column] + beside]
-    return weights
+    return halves
 
 
 @kernel
