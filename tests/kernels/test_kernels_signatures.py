@@ -1,6 +1,9 @@
-"""What kernels say they take and give is what is compiled for them; numpy's own types let int32 pass for int64."""
+"""What kernels say they take and give is what is compiled for them; numpy's own types let int32 pass for int64. The
+warm-up compiles all that other packages call."""
 
+import ast
 import importlib
+import pathlib
 import pkgutil
 import subprocess
 import sys
@@ -14,6 +17,8 @@ from numba.np.numpy_support import as_dtype
 
 from vsx_ros import kernels
 
+COLD = tuple(f"vsx_ros.kernels.{name}" for name in ("sim.mesh_", "occupancy.visibility.seen", "planning.primitives."))
+"""Kernels for worlds from files, to judge a run, and of a planner to compare with: no run waits for them."""
 NUMBERS = {float: compiled.float64, int: compiled.int64, bool: compiled.boolean}
 
 
@@ -56,6 +61,22 @@ def mismatches():
     return len(seen), wrong
 
 
+def called():
+    """The kernels that other packages name."""
+    package = pathlib.Path(kernels.__file__).parents[1]
+    for path in sorted(package.rglob("*.py")):
+        if "kernels" in path.relative_to(package).parts:
+            continue
+        nodes, known = list(ast.walk(ast.parse(path.read_text(encoding="utf-8")))), {}
+        for node in nodes:
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("vsx_ros.kernels"):
+                home = importlib.import_module(node.module)
+                known |= {name.asname or name.name: getattr(home, name.name) for name in node.names}
+        parts = [node for node in nodes if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)]
+        named = [getattr(known[node.value.id], node.attr, None) for node in parts if node.value.id in known]
+        yield from (f for f in (*known.values(), *named) if isinstance(f, kernels.Kernel))
+
+
 @pytest.mark.parametrize(
     ("said", "found", "expected"),
     [
@@ -85,3 +106,6 @@ if __name__ == "__main__":
     count, wrong = mismatches()
     assert not wrong, "\n".join(wrong)
     assert count > 50, f"only {count} kernels were compiled"
+    names = {f"{f.__module__}.{f.__name__}" for f in called() if not f.compiled.overloads}
+    cold = sorted(name for name in names if not name.startswith(COLD))
+    assert not cold, f"the warm-up leaves out {cold}"

@@ -34,7 +34,8 @@ def _planes() -> None:
     points = planes.ObservedPoints(one, world, np.eye(3)[None].copy(), rays, np.ones(1), np.ones(1))
     wall, noise = np.array([-1.0, 0.0, 0.0, -2.0]), planes.Noise(0.01, 2.5, 0.1)
     planes.deviations(points, one, wall, noise)
-    axes, boxes = np.eye(3)[:2][None].copy(), np.array([[np.zeros(2), np.ones(2)]])
+    planes.residuals(points, one, wall)
+    axes, boxes = plane_fits.in_plane_axes(wall[:3])[None], np.array([[np.zeros(2), np.ones(2)]])
     planes.best_planes(points, wall[None], axes, boxes, 1, one, noise)
     planes.beside(world, np.eye(3)[:2], np.zeros(2), np.ones(2))
     plane_fits.fit_plane(points, one, wall[:3], 0, 0.01, 5.0, 4)
@@ -69,6 +70,7 @@ def _ground_map() -> None:
     ground_cells.newer_than(points, seen, seen, passed, lattice)
     ground_cells.count_free(scans, lattice)
     ground_cells.count_hits(points, seen, scans.hit, 3, lattice)
+    ground_cells.height_range(points, seen, scans.over, 3, lattice)
     basins.flood_basins(np.ones((2, 2)), np.arange(4), 0.7)
 
 
