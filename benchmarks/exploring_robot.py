@@ -5,16 +5,18 @@ import signal
 import sys
 import tempfile
 import time
-from argparse import Namespace
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
-from vsx_ros.experiments.rows import Store
+from tables import campaign
+
+from vsx_ros.experiments.campaign import Task, UntriedError
 
 TESTS = Path(__file__).resolve().parents[1] / "tests" / "ros"
 START_S = 15.0
 """If the robot is stopped before a map exists, it gives up."""
+TRY_S = 600.0  # for one trial with a result
 
 
 def home() -> Path:
@@ -29,11 +31,14 @@ def home() -> Path:
     return folder
 
 
-def new_stack(folder: Path) -> object:
-    """A stack that is not started yet, in its own folder within this one; call ``home`` first."""
+def new_stack(folder: Path) -> Any:
+    """A stack that is not started yet, in its own folder within this one; call ``home`` first. ended: set it if no
+    other trial can be made on it."""
     from conftest import Stack
 
-    return Stack(Path(tempfile.mkdtemp(dir=folder)))
+    stack = Stack(Path(tempfile.mkdtemp(dir=folder)))
+    stack.ended = False
+    return stack
 
 
 def wait_for_motion(stack: object, seconds: float) -> bool:
@@ -47,10 +52,10 @@ def wait_for_motion(stack: object, seconds: float) -> bool:
     return False
 
 
-def begin(stack: object, start_s: float = START_S) -> None:
-    """Wait until the map has started; not needed if the robot will not be stopped and driven again."""
+def begin(stack: object) -> None:
+    """Wait until the map has started."""
     wait_for_motion(stack, 90.0)
-    time.sleep(start_s)
+    time.sleep(START_S)
 
 
 def ready(stack: object) -> bool:
@@ -66,28 +71,46 @@ def ready(stack: object) -> bool:
     return False
 
 
-def measure(
-    store: Store, key: str, values: Sequence[float], args: Namespace, stack: Any,
-    once_on: Callable[[Any], Callable[[float], dict[str, Any] | None]],
-) -> None:  # fmt: skip
-    """Measure the missing rows of the store: args.repetitions for each value (``key``), on one robot, within
-    args.minutes. once_on(stack) measures one row while the robot drives; None is repeated."""
-    end_s = time.monotonic() + 60.0 * args.minutes
-    questions = [{key: value, "repetition": k} for k in range(args.repetitions) for value in values]
-    missing = [asked for asked in questions if asked not in store]
-    if not missing:
-        return
-    try:
-        stack.up()
-        once = once_on(stack)
-        begin(stack)
-        for asked in missing:
-            found = None
-            while found is None and time.monotonic() < end_s and ready(stack):
-                found = once(asked[key])
-            if found is None:
-                break
-            store.add(asked, found)
-            print(asked, found, flush=True)
-    finally:
-        stack.down()
+Trial: TypeAlias = Callable[[Any], dict[str, Any] | None]
+
+
+class ExploringRobot:
+    """A robot for all trials of a campaign, from the first one on; another one after a trial that failed."""
+
+    def __init__(self, trial_on: Callable[[Any], Trial], new: Callable[[Path], Any] = new_stack) -> None:
+        """trial_on(stack), once it runs, makes the trials, which begin while the robot drives. One that returns None is
+        repeated. new: as ``new_stack``."""
+        self._folder, self._trial_on, self._new = home(), trial_on, new
+        self._stack: Any = None
+
+    def campaign(self, rows: str, tasks: Sequence[Task], out: Path | None = None) -> None:
+        """As ``tables.campaign``."""
+        try:
+            campaign(rows, tasks, self._tried, out)
+        finally:
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # timeout(1) sends two
+            self._end()
+
+    def _tried(self, task: Task) -> dict[str, Any]:
+        try:
+            if self._stack is None:
+                self._stack = self._new(self._folder)
+                self._stack.up()
+                self._trial = self._trial_on(self._stack)
+                begin(self._stack)
+            end_s = time.monotonic() + TRY_S
+            while time.monotonic() < end_s and ready(self._stack):
+                if (result := self._trial(task)) is not None:
+                    if self._stack.ended:
+                        self._end()
+                    return result
+            raise UntriedError("the robot does not drive as this needs")
+        except Exception:
+            self._end()
+            raise
+
+    def _end(self) -> None:
+        if self._stack is not None:
+            stack, self._stack = self._stack, None
+            stack.ended = True
+            stack.down()

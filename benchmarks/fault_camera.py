@@ -1,6 +1,6 @@
 """How long an exploring robot's wheels turn after its camera fails, measured at the emulator's end of the base's wire.
 
-python benchmarks/fault_camera.py [--repetitions 5] [--faults off stuck ...] [--minutes M]
+python benchmarks/fault_camera.py [--repetitions 5] [--faults off stuck ...]
                                   [--out benchmarks/results/fault_camera.jsonl]
 
 The real nodes explore an office; a faulty cable lies between the emulated Kinect and its real driver. Each repetition
@@ -17,18 +17,20 @@ import queue
 import socket
 import threading
 import time
+from collections import namedtuple
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from exploring_robot import begin, home, new_stack, ready
-from tables import RESULTS, rooms_of
+from exploring_robot import ExploringRobot, new_stack
 
 from vsx_hw.errors import DeviceError
 from vsx_hw.kinect import socket_transport as wire
 from vsx_hw.kinect.protocol import FLAG_START, HEADER_BYTES
-from vsx_ros.experiments.rows import Store
 
 FAULTS = ("unplugged", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
+Failing = namedtuple("Failing", "fault repetition")
 WATCH_S = 4.0
 SLOW, DELAY_S, ON_S, OFF_S = 8, 1.0, 0.4, 0.6
 """slow: one image in so many; delay [s]; seconds with and without images."""
@@ -51,7 +53,7 @@ class FaultyCable:
         threading.Thread(target=self._accept, daemon=True).start()
 
     @classmethod
-    def below(cls, stack: object) -> FaultyCable:
+    def below(cls, stack: Any) -> FaultyCable:
         """A cable between camera and driver of a stack that is not started yet."""
         node = stack.nodes["camera"]
         camera = str(node.params["device"]).partition(":")[2]
@@ -139,18 +141,25 @@ def _send(late: queue.Queue[tuple[float, bytes, bytes]], driver: socket.socket) 
     driver.close()
 
 
-class Ear:
-    """The robot's current reports."""
+def stack_with_cable(folder: Path) -> Any:
+    stack = new_stack(folder)
+    stack.cable = FaultyCable.below(stack)
+    return stack
 
-    def __init__(self) -> None:
+
+class Ear:
+    """The robot's current reports. Create it once a stack is running."""
+
+    def __init__(self, stack: Any) -> None:
         import rospy
         from diagnostic_msgs.msg import DiagnosticStatus
         from std_msgs.msg import String
 
-        from vsx_ros.ros import topics
+        from vsx_ros.ros import operator_command, topics
 
+        self._stack = stack
         self.slam = self.follower = self.mission = ""
-        rospy.init_node("ear", anonymous=True, disable_signals=True)
+        operator_command.join("ear")
         rospy.Subscriber(f"/{topics.SLAM_STATE}", DiagnosticStatus, self._on_slam)
         rospy.Subscriber(f"/{topics.FOLLOWER_STATUS}", String, self._on_follower)
         rospy.Subscriber(f"/{topics.EXPLORE_STATUS}", String, self._on_mission)
@@ -166,49 +175,29 @@ class Ear:
         status = json.loads(msg.data)
         self.mission = f"{status['state']}: {status['reason']}"
 
-
-def repetition(stack: object, cable: FaultyCable, ear: Ear, fault: str) -> dict[str, object]:
-    """Seconds until the wheels first stood, -1 if they never did; the reports a moment later."""
-    begin_s = time.monotonic()
-    cable.inject(fault)
-    while stack.plant.moving and time.monotonic() - begin_s < WATCH_S:
-        time.sleep(0.005)
-    turned_s = -1.0 if stack.plant.moving else max(0.0, stack.plant.stopped_s - begin_s)
-    time.sleep(0.3)
-    told = {"slam": ear.slam, "follower": ear.follower, "mission": ear.mission}
-    time.sleep(max(0.0, begin_s + WATCH_S - time.monotonic()))
-    told["later"] = f"{'driving' if stack.plant.moving else 'standing'}; {ear.slam}; {ear.mission}"
-    cable.inject("")
-    return {"turned_s": round(turned_s, 3), **told}
+    def trial(self, task: Failing) -> dict[str, object]:
+        """Seconds until the wheels first stood, -1 if they never did; the reports a moment later."""
+        plant, cable, begin_s = self._stack.plant, self._stack.cable, time.monotonic()
+        cable.inject(task.fault)
+        while plant.moving and time.monotonic() - begin_s < WATCH_S:
+            time.sleep(0.005)
+        turned_s = -1.0 if plant.moving else max(0.0, plant.stopped_s - begin_s)
+        time.sleep(0.3)
+        told = {"slam": self.slam, "follower": self.follower, "mission": self.mission}
+        time.sleep(max(0.0, begin_s + WATCH_S - time.monotonic()))
+        told["later"] = f"{'driving' if plant.moving else 'standing'}; {self.slam}; {self.mission}"
+        cable.inject("")
+        return {"turned_s": round(turned_s, 3), **told}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repetitions", type=int, default=5)
     parser.add_argument("--faults", nargs="+", default=list(FAULTS), choices=FAULTS)
-    parser.add_argument("--minutes", type=float, default=60.0)
-    parser.add_argument("--out", type=Path, default=RESULTS / "fault_camera.jsonl")
+    parser.add_argument("--out", type=Path, help="default: benchmarks/results/fault_camera.jsonl")
     args = parser.parse_args()
-    end_s, folder = time.monotonic() + 60.0 * args.minutes, home()
-    store = Store(args.out, rooms=rooms_of("fault_camera"))
-    stack = new_stack(folder)
-    cable = FaultyCable.below(stack)
-    try:
-        stack.up()
-        ear = Ear()
-        begin(stack)
-        for fault in args.faults:
-            for number in range(args.repetitions):
-                asked = {"fault": fault, "repetition": number}
-                if asked in store or time.monotonic() > end_s:
-                    continue
-                if not ready(stack):
-                    print(f"{fault}: the robot does not drive; next", flush=True)
-                    break
-                store.add(asked, repetition(stack, cable, ear, fault))
-                print(fault, store[asked], flush=True)
-    finally:
-        stack.down()
+    tasks = list(map(Failing._make, product(args.faults, range(args.repetitions))))
+    ExploringRobot(lambda stack: Ear(stack).trial, stack_with_cable).campaign("fault_camera", tasks, args.out)
 
 
 if __name__ == "__main__":

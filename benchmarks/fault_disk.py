@@ -1,6 +1,6 @@
 """How runs end when the disk is full or read-only, accepts no new file, or loses the run folder.
 
-python benchmarks/fault_disk.py [--how live lockstep] [--repetitions 2] [--minutes M]
+python benchmarks/fault_disk.py [--how live lockstep] [--repetitions 2]
 
 Each run has its own disk (a tmpfs, or an ext4 on a loop device; both need root) for its folder, its logs and
 ROS_HOME. Live is ``vsx explore`` with all nodes in an emulated lab, lock-step is ``vsx explore --fast``. The disk fails
@@ -25,6 +25,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import namedtuple
 from collections.abc import Callable, Iterator
 from itertools import product
 from pathlib import Path
@@ -32,15 +33,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 import yaml
-from tables import RESULTS, rooms_of
+from tables import campaign
 
-from vsx_ros.experiments.rows import Store
 from vsx_ros.io.map_export import read_ply
 from vsx_ros.io.map_file import load_map
 from vsx_ros.io.sealed_archive import unseal
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import read_journal
 
+Failing = namedtuple("Failing", "how fault ended_by repetition")
 FAULTS = ("full", "full for 3 s", "no inode left", "read-only", "run folder deleted")
 HOW = ("live", "lockstep")
 ENDED_BY = {"its time": None, "SIGINT": signal.SIGINT, "SIGTERM": signal.SIGTERM}
@@ -228,7 +229,8 @@ class Run:
         }  # fmt: skip
 
 
-def trial(how: str, fault: str, ended_by: str, number: int) -> dict[str, object]:
+def trial(task: Failing) -> dict[str, object]:
+    how, fault, ended_by, number = task
     way, sent = list(ENDED_BY).index(ended_by), ENDED_BY[ended_by]
     rng, seed = np.random.default_rng([HOW.index(how), FAULTS.index(fault), way, number]), 100 + 3 * number + way
     with disk(fault) as mounted, Run(how, mounted, seed, LASTS_S[how] if sent is None else 600.0) as run:
@@ -253,17 +255,12 @@ def main() -> None:
     parser.add_argument("--faults", nargs="+", default=list(FAULTS), choices=FAULTS)
     parser.add_argument("--ended-by", nargs="+", default=list(ENDED_BY), choices=ENDED_BY)
     parser.add_argument("--repetitions", type=int, default=2, help="of each fault with each end")
-    parser.add_argument("--minutes", type=float, default=240.0, help="begin no further run after this time")
     args = parser.parse_args()
-    store = Store(RESULTS / "fault_disk.jsonl", rooms=rooms_of("fault_disk"))
     for number in (signal.SIGINT, signal.SIGTERM):  # a shell's background job ignores SIGINT, and so do its children
         signal.signal(number, signal.default_int_handler)
-    end_s = time.monotonic() + 60.0 * args.minutes
-    for how, number, fault, ended_by in product(args.how, range(args.repetitions), args.faults, args.ended_by):
-        asked = {"how": how, "fault": fault, "ended_by": ended_by, "repetition": number}
-        if asked not in store and time.monotonic() < end_s:
-            store.add(asked, trial(how, fault, ended_by, number))
-            print(asked, store[asked], flush=True)
+    asked = product(args.how, range(args.repetitions), args.faults, args.ended_by)
+    tasks = [Failing(how, fault, ended_by, number) for how, number, fault, ended_by in asked]
+    campaign("fault_disk", tasks, trial)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """The ROS master is killed while the robot explores, and a new one starts later: what the wheels do.
 
-python benchmarks/fault_master.py [--away 0.5 1 5 30] [--repetitions 20] [--minutes M]
+python benchmarks/fault_master.py [--away 0.5 1 5 30] [--repetitions 20]
 
 As benchmarks/fault_nodes.py, on the same stack. A row is one repetition. ``away_s``: time without a master.
 ``turned_s``: how long the wheels turned after it was killed (-1: they did not stop).
@@ -15,13 +15,14 @@ import argparse
 import subprocess
 import sys
 import time
+from collections import namedtuple
 from functools import partial
+from itertools import product
+from typing import Any
 
-from exploring_robot import home, measure, new_stack, wait_for_motion
-from tables import RESULTS, rooms_of
+from exploring_robot import ExploringRobot, wait_for_motion
 
-from vsx_ros.experiments.rows import Store
-
+Away = namedtuple("Away", "away_s repetition")
 AWAY_S = (0.5, 1.0, 5.0, 30.0)
 DRIVES_WITHIN_S = 60.0
 COMMANDS = ("safety_controller", "teleop", "navi")
@@ -67,12 +68,12 @@ def stops(plant: object) -> bool:
     return said and not plant.moving and vsx("stop", "--release")
 
 
-def repetition(stack: object, away_s: float) -> dict[str, object]:
+def trial(stack: Any, task: Away) -> dict[str, object]:
     plant, master = stack.plant, stack._processes["rosmaster"]
     killed_s = time.monotonic()
     master.kill()
     master.wait()
-    time.sleep(max(0.0, killed_s + away_s - time.monotonic()))
+    time.sleep(max(0.0, killed_s + task.away_s - time.monotonic()))
     turned_s = -1.0 if plant.moving else max(0.0, plant.stopped_s - killed_s)
     began_s = time.monotonic()
     stack.start_master()
@@ -92,10 +93,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--away", nargs="+", type=float, default=list(AWAY_S))
     parser.add_argument("--repetitions", type=int, default=20)
-    parser.add_argument("--minutes", type=float, default=240.0)
     args = parser.parse_args()
-    folder, store = home(), Store(RESULTS / "fault_master.jsonl", rooms=rooms_of("fault_master"))
-    measure(store, "away_s", args.away, args, new_stack(folder), lambda stack: partial(repetition, stack))
+    tasks = [Away(away_s, number) for number, away_s in product(range(args.repetitions), args.away)]
+    ExploringRobot(lambda stack: partial(trial, stack)).campaign("fault_master", tasks)
 
 
 if __name__ == "__main__":

@@ -11,10 +11,13 @@ import argparse
 import tempfile
 import threading
 import time
+from collections import namedtuple
 from collections.abc import Callable
+from functools import partial
+from itertools import product
 
 import numpy as np
-from tables import RESULTS, rooms_of
+from tables import campaign
 
 from vsx_hw.bases import BASES, base_driver, base_emulator
 from vsx_hw.kinect.driver import KinectCamera
@@ -23,8 +26,10 @@ from vsx_hw.kinect.socket_transport import SocketTransport
 from vsx_hw.readings import Hazard
 from vsx_hw.safety import SpeedLimits, Supervisor
 from vsx_hw.serial_emulator import PlantState
-from vsx_ros.experiments.rows import Store
+from vsx_ros.experiments.campaign import UntriedError
 
+FailingBase = namedtuple("FailingBase", "base fault repetition")
+FailingCamera = namedtuple("FailingCamera", "fault")
 FAULTS = ("off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 WATCH_S = 2.5
 
@@ -117,40 +122,30 @@ def until(condition: Callable[[], bool], seconds: float) -> bool:
     return False
 
 
-def base_fault(kind: str, fault: str, folder: str) -> tuple[float | None, str]:
-    """(seconds until the wheels stood, None if they drove on; the driver's message)."""
-    base = DrivenBase(kind, folder)
+def base_fault(folder: str, task: FailingBase) -> dict[str, object]:
+    """turned_s: until the wheels stood, -1 if they drove on. said: the driver's message."""
+    base = DrivenBase(task.base, folder)
     with base.emulator, base.driver:
         base.commander.start()
         if not until(lambda: base.wheels.speeds[0] > 0.1, 10.0):
-            raise RuntimeError(f"{kind} does not drive: {base.driver.status()}")
+            raise UntriedError(f"{task.base} does not drive: {base.driver.status()}")
         time.sleep(0.3)
         begin_s = time.monotonic()
-        base.inject(fault)
+        base.inject(task.fault)
         stopped = until(lambda: not base.wheels.turning, WATCH_S)
-        turned_s = base.wheels.stopped_s - begin_s if stopped else None
+        turned_s = base.wheels.stopped_s - begin_s if stopped else -1.0
         time.sleep(0.3 if stopped else 0.0)
         status = base.driver.status()
         said = base.reason if status.connected and base.reason else status.message
         base.closing.set()
         base.commanding = False
         base.commander.join()
-    return turned_s, said.replace(f"{folder}/{kind}", "PORT").split(";")[0]
+    return {"turned_s": round(turned_s, 3), "said": said.replace(f"{folder}/{task.base}", "PORT").split(";")[0]}
 
 
-def measure_bases(store: Store, repetitions: int, folder: str) -> None:
-    for kind in ("kobuki", "create", "create2"):
-        for fault in FAULTS:
-            for number in range(repetitions):
-                asked = {"base": kind, "fault": fault, "repetition": number}
-                if asked not in store:
-                    turned_s, said = base_fault(kind, fault, folder)
-                    store.add(asked, {"turned_s": -1.0 if turned_s is None else round(turned_s, 3), "said": said})
-                    print(kind, fault, store[asked], flush=True)
-
-
-def camera_fault(fault: str, path: str) -> str:
-    """The images received in two seconds of a fault, and the driver's message."""
+def camera_fault(folder: str, task: FailingCamera) -> dict[str, str]:
+    """The images received in two seconds of a fault."""
+    fault, path = task.fault, f"{folder}/camera"
     images: list[object] = []
     rng = np.random.default_rng(0)
     picture = rng.integers(0, 256, (480, 640), np.uint8)
@@ -171,27 +166,19 @@ def camera_fault(fault: str, path: str) -> str:
     counters = status.counters
     ages = [r.stamp_ns for r in images]
     even = all(b > a for a, b in zip(ages, ages[1:]))
-    return f"{len(images)} images, {counters['torn_frames']} torn, stamps {'rising' if even else 'NOT rising'}"
-
-
-def measure_cameras(store: Store, folder: str) -> None:
-    for fault in FAULTS:
-        asked = {"fault": fault}
-        if asked not in store:
-            store.add(asked, {"arrived": camera_fault(fault, folder + "/camera")})
-            print(fault, store[asked], flush=True)
+    counted = f"{len(images)} images, {counters['torn_frames']} torn, stamps {'rising' if even else 'NOT rising'}"
+    return {"arrived": counted}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repetitions", type=int, default=5)
     args = parser.parse_args()
-    bases, cameras = (
-        Store(RESULTS / f"{name}.jsonl", rooms=rooms_of(name)) for name in ("fault_bases", "fault_cameras")
-    )
+    cameras = [FailingCamera(fault) for fault in FAULTS]
+    bases = list(map(FailingBase._make, product(("kobuki", "create", "create2"), FAULTS, range(args.repetitions))))
     with tempfile.TemporaryDirectory() as folder:
-        measure_cameras(cameras, folder)
-        measure_bases(bases, args.repetitions, folder)
+        campaign("fault_cameras", cameras, partial(camera_fault, folder))
+        campaign("fault_bases", bases, partial(base_fault, folder))
 
 
 if __name__ == "__main__":

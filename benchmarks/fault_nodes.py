@@ -1,7 +1,7 @@
 """How long the wheels turn after a node is killed, stopped or hung, measured at the emulator's end of the wire.
 
 python benchmarks/fault_nodes.py [--repetitions 20] [--nodes mobile_base follower ...] [--how killed hung stopped]
-                                 [--out benchmarks/results/fault_nodes.jsonl] [--minutes M]
+                                 [--out benchmarks/results/fault_nodes.jsonl]
 
 The real nodes explore an office, over a real driver and a pseudo-terminal. Each repetition waits until the wheels turn,
 sends SIGKILL, SIGSTOP or SIGINT to the process, measures until the wheels are told to stand, and repairs the stack.
@@ -14,13 +14,15 @@ import argparse
 import os
 import signal
 import time
+from collections import namedtuple
+from functools import partial
+from itertools import product
 from pathlib import Path
+from typing import Any
 
-from exploring_robot import START_S, begin, home, new_stack, ready
-from tables import RESULTS, rooms_of
+from exploring_robot import ExploringRobot
 
-from vsx_ros.experiments.rows import Store
-
+Ending = namedtuple("Ending", "node how repetition")
 NODES = (
     "mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster", "watchdog",
     "mobile_base+watchdog",
@@ -40,7 +42,7 @@ def victims(stack: object, node: str) -> list[int]:
     return [watchdog] if node == "watchdog" else [watchdog, base]
 
 
-def repetition(stack: object, node: str, how: str) -> float:
+def turned_s(stack: Any, node: str, how: str) -> float:
     """Seconds until the wheels stand for good (for a watchdog, until it is replaced); -1 if they do not."""
     pids = victims(stack, node)
     begin_s = time.monotonic()
@@ -64,45 +66,27 @@ def mend(stack: object, node: str, how: str) -> None:
     stack.start(node)
 
 
+def trial(stack: Any, task: Ending) -> dict[str, float]:
+    result = {"turned_s": round(turned_s(stack, task.node, task.how), 3)}
+    stack.ended = task.node == "rosmaster" and task.how != "hung"
+    if not stack.ended:
+        mend(stack, task.node, task.how)
+    return result
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repetitions", type=int, default=20)
     parser.add_argument("--nodes", nargs="+", default=list(NODES), choices=NODES)
     parser.add_argument("--how", nargs="+", default=list(SIGNALS), choices=SIGNALS)
-    parser.add_argument("--minutes", type=float, default=240.0)
-    parser.add_argument("--out", type=Path, default=RESULTS / "fault_nodes.jsonl")
+    parser.add_argument("--out", type=Path, help="default: benchmarks/results/fault_nodes.jsonl")
     args = parser.parse_args()
-    end_s, folder = time.monotonic() + 60.0 * args.minutes, home()
-    store = Store(args.out, rooms=rooms_of("fault_nodes"))
-    stack = None
-    try:
-        for how in args.how:
-            for node in args.nodes:
-                if "watchdog" in node and how == "stopped":
-                    continue
-                last = node == "rosmaster" and how != "hung"
-                for number in range(args.repetitions):
-                    asked = {"node": node, "how": how, "repetition": number}
-                    if asked in store or time.monotonic() > end_s:
-                        continue
-                    if stack is None:
-                        stack = new_stack(folder)
-                        stack.up()
-                        begin(stack, 0.0 if last else START_S)
-                    if not ready(stack):
-                        print(f"{node} {how}: the robot does not drive; next", flush=True)
-                        break
-                    turned_s = round(repetition(stack, node, how), 3)
-                    store.add(asked, {"turned_s": turned_s})
-                    print(node, how, turned_s, flush=True)
-                    if last:
-                        stack.down()
-                        stack = None
-                    else:
-                        mend(stack, node, how)
-    finally:
-        if stack is not None:
-            stack.down()
+    tasks = [
+        Ending(node, how, number)
+        for how, node, number in product(args.how, args.nodes, range(args.repetitions))
+        if how != "stopped" or "watchdog" not in node
+    ]
+    ExploringRobot(lambda stack: partial(trial, stack)).campaign("fault_nodes", tasks, args.out)
 
 
 if __name__ == "__main__":

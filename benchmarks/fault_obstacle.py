@@ -1,6 +1,6 @@
 """A post appears half a metre ahead on the path of a robot that explores at full speed: does it stop in time?
 
-python benchmarks/fault_obstacle.py [--ahead 0.5] [--repetitions 20] [--minutes M]
+python benchmarks/fault_obstacle.py [--ahead 0.5] [--repetitions 20]
 
 As benchmarks/fault_nodes.py, on the same stack: real nodes and drivers, the emulated body at the far end of the wire.
 The post is 10 cm thick. Its near face appears on the path at this distance from the base's centre, while the robot
@@ -17,21 +17,23 @@ import argparse
 import math
 import threading
 import time
-from collections import deque
-from collections.abc import Callable
+from collections import deque, namedtuple
+from collections.abc import Callable, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from exploring_robot import home, measure, new_stack
-from tables import RESULTS, rooms_of
+from exploring_robot import ExploringRobot, new_stack
+from msgspec.structs import replace
 
 from vsx_ros.config import Config
-from vsx_ros.experiments.rows import Store
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
+from vsx_ros.ros.fork_server import Copy, Request
 from vsx_ros.sim.moving import Borders
 
+Ahead = namedtuple("Ahead", "ahead_m repetition")
 POST_M, SIDES = 0.05, 12  # radius; number of sides
 LIMITS, BODY_M = Config().limits, Config().robot.radius_m
 FULL_SPEED, STRAIGHT_RAD, BEYOND_M = 0.97, 0.2, 0.3  # share of the limit; to either side; path length behind the post
@@ -47,11 +49,12 @@ class Post:
         from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
         from trajectory_msgs.msg import MultiDOFJointTrajectory
 
-        from vsx_ros.ros import topics
+        from vsx_ros.ros import operator_command, topics
         from vsx_ros.ros.driving import wanted
         from vsx_ros.ros.situation import LocalizationSubscriber
 
-        rospy.init_node("post", anonymous=True, disable_signals=True)
+        operator_command.join("post")
+        self._stack = stack
         self._plant, self._lock, self._walls = stack.plant, threading.Lock(), stack.plant.body._walls
         self._log = stack._folder / "move_base.txt"
         self._centre_map: SE2 | None = None
@@ -74,6 +77,8 @@ class Post:
         stack.watch_steps(self._on_step)
 
     def _on_map(self, msg: Any) -> None:
+        if self._stack.ended:  # another one hears of this map, too
+            return
         with self._lock:
             self._map = msg
             self._say()
@@ -156,10 +161,10 @@ class Post:
         """How often move_base has reported a newly seen obstacle."""
         return self._log.read_text(errors="replace").count("an obstacle has come to light")
 
-    def repetition(self, face_m: float) -> dict[str, Any] | None:
+    def trial(self, task: Ahead) -> dict[str, Any] | None:
         """One row; None if no suitable moment came, or the base stopped for another reason."""
         deadline_s = time.monotonic() + FIND_S
-        while (place := self.place_ahead(face_m)) is None:
+        while (place := self.place_ahead(task.ahead_m)) is None:
             if time.monotonic() > deadline_s:
                 return None
             time.sleep(0.01)
@@ -197,8 +202,13 @@ def with_post(kept: Borders, centre: SE2) -> Borders:
 def stack_with_relay(folder: Path) -> Any:
     """SLAM's map is published as map_seen; ``Post`` relays it."""
     stack = new_stack(folder)
-    spawn = stack._spawn
-    stack._spawn = lambda name, command: spawn(name, [*command, *(["map:=map_seen"] if name == "vslam" else [])])
+    start = stack._forks.start
+
+    def relayed(request: Request, streams: Sequence[int]) -> Copy | None:
+        more = ["map:=map_seen"] if request.command[0].endswith("/vslam") else []
+        return start(replace(request, command=[*request.command, *more]), streams)
+
+    stack._forks.start = relayed
     return stack
 
 
@@ -206,11 +216,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--ahead", nargs="+", type=float, default=[0.5], metavar="M")
     parser.add_argument("--repetitions", type=int, default=20)
-    parser.add_argument("--minutes", type=float, default=240.0)
-    parser.add_argument("--out", type=Path, default=RESULTS / "fault_obstacle.jsonl")
+    parser.add_argument("--out", type=Path, help="default: benchmarks/results/fault_obstacle.jsonl")
     args = parser.parse_args()
-    folder, store = home(), Store(args.out, rooms=rooms_of("fault_obstacle"))
-    measure(store, "ahead_m", args.ahead, args, stack_with_relay(folder), lambda stack: Post(stack).repetition)
+    tasks = [Ahead(ahead_m, number) for number, ahead_m in product(range(args.repetitions), args.ahead)]
+    ExploringRobot(lambda stack: Post(stack).trial, stack_with_relay).campaign("fault_obstacle", tasks, args.out)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Does an exploring robot yield to its operator, blame nothing for it, and explore on by itself?
 
-python benchmarks/fault_operator.py [--what "emergency stop" teleop goal] [--held 300] [--repetitions 10] [--minutes M]
+python benchmarks/fault_operator.py [--what "emergency stop" teleop goal] [--held 300] [--repetitions 10]
 
 As benchmarks/fault_nodes.py, on the same stack: real nodes and drivers, an emulated office. While the robot drives, the
 operator presses the emergency stop, or turns the base by teleop, for so many seconds; or a client of move_base sends
@@ -13,16 +13,17 @@ minutes; from an emergency stop: after its release).
 
 import argparse
 import time
+from collections import namedtuple
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from typing import Any
 
-from exploring_robot import home, measure, new_stack
-from tables import RESULTS, rooms_of
+from exploring_robot import ExploringRobot
 
-from vsx_ros.experiments.rows import Store
 from vsx_ros.robot import EMERGENCY_STOP
 
+Taking = namedtuple("Taking", "what held_s repetition")
 WHATS = (EMERGENCY_STOP, "teleop", "goal")
 SAID_WITHIN_S, ON_WITHIN_S, GOAL_S, TELEOP_RAD_S = 10.0, 120.0, 300.0, 0.3
 
@@ -30,7 +31,7 @@ SAID_WITHIN_S, ON_WITHIN_S, GOAL_S, TELEOP_RAD_S = 10.0, 120.0, 300.0, 0.3
 class Operator:
     """Create it once a stack is running."""
 
-    def __init__(self, stack: Any, held_s: float) -> None:
+    def __init__(self, stack: Any) -> None:
         import actionlib
         import rospy
         from geometry_msgs.msg import Twist
@@ -38,19 +39,19 @@ class Operator:
         from move_base_msgs.msg import MoveBaseAction
         from std_srvs.srv import SetBool
 
-        from vsx_ros.ros import topics
+        from vsx_ros.ros import operator_command, topics
 
-        rospy.init_node("operator", anonymous=True, disable_signals=True)
-        self._stack, self._held_s, self._heard = stack, held_s, MissionListener()
+        operator_command.join("operator")
+        self._stack, self._held_s, self._heard = stack, 0.0, MissionListener()
         self._estop = rospy.ServiceProxy(f"/{topics.ESTOP}", SetBool)
         self._keys, self._turn = rospy.Publisher(f"/{topics.COMMAND_TELEOP}", Twist, queue_size=1), Twist()
         self._turn.angular.z = TELEOP_RAD_S
         self._reached: bool | None = None
         self._client = actionlib.SimpleActionClient(f"/{topics.MOVE_BASE_ACTION}", MoveBaseAction)
 
-    def once(self, what: str) -> dict[str, Any] | None:
+    def trial(self, task: Taking) -> dict[str, Any] | None:
         """One row; None if the robot is not on the way to a view."""
-        heard = self._heard
+        heard, what, self._held_s = self._heard, task.what, task.held_s
         if heard.status.get("state") != "mapping":
             return None
         heard.events.clear()
@@ -94,7 +95,7 @@ class Operator:
         self._client.wait_for_server()
         self._client.send_goal(MoveBaseGoal(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), SE2())))
         said_s = self._said("user goal")
-        self._told = "/operator" in self._heard.status["reason"]
+        self._told = "/vsx_operator" in self._heard.status["reason"]
         self._until(lambda: self._client.get_state() > GoalStatus.ACTIVE, GOAL_S)
         self._reached = self._client.get_state() == GoalStatus.SUCCEEDED
         return said_s
@@ -123,12 +124,10 @@ def main() -> None:
     parser.add_argument("--what", nargs="+", default=list(WHATS), choices=WHATS)
     parser.add_argument("--held", type=float, default=300.0, help="seconds of an emergency stop or of teleop")
     parser.add_argument("--repetitions", type=int, default=10)
-    parser.add_argument("--minutes", type=float, default=240.0)
-    parser.add_argument("--out", type=Path, default=RESULTS / "fault_operator.jsonl")
+    parser.add_argument("--out", type=Path, help="default: benchmarks/results/fault_operator.jsonl")
     args = parser.parse_args()
-    folder = home()
-    store = Store(args.out, rooms=rooms_of("fault_operator"))
-    measure(store, "what", args.what, args, new_stack(folder), lambda stack: Operator(stack, args.held).once)
+    tasks = [Taking(what, args.held, number) for number, what in product(range(args.repetitions), args.what)]
+    ExploringRobot(lambda stack: Operator(stack).trial).campaign("fault_operator", tasks, args.out)
 
 
 if __name__ == "__main__":

@@ -8,17 +8,21 @@ row; benchmarks/tables.py makes the tables of docs/reliability.md from them.
 
 import argparse
 import sys
+from collections import namedtuple
+from itertools import product
 from pathlib import Path
 
 import pytest
-from tables import RESULTS, rooms_of
-
-from vsx_ros.experiments.rows import Store
+from tables import campaign
 
 sys.path.extend(str(Path(__file__).parents[1] / "tests" / room) for room in ("", "hw"))
 import hw_sensor_faults
 
+Broken = namedtuple("Broken", "base sensor fault motion")
+Sound = namedtuple("Sound", "wheels base minutes")
 BASES = ("kobuki", "create", "create2")
+SENSORS = dict.fromkeys(("left", "right", "both"), hw_sensor_faults.ENCODER_FAULTS)
+SENSORS |= {"gyro": hw_sensor_faults.GYRO_FAULTS}
 WHEELS = {
     "as built": {},
     "both count 10 % too much": {"scales": (1.1, 1.1)},
@@ -29,45 +33,33 @@ WHEELS = {
 }
 
 
-def measure_faults(store: Store) -> None:
-    for base in BASES:
-        sensors = ("left", "right", "both")
-        encoders = [(sensor, fault) for sensor in sensors for fault in hw_sensor_faults.ENCODER_FAULTS]
-        gyro = [("gyro", fault) for fault in hw_sensor_faults.GYRO_FAULTS if base != "create2"]
-        for sensor, fault in encoders + gyro:
-            for motion in hw_sensor_faults.MOTIONS:
-                asked = {"base": base, "sensor": sensor, "fault": fault, "motion": motion}
-                if asked not in store:
-                    store.add(asked, case(base, sensor, fault, motion))
-                    print(*asked.values(), store[asked], flush=True)
-
-
-def case(base: str, sensor: str, fault: str, motion: str) -> dict[str, float | None]:
+def told(case: Broken) -> dict[str, float | None]:
     with pytest.MonkeyPatch.context() as monkeypatch:
-        done = hw_sensor_faults.drive_and_break(base, motion, sensor, fault, monkeypatch)
+        done = hw_sensor_faults.drive_and_break(case.base, case.motion, case.sensor, case.fault, monkeypatch)
     return {
         "told_s": done.told_s, "stood_s": done.stood_s, "jump_m": done.jump_m, "jump_rad": done.jump_rad,
         "wrong_rad": done.wrong_rad, "as_slip": done.words.endswith("that of the gyro"),
     }  # fmt: skip
 
 
-def measure_alarms(store: Store, minutes: float) -> None:
-    for wheels, wrong in WHEELS.items():
-        for base in BASES:
-            asked = {"wheels": wheels, "base": base, "minutes": minutes}
-            if asked not in store:
-                with pytest.MonkeyPatch.context() as monkeypatch:
-                    found = hw_sensor_faults.alarms(base, minutes, monkeypatch, seed=1, **wrong)
-                store.add(asked, {"alarms": len(found)})
-                print(wheels, base, len(found), flush=True)
+def alarms(drive: Sound) -> dict[str, int]:
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        found = hw_sensor_faults.alarms(drive.base, drive.minutes, monkeypatch, seed=1, **WHEELS[drive.wheels])
+    return {"alarms": len(found)}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=5.0, help="of each drive on which nothing is broken")
     args = parser.parse_args()
-    measure_faults(Store(RESULTS / "fault_sensors.jsonl", rooms=rooms_of("fault_sensors")))
-    measure_alarms(Store(RESULTS / "fault_alarms.jsonl", rooms=rooms_of("fault_alarms")), args.minutes)
+    broken = [
+        Broken(base, sensor, fault, motion)
+        for base, sensor in product(BASES, SENSORS)
+        if (base, sensor) != ("create2", "gyro")
+        for fault, motion in product(SENSORS[sensor], hw_sensor_faults.MOTIONS)
+    ]
+    campaign("fault_sensors", broken, told)
+    campaign("fault_alarms", [Sound(wheels, base, args.minutes) for wheels, base in product(WHEELS, BASES)], alarms)
 
 
 if __name__ == "__main__":

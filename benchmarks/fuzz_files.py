@@ -17,20 +17,20 @@ import sys
 import tempfile
 import time
 import traceback
-from collections import Counter
+from collections import Counter, namedtuple
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from file_readers import BY_PATH, READERS, SUFFIXES, Reader
-from tables import RESULTS, rooms_of
+from tables import campaign
 
 from vsx_ros.errors import VsxError
-from vsx_ros.experiments.rows import Store
 
 LIMIT_S, LIMIT_MIB = 10, 512
 BLOCK = 1000
+Block = namedtuple("Block", "reader block mutations")
 
 
 class Hang(BaseException):
@@ -122,14 +122,15 @@ def forget_peak() -> None:
     Path("/proc/self/clear_refs").write_text("5")
 
 
-def fuzz_block(reader: Reader, block: int, count: int) -> dict[str, Any]:
-    """Outcomes of ``count`` damaged files."""
+def fuzzed(task: Block) -> dict[str, Any]:
+    """Outcomes of the damaged files."""
+    reader = next(reader for reader in READERS if reader.name == task.reader)
     outcomes: Counter[str] = Counter()
     slowest_s = most_mib = 0.0
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(reader, Path(folder))
         bench.warm_up()
-        for number in range(block * BLOCK, block * BLOCK + count):
+        for number in range(task.block * BLOCK, task.block * BLOCK + task.mutations):
             bench.damage(f"{reader.name} {number}")
             forget_peak()
             before_mib, began_s = resident_mib("VmRSS"), time.monotonic()
@@ -150,17 +151,14 @@ def main() -> int:
     parser.add_argument("--only", nargs="*", default=[], metavar="NAME", help="readers; default: all")
     args = parser.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (6 * 2**30, resource.RLIM_INFINITY))
-    store = Store(RESULTS / "fuzz_files.jsonl", rooms=rooms_of("fuzz_files"))
-    bad = 0
-    for block in range(-(-args.count // BLOCK)):
-        for reader in READERS:
-            asked = {"reader": reader.name, "block": block, "mutations": min(BLOCK, args.count - block * BLOCK)}
-            if asked in store or (args.only and reader.name not in args.only):
-                continue
-            store.add(asked, fuzz_block(reader, block, asked["mutations"]))
-            bad += len(store[asked]["outcomes"].keys() - {"read", "refused"})
-            print(asked, store[asked], flush=True)
-    return 1 if bad else 0
+    tasks = [
+        Block(reader.name, block, min(BLOCK, args.count - block * BLOCK))
+        for block in range(-(-args.count // BLOCK))
+        for reader in READERS
+        if not args.only or reader.name in args.only
+    ]
+    results = campaign("fuzz_files", tasks, fuzzed)
+    return int(any("failed" in result or result["outcomes"].keys() - {"read", "refused"} for result in results))
 
 
 if __name__ == "__main__":

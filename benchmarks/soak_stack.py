@@ -16,17 +16,18 @@ import math
 import random
 import subprocess
 import time
-from collections import Counter
+from collections import Counter, namedtuple
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from exploring_robot import home, new_stack, wait_for_motion
-from fault_camera import FaultyCable
+from exploring_robot import home, wait_for_motion
+from fault_camera import FaultyCable, stack_with_cable
 from soak_memory import MapSize, Memory
-from tables import RESULTS, rooms_of
+from tables import campaign
 
-from vsx_ros.experiments.rows import Store
-
+Soak = namedtuple("Soak", "kinds minutes seed")
 PERIOD_S = 20.0
 DISK_MB = 2048  # an hour's map and its record fit; the fault fills the rest
 KINDS = {
@@ -103,7 +104,7 @@ class Faults:
     def __init__(self, stack: object, cable: FaultyCable, disk: Path, rng: random.Random) -> None:
         self._stack, self._cable, self._folder, self._rng = stack, cable, disk, rng
 
-    def one_of(self, kinds: list[str]) -> str:
+    def one_of(self, kinds: tuple[str, ...]) -> str:
         kind = self._rng.choice(kinds)
         what = self._rng.choice(KINDS[kind])
         getattr(self, f"_{kind}")(what)
@@ -155,7 +156,7 @@ def tracebacks(stack: object) -> list[str]:
     return ends
 
 
-def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dict[str, object]:
+def soak(stack: Any, faults: Faults, kinds: tuple[str, ...], minutes: float) -> dict[str, object]:
     truth, maps, memory = Truth(stack), MapSize(), Memory(stack)
     wait_for_motion(stack, 90.0)
     end_s = time.monotonic() + 60.0 * minutes
@@ -192,30 +193,28 @@ def soak(stack: object, faults: Faults, kinds: list[str], minutes: float) -> dic
     }
 
 
+def soaked(disk: Path, task: Soak) -> dict[str, object]:
+    mounted = "disk" in task.kinds
+    if mounted:
+        subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={DISK_MB}m", "vsx-soak", str(disk)], check=True)
+    stack = stack_with_cable(disk)
+    try:
+        stack.up()
+        return soak(stack, Faults(stack, stack.cable, disk, random.Random(task.seed)), task.kinds, task.minutes)
+    finally:
+        stack.down()
+        if mounted:
+            subprocess.run(["umount", "-l", str(disk)], check=False)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--kinds", nargs="*", choices=tuple(KINDS), default=list(KINDS), help="none: without faults")
     parser.add_argument("--seed", type=int, default=1, help="of the faults")
     args = parser.parse_args()
-    asked = {"kinds": args.kinds, "minutes": args.minutes, "seed": args.seed}
-    store = Store(RESULTS / "soak_stack.jsonl", rooms=rooms_of("soak_stack"))
-    if asked in store:
-        return
-    disk = home()
-    mounted = "disk" in args.kinds
-    if mounted:
-        subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={DISK_MB}m", "vsx-soak", str(disk)], check=True)
-    stack = new_stack(disk)
-    cable = FaultyCable.below(stack)
-    try:
-        stack.up()
-        store.add(asked, soak(stack, Faults(stack, cable, disk, random.Random(args.seed)), args.kinds, args.minutes))
-        print(store[asked])
-    finally:
-        stack.down()
-        if mounted:
-            subprocess.run(["umount", "-l", str(disk)], check=False)
+    task = Soak(tuple(args.kinds), args.minutes, args.seed)
+    print(*campaign("soak_stack", [task], partial(soaked, home())))
 
 
 if __name__ == "__main__":

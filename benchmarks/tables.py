@@ -25,7 +25,8 @@ import table_paper
 import table_zones
 
 from vsx_ros.config import Config
-from vsx_ros.experiments.rows import Row, code_hash, config_hash, read_rows, tell
+from vsx_ros.experiments.campaign import Engine, Result, Task, Work, run_campaign
+from vsx_ros.experiments.rows import Row, Store, code_hash, config_hash, read_rows, tell
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
@@ -142,6 +143,12 @@ def _imported(path: Path) -> list[Path]:
             files = [folder / f"{name}.py" for folder in _BESIDE if (folder / f"{name}.py").exists()]
             found += [] if name.startswith("table") else files[:1]
     return found
+
+
+def campaign(rows: str, tasks: Sequence[Task], work: Work, out: Path | None = None) -> list[Result]:
+    """Results of the tasks, one after the other; those are run that no row of the present code answers. out: another
+    file for the rows."""
+    return run_campaign(tasks, work, Store(out or RESULTS / f"{rows}.jsonl", rooms=rooms_of(rows)), Engine())
 
 
 def newest(rows: Iterable[Row], of: dict[str, Any], whole: bool = True) -> list[Row]:

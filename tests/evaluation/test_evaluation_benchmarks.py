@@ -1,7 +1,9 @@
 """Benchmarks of hours leave rows, also of runs that ended badly, and go on where they were interrupted."""
 
 import json
+import re
 import sys
+from collections import namedtuple
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,9 @@ from vsx_ros.runs.process import STOPPED
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 import exploration
+import exploring_robot
 import resume
+import tables
 
 GOOD = {"coverage_correct": 0.5, "ate_rmse_m": 0.01, "breaks": 0, "collisions": 0, "stop_reason": "time limit of 120 s"}
 SUMMARY = {
@@ -109,3 +113,83 @@ def test_the_memory_is_what_is_held_now() -> None:
     del held
     assert there - before > 150.0
     assert exploration.memory_mb() < there - 150.0
+
+
+def test_all_benchmarks_run_campaigns() -> None:
+    """Not loops of their own, which end with the first trial that fails."""
+    programs = {path.name: path.read_text() for path in (tables.ROOT / "benchmarks").glob("*.py")}
+    keeping = {name for name, text in programs.items() if re.search(r"\bStore\(", text)} - {"file_samples.py"}
+    assert len(keeping) > 10
+    assert [name for name in keeping if "run_campaign(" not in programs[name]] == []
+    assert [name for name in keeping if re.search(r"\bstore\.add\(| (not )?in store\b", programs[name])] == []
+
+
+Turn = namedtuple("Turn", "number")
+
+
+class Stack:
+    """Of the fault benchmarks, without any process."""
+
+    made: list["Stack"]
+    drives = True
+
+    def __init__(self, folder: Path) -> None:
+        self.ended = self.is_up = False
+        self.made.append(self)
+
+    def up(self) -> None:
+        self.is_up = True
+
+    def down(self) -> None:
+        assert self.ended
+        self.is_up = False
+
+
+@pytest.fixture
+def stacks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Stack]:
+    Stack.made = []
+    monkeypatch.setattr(exploring_robot, "home", lambda: tmp_path)
+    monkeypatch.setattr(exploring_robot, "begin", lambda stack: None)
+    monkeypatch.setattr(exploring_robot, "ready", lambda stack: stack.drives)
+    return Stack.made
+
+
+def turned(out: Path, trial: Any, count: int = 4) -> dict[int, Any]:
+    """The rows after a campaign of this trial (stack, number)."""
+    robot = exploring_robot.ExploringRobot(lambda stack: lambda task: trial(stack, task.number), Stack)
+    robot.campaign("fault_nodes", [Turn(number) for number in range(count)], out)
+    return {row.asked["number"]: row.result for row in read_rows(out, pytest.fail)}
+
+
+def test_a_trial_that_fails_costs_its_robot_and_not_the_campaign(tmp_path: Path, stacks: list[Stack]) -> None:
+    def trial(stack: Stack, number: int) -> dict[str, int]:
+        assert stack.is_up
+        if number == 1:
+            raise OSError("the node does not end")
+        stack.ended = number == 2
+        return {"stack": stacks.index(stack)}
+
+    assert turned(tmp_path / "rows", trial) == {0: {"stack": 0}, 2: {"stack": 1}, 3: {"stack": 2}}
+    assert turned(tmp_path / "rows", lambda stack, number: {"again": number})[1] == {"again": 1}
+    assert [stack.is_up for stack in stacks] == 4 * [False]
+
+
+def test_a_moment_that_does_not_suit_is_no_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stacks: list[Stack], capsys: pytest.CaptureFixture[str]
+) -> None:
+    moments = iter([None, None, {"third": True}])
+    assert turned(tmp_path / "rows", lambda stack, number: next(moments), 1) == {0: {"third": True}}
+    monkeypatch.setattr(Stack, "drives", False)
+    assert len(turned(tmp_path / "rows", lambda stack, number: {}, 2)) == 1
+    said = capsys.readouterr().err
+    assert "failed: the robot does not drive as this needs" in said
+    assert "1 of the failures may pass; the same command tries them again" in said
+
+
+def test_an_interrupted_campaign_ends_its_robot(tmp_path: Path, stacks: list[Stack]) -> None:
+    def trial(stack: Stack, number: int) -> dict[str, int]:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        turned(tmp_path / "rows", trial)
+    assert [(stack.is_up, stack.ended) for stack in stacks] == [(False, True)]

@@ -15,7 +15,7 @@ from free_ports import free_port
 from waiting import PATIENCE_S, wait_for
 
 from vsx_ros.errors import ConfigError, InputError
-from vsx_ros.experiments.campaign import Engine, run_campaign
+from vsx_ros.experiments.campaign import Engine, UntriedError, run_campaign
 from vsx_ros.experiments.rows import Store
 from vsx_ros.runs.world import world_of
 
@@ -90,6 +90,7 @@ def test_a_world_that_cannot_be_opened_is_tried_again(tmp_path, capsys):
     [
         (OSError(errno.ENOSPC, "No space left on device", "/tmp/x"), "/tmp/x cannot be used (No space left on device)"),
         (MemoryError(), "MemoryError"),
+        (UntriedError("the robot does not drive"), "the robot does not drive"),
         (ModuleNotFoundError("No module named 'cv2'"), "No module named 'cv2'"),
     ],
 )

@@ -27,6 +27,10 @@ class Task(Protocol):
     def _asdict(self) -> dict[str, Any]: ...
 
 
+class UntriedError(VsxError):
+    """A task could not be tried: no result of it."""
+
+
 class Done(NamedTuple):
     """final: whether the result comes from the task itself, not from a missing file, a full disk or a worker that lacks
     memory or a module."""
@@ -81,7 +85,7 @@ def guarded(work: Work, task: Task) -> Done:
     try:
         return Done(work(task), True)
     except VsxError as error:
-        return Done({"failed": str(error)}, not isinstance(error, WorldError))
+        return Done({"failed": str(error)}, not isinstance(error, WorldError | UntriedError))
     except Exception as error:
         trouble = disk_trouble(error) if isinstance(error, OSError) else ""
         reason = trouble or f"internal error, please report it: {type(error).__name__}: {error}"
