@@ -298,6 +298,11 @@ def test_a_missing_calibration_and_a_wrong_one_are_named(drive, tmp_path, capsys
     assert "leave out --map or --ros" in capsys.readouterr().err
     assert execute(["replay", str(tmp_path / "bare"), *calibration, "--out", str(tmp_path / "run")]) == 1
     assert "64x48 but the calibration is for 640x480" in capsys.readouterr().err
+    (tmp_path / "bare/camera.json").write_text("{}")
+    assert execute(["replay", str(tmp_path / "bare"), "--out", str(tmp_path / "run")]) == 1
+    assert "camera.json: entry 'fx' is missing" in capsys.readouterr().err
+    assert execute(["replay", str(tmp_path / "bare"), *calibration, "--out", str(tmp_path / "run")]) == 1
+    assert "64x48 but the calibration is for 640x480" in capsys.readouterr().err
 
 
 def test_a_saved_map_is_gone_on_in(drive, tmp_path, capsys):

@@ -258,6 +258,7 @@ def test_the_only_calibration_serves_images_elsewhere(tmp_path):
     messages = [("/c/image_raw", image(1)), ("/calibration", info()), ("/wheels/odometry_filtered", odometry(1, 0.0))]
     recording = open_recording(write(tmp_path / "e.bag", messages))
     assert recording.camera.fx == 30.0
+    assert recording.damage.startswith("the calibration is that of /calibration, the only one of the bag, which does")
     assert recording.odometry_topic == "/wheels/odometry_filtered"
     assert open_recording(write(tmp_path / "f.bag", [*messages, ("/other/camera_info", info())])).camera is None
 
@@ -276,6 +277,16 @@ def test_an_unknown_lens_is_refused_by_name(tmp_path):
     path = write(tmp_path / "f.bag", [("/c/camera_info", info(model="omni")), ("/c/image_raw", image(1))])
     with pytest.raises(CalibrationError, match="'omni'"):
         open_recording(path)
+
+
+@pytest.mark.parametrize("wrong", [info(model="thin_prism"), info(width=0), info(D=(np.nan,) * 5)])
+def test_a_calibration_that_cannot_be_used_is_not_looked_at_where_another_is_given(tmp_path, wrong):
+    path = write(tmp_path / "f.bag", [("/c/camera_info", wrong), ("/c/image_raw", image(1))])
+    with pytest.raises(CalibrationError, match="^topic /c/camera_info: .*, or give another with --calibration FILE$"):
+        open_recording(path)
+    recording = open_recording(path, own_camera=False)
+    assert (recording.camera, recording.damage) == (None, "")
+    assert len(list(recording.frames())) == 1
 
 
 def test_calibration_of_another_size_is_refused(tmp_path):

@@ -84,8 +84,9 @@ def test_a_folder_of_something_else_is_refused(tmp_path):
 
 def test_wrong_calibration_beside_the_images_is_named(folder):
     (folder / "camera.json").write_text('{"width":30}')
-    with pytest.raises(CalibrationError, match=r"camera\.json.*'fx' is missing"):
+    with pytest.raises(CalibrationError, match=r"camera\.json.*'fx' is missing.*or give another with --calibration"):
         open_recording(folder)
+    assert open_recording(folder, own_camera=False).camera is None
 
 
 def test_lines_that_are_swapped_are_sorted_and_doubled_ones_told(folder):

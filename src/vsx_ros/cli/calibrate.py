@@ -88,7 +88,7 @@ def _is_recording(source: Path) -> bool:
 def _pictures(source: Path, image_topic: str | None) -> Iterator[tuple[str, GrayImage]]:
     """Name and picture; at most ``MAX_SEARCHED`` of a recording, evenly spread."""
     if _is_recording(source):
-        recording = told(open_recording(source, image_topic, NO_ODOMETRY))
+        recording = told(open_recording(source, image_topic, NO_ODOMETRY, own_camera=False))
         step = -(-recording.frame_count // MAX_SEARCHED)
         for number, frame in enumerate(recording.frames()):
             if number % step == 0:

@@ -233,7 +233,7 @@ def _drive(parser: argparse.ArgumentParser) -> None:
     """Options for calibrations from a recorded drive."""
     add = parser.add_argument
     add("input", type=Path, metavar="BAG", help="a ROS 1 bag or a TUM-layout folder, with odometry")
-    add("--calibration", type=Path, metavar="FILE", help="of the camera, if the bag has none")
+    add("--calibration", type=Path, metavar="FILE", help="of the camera (default: the bag's own)")
     add("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
     add("--odometry-topic", metavar="T", help="odometry topic of the bag (likewise)")
     add("--out", type=Path, metavar="FILE", help="parameters (default $ROS_HOME/vsx_ros/robot.yaml)")

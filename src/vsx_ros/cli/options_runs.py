@@ -103,7 +103,7 @@ def replay(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     bags = "ROS 1: .bag; ROS 2: folder, .db3 or .mcap"
     add("input", type=Path, metavar="INPUT", help=f"a bag ({bags}) or a folder with rgb.txt")
-    add("--calibration", type=Path, metavar="FILE", help="ROS camera_info YAML or camera.json")
+    add("--calibration", type=Path, metavar="FILE", help="ROS camera_info or camera.json (default: its own)")
     add("--image-topic", metavar="T", help="image topic of the bag (default: the only one)")
     add("--odometry-topic", metavar="T", help="odometry or base poses (default: the only Odometry); none: without")
     add("--map", action="store_true", help="also find surfaces and build the ground map")

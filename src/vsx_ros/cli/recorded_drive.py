@@ -18,7 +18,8 @@ from vsx_ros.runs.start import told
 
 def recorded_drive(args: argparse.Namespace) -> Recording:
     """The drive, with a camera. Raises InputError without odometry, CalibrationError without calibration."""
-    recording = told(open_recording(args.input, args.image_topic, args.odometry_topic))
+    topics = args.image_topic, args.odometry_topic
+    recording = told(open_recording(args.input, *topics, own_camera=args.calibration is None))
     if len(recording.odometry) < 2:
         raise InputError(f"{args.input} has no odometry; record it with 'vsx record' while the base node runs")
     if args.calibration is not None:

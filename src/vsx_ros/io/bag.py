@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vsx_ros.errors import InputError
+from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.level import LevelWatch
 from vsx_ros.geometry.se3 import SE3, StampedPose
@@ -30,20 +30,28 @@ _HELD_READINGS = 64  # about a second
 GROUND_TRUTH_TOPIC = "ground_truth/camera"
 
 
-def open_recording(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
+def open_recording(
+    path: Path, image_topic: str | None = None, odometry_topic: str | None = None, *, own_camera: bool = True
+) -> Recording:
     """Open a ROS 1 or ROS 2 bag, or a folder in the TUM RGB-D layout (rgb.txt, rgb/, groundtruth.txt, camera.json).
-    odometry_topic: ``NO_ODOMETRY`` for none. Raises InputError with the reason and the remedy."""
-    if path.is_dir() and not (path / METADATA).exists():
-        recording = open_folder(path, without_odometry=odometry_topic == NO_ODOMETRY)
-    elif not path.exists():
-        raise InputError(f"there is no {path}; give a bag or a folder with rgb.txt")
-    else:
-        recording = open_bag(path, image_topic, odometry_topic)
+    odometry_topic: ``NO_ODOMETRY`` for none. own_camera: whether to look at its calibration. Raises InputError with the
+    reason and the remedy, CalibrationError for a calibration that cannot be used."""
+    try:
+        if path.is_dir() and not (path / METADATA).exists():
+            recording = open_folder(path, own_camera=own_camera, without_odometry=odometry_topic == NO_ODOMETRY)
+        elif not path.exists():
+            raise InputError(f"there is no {path}; give a bag or a folder with rgb.txt")
+        else:
+            recording = open_bag(path, image_topic, odometry_topic, own_camera=own_camera)
+    except CalibrationError as error:
+        raise CalibrationError(f"{error}, or give another with --calibration FILE") from error
     epochs = OdometryEpochs()
     return replace(recording, odometry=[epochs.enter(reading) for reading in recording.odometry])
 
 
-def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | None = None) -> Recording:
+def open_bag(
+    path: Path, image_topic: str | None = None, odometry_topic: str | None = None, *, own_camera: bool = True
+) -> Recording:
     """The recording in a bag. Topics that are not given are found by type. Ground truth is a PoseStamped topic ending
     in ground_truth/camera (T_world_cam). A topic of stamped poses of the base is used as odometry if it is given; its
     speeds are differences. The calibration is the camera_info beside the images, else the only one of the bag; P for
@@ -53,8 +61,8 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
         images = _image_topic(path, counts, image_topic)
         odometry_from = _odometry_topic(path, counts, odometry_topic)
         truth_from = [t for t, (kind, _) in counts.items() if kind == POSE and t.endswith(GROUND_TRUTH_TOPIC)]
-        camera, count = _camera(bag, images, counts), counts[images][1]
         damage = [bag.damage]
+        camera = _camera(bag, images, counts, damage) if own_camera else None
         odometry = _odometry(bag, odometry_from, counts[odometry_from][0], damage) if odometry_from else []
         truth = _ground_truth(bag, truth_from[0], damage) if truth_from else []
         frames = partial(_frames, path, images)
@@ -62,7 +70,7 @@ def open_bag(path: Path, image_topic: str | None = None, odometry_topic: str | N
             source=path,
             image_topic=images,
             odometry_topic=odometry_from if odometry else None,
-            frame_count=count,
+            frame_count=counts[images][1],
             camera=camera,
             odometry=odometry,
             ground_truth=truth,
@@ -118,7 +126,10 @@ def _wanted(path: Path, counts: dict[str, tuple[str, int]], found: list[str], wa
     raise InputError(f"bag {path} has no {kind} topic {wanted}; {_listing(counts)}")
 
 
-def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]]) -> PinholeCamera | None:
+def _camera(
+    bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]], damage: list[str]
+) -> PinholeCamera | None:
+    """The calibration, None if there is none. If it may be another camera's, that is added to ``damage``."""
     infos = [t for t, (kind, count) in counts.items() if kind == CAMERA_INFO and count]
     namespace = image_topic.removesuffix("/compressed").rpartition("/")[0]
     beside = f"{namespace}/camera_info"
@@ -131,6 +142,9 @@ def _camera(bag: Messages, image_topic: str, counts: dict[str, tuple[str, int]])
     if K is None or D is None or P is None:  # ROS 2 has lower-case names
         K, D, P = info.k, info.d, info.p
     camera = camera_from_topic(image_topic, size, K, D, P, info.distortion_model, source)
+    if camera is not None and topic != beside:
+        only = f"the calibration is that of {topic}, the only one of the bag, which does not lie beside {image_topic}"
+        damage.append(f"{only}; if it is of another camera, give the right one with --calibration FILE")
     told = f"{namespace}/shutter"
     if camera is None or counts.get(told, ("", 0))[0] != SHUTTER:
         return camera

@@ -38,7 +38,7 @@ def camera_from_info(
 ) -> PinholeCamera | None:
     """The camera of a sensor_msgs/CameraInfo's fields; None if K is all zero, which means uncalibrated in ROS. K: 9
     numbers, row by row. D: the model's coefficients (``geometry.lens``); zeros at the end may be missing. name: its
-    name in error messages. Raises CalibrationError for an unsupported lens model."""
+    name in error messages. Raises CalibrationError for an unsupported lens model or impossible values."""
     k, d = [float(value) for value in K], [float(value) for value in D]
     if len(k) != 9:
         raise CalibrationError(f"{name}: the camera matrix needs 9 numbers, got {len(k)}; calibrate the camera again")
@@ -54,9 +54,13 @@ def camera_from_info(
             "plumb_bob (5), rational_polynomial (8) or equidistant (4)"
         )
     coefficients = tuple((d + [0.0] * count)[:count])
-    return PinholeCamera(
-        width=int(width), height=int(height), fx=k[0], fy=k[4], cx=k[2], cy=k[5], distortion=coefficients, model=known
-    )
+    fx, _, cx, _, fy, cy, *_ = k
+    try:
+        return PinholeCamera(
+            width=int(width), height=int(height), fx=fx, fy=fy, cx=cx, cy=cy, distortion=coefficients, model=known
+        )
+    except CalibrationError as error:
+        raise CalibrationError(f"{name}: {error}") from error
 
 
 def read_calibration(path: Path) -> PinholeCamera:

@@ -22,10 +22,10 @@ _LONGEST_NAME = 1000  # of a file; longer is invalid
 _STAMP = attrgetter("stamp_ns")
 
 
-def open_folder(folder: Path, *, without_odometry: bool = False) -> Recording:
+def open_folder(folder: Path, *, own_camera: bool = True, without_odometry: bool = False) -> Recording:
     """A folder with images listed in rgb.txt; optionally groundtruth.txt (T_world_cam), odometry.txt (T_odom_base) and
-    calibration. Raises InputError when rgb.txt is missing, empty or malformed. without_odometry: odometry.txt is not
-    looked at."""
+    calibration. Raises InputError when rgb.txt is missing, empty or malformed, CalibrationError. own_camera: whether to
+    look at the calibration. without_odometry: odometry.txt is not looked at."""
     listed = _listed_images(folder)
 
     def frames() -> Iterator[Frame | InputError]:
@@ -35,7 +35,7 @@ def open_folder(folder: Path, *, without_odometry: bool = False) -> Recording:
 
     truth = folder / "groundtruth.txt"
     calibration = next((folder / name for name in CALIBRATION_NAMES if (folder / name).exists()), None)
-    camera = read_calibration(calibration) if calibration is not None else None
+    camera = read_calibration(calibration) if own_camera and calibration is not None else None
     odometry, damage = ([], "") if without_odometry else _odometry(folder / "odometry.txt")
     known = sorted(read_trajectory(truth), key=_STAMP) if truth.exists() else []
     recording = Recording(

@@ -160,7 +160,8 @@ def opened_recording(args: argparse.Namespace) -> Recording:
     RunFolder.check(args.out or dated(args.input.stem))
     if args.out is not None:
         keep_apart(args.out, args.load_map, args.input, args.calibration)
-    recording = told(open_recording(args.input, args.image_topic, args.odometry_topic))
+    topics = args.image_topic, args.odometry_topic
+    recording = told(open_recording(args.input, *topics, own_camera=args.calibration is None))
     if args.ros and args.map and not recording.odometry:
         raise InputError(f"{args.input} has no odometry, so the nodes know no floor; leave out --map or --ros")
     return dataclasses.replace(recording, camera=_calibration(recording, args.calibration))
