@@ -1,17 +1,19 @@
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from vsx_ros.cli import main
+from vsx_ros.cli import explore, main
 from vsx_ros.errors import ConfigError, MapFileError
 from vsx_ros.io.map_file import load_map
 from vsx_ros.occupancy.grid import FREE
-from vsx_ros.runs.world import check_world, open_world
+from vsx_ros.runs.world import check_world, open_world, save_world
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.lighting import light_named
-from vsx_ros.sim.world import World
+from vsx_ros.sim.truth import gap_to_walls
+from vsx_ros.sim.world import Start, World
 from vsx_ros.sim.world_file import load_world
 
 ROOM = Path(__file__).parents[1] / "data/gazebo_room/worlds/room.world"
@@ -135,3 +137,40 @@ def test_a_start_outside_of_the_world_is_refused(start, tmp_path, capsys):
     assert main.execute(["world", "lab", f"--start={start}", "--picture", str(tmp_path / "p.png")]) == 1
     assert "give a place in it" in capsys.readouterr().err
     assert not (tmp_path / "p.png").exists()
+
+
+def test_a_start_in_a_wall_is_refused_in_every_kind_of_world(tmp_path: Path) -> None:
+    assert run("lab", "--seed", "2", "--map", str(tmp_path / "m.pgm"), "--out", str(tmp_path / "lab.yaml")) == 0
+    for name in ("lab", str(tmp_path / "lab.yaml"), str(tmp_path / "m.yaml")):
+        for start in ("0.1,2,90", *(["0.01,0.01,0"] if name != str(tmp_path / "m.yaml") else [])):
+            with pytest.raises(ConfigError, match="stands in a wall or a thing; choose another start"):
+                run(name, "--seed", "2", f"--start={start}", "--out", str(tmp_path / "w.yaml"))
+    assert not (tmp_path / "w.yaml").exists()
+
+
+@pytest.mark.parametrize(("place", "told"), [((0.01, 0.01), "stands in a wall"), ((99.0, 0.0), "give a place in it")])
+def test_a_start_in_a_file_is_refused_before_anything_is_compiled(
+    place: tuple[float, float], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world, file = generate_world("lab", 2), tmp_path / "w.yaml"
+    save_world(replace(world, start=replace(world.start, x=place[0], y=place[1])), file)
+    monkeypatch.setattr(explore, "compile_kernels", lambda *_: pytest.fail("kernels are compiled"))
+    for mode in (["--fast"], []):
+        with pytest.raises(ConfigError, match=told):
+            main.run(main.parse(["explore", *mode, "--world", str(file), "--out", str(tmp_path / "run")]))
+    assert not (tmp_path / "run").exists()
+
+
+def test_where_a_run_ended_at_a_wall_the_next_one_begins(tmp_path: Path) -> None:
+    world, file = generate_world("lab", 2), tmp_path / "w.yaml"
+    at_wall = next(x for x in np.arange(0.0, 3.0, 0.001) if _gap_m(world, float(x)) > 0.179)
+    save_world(world.starting_at(Start(x=float(at_wall), y=world.start.y, theta_rad=0.0)), file)
+    assert open_world(str(file), 2).start.x == at_wall
+
+
+def _gap_m(world: World, x: float) -> float:
+    inside = any(
+        cv2.pointPolygonTest(np.array(o.points, np.float32), (x, world.start.y), False) > 0 for o in world.outlines
+    )
+    gap = gap_to_walls(world.obstacle_segments(0.0, 0.45), np.array([[x, world.start.y]]))
+    return float(gap[0]) if inside else 0.0

@@ -11,11 +11,10 @@ from vsx_ros.io.map_file import save_map
 from vsx_ros.runs.start import tell_remarks
 from vsx_ros.runs.world import check_world, open_world, save_world, world_files
 from vsx_ros.sim.emulated_world import EmulatedWorld
-from vsx_ros.sim.gazebo_world import checked_start
 from vsx_ros.sim.mesh_hidden import hidden_solids
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.picture import BAND_M, first_view, world_picture, write_picture
-from vsx_ros.sim.truth import ground_truth_grid, reachable_area_m2
+from vsx_ros.sim.truth import checked_start, ground_truth_grid, reachable_area_m2
 from vsx_ros.sim.world import Start
 
 _ENDINGS = {"render": "-view.png", "import": "-world.yaml"}  # of files without --out
@@ -35,12 +34,7 @@ def world(args: argparse.Namespace) -> int:
     tell_remarks(world)
     if args.start is not None:
         x, y, theta = args.start
-        x0, y0, x1, y1 = world.bounds
-        if not (x0 <= x <= x1 and y0 <= y <= y1):
-            at, to = f"({x0:.1f}, {y0:.1f})", f"({x1:.1f}, {y1:.1f})"
-            raise ConfigError(f"--start {x:g},{y:g}: the world reaches from {at} to {to} m; give a place in it")
-        world = world.starting_at(Start(x=x, y=y, theta_rad=theta))
-        world = checked_start(world) if isinstance(world, MeshWorld) else world
+        world = checked_start(world.starting_at(Start(x=x, y=y, theta_rad=theta)), args.name)
     if args.verb == "info":
         print("\n".join(described(world)))
     if args.verb == "render":

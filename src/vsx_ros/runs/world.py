@@ -16,7 +16,7 @@ from vsx_ros.sim.generate import GENERATORS, generate_world, world_from_grid
 from vsx_ros.sim.hard_things import named_things
 from vsx_ros.sim.lighting import light_named
 from vsx_ros.sim.truth import with_start
-from vsx_ros.sim.world_file import load_world, named_files, with_hard_things, world_yaml
+from vsx_ros.sim.world_file import check_building, load_world, named_files, with_hard_things, world_yaml
 
 _PICTURES = ".png", ".pgm"
 _SUFFIXES = *gazebo_world.SUFFIXES, *_PICTURES, ".yaml", ".yml"
@@ -30,8 +30,15 @@ def model_folders(given: Sequence[Path]) -> list[Path]:
 
 
 def check_world(name: str, models: Sequence[Path] = ()) -> None:
-    """Raises ConfigError for the name of no world or light, and for folders of models that are not there or not for
-    this world, before any is opened."""
+    """Raises ConfigError for the name of no world or light, for folders of models that are not there or not for this
+    world, and for a world.yaml that cannot be used, as far as that is known without kernels."""
+    _check_name(name, models)
+    path = Path(name)
+    if path.suffix in (".yaml", ".yml") and path.is_file() and not is_map_file(path):
+        check_building(path)
+
+
+def _check_name(name: str, models: Sequence[Path]) -> None:
     for folder in models:
         if Path(name).suffix not in gazebo_world.SUFFIXES:
             raise ConfigError(f"--models {folder} is for a Gazebo world, and {name} is none; leave it out")
@@ -59,7 +66,7 @@ def open_world(
     map_server map.yaml, or only a floor plan, .png or .pgm with 5 cm per pixel. Raises ConfigError for an unknown name
     or light or a malformed world file, InputError for an unusable Gazebo file, MapFileError for an unusable map. hard:
     words NAME=AMOUNT of hard things that the world gets; where: what named these."""
-    check_world(name, models)
+    _check_name(name, models)
     return with_hard_things(_opened(name, seed, models), named_things(hard, where), where)
 
 

@@ -6,17 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from vsx_ros.errors import ConfigError
-from vsx_ros.occupancy.grid import FREE
 from vsx_ros.sim.gazebo.assemble import Parts, assemble
 from vsx_ros.sim.gazebo.budget import Budget
 from vsx_ros.sim.gazebo.paths import ModelFolders
 from vsx_ros.sim.gazebo.sdf import read_layout
-from vsx_ros.sim.mesh_world import SLICE_M, MeshWorld, floor_height, ground_bounds
-from vsx_ros.sim.truth import MAX_AREA_M2, gap_to_walls, ground_truth_grid, middle_of_largest_room
+from vsx_ros.sim.mesh_world import MeshWorld, floor_height, ground_bounds
+from vsx_ros.sim.truth import MAX_AREA_M2, TOUCHING_M, checked_start, middle_of_largest_room
 from vsx_ros.sim.world import Start
 
 SUFFIXES = ".world", ".sdf"
-ROBOT_RADIUS_M = 0.18  # for the check of a start
 
 
 def load_gazebo(path: Path, folders: Sequence[Path], start: Start | None = None) -> MeshWorld:
@@ -51,7 +49,11 @@ def load_gazebo(path: Path, folders: Sequence[Path], start: Start | None = None)
         ambient=layout.ambient,
         sky=layout.sky,
     )
-    return world.starting_at(middle_of_largest_room(world)) if start is None else checked_start(world)
+    return (
+        world.starting_at(middle_of_largest_room(world))
+        if start is None
+        else checked_start(world, world.name, TOUCHING_M)
+    )
 
 
 def gazebo_files(path: Path, folders: Sequence[Path]) -> list[Path]:
@@ -72,19 +74,3 @@ def _lowered(parts: Parts, by_m: float) -> Parts:
     down = np.array([0.0, 0.0, by_m])
     seen = parts.seen._replace(corners=(parts.seen.corners - down.astype(np.float32)))
     return parts._replace(seen=seen, solids=parts.solids - down)
-
-
-def checked_start(world: MeshWorld) -> MeshWorld:
-    """The world unchanged. Raises ConfigError if the robot does not fit at its start, or has no floor there."""
-    x, y = world.start.x, world.start.y
-    x0, y0, x1, y1 = world.bounds
-    if not (x0 <= x <= x1 and y0 <= y <= y1):
-        raise ConfigError(f"world {world.name}: it starts at {x:g}, {y:g}, outside of its ground; choose another start")
-    around = world.owner_around(x, y)
-    gap = float(gap_to_walls(world.obstacle_segments(0.0, 0.45), np.array([[x, y]]))[0])
-    if around is not None or gap < ROBOT_RADIUS_M:
-        owner = around or world.owner_near(x, y)
-        raise ConfigError(f"world {world.name}: a robot at {x:g}, {y:g} stands in {owner}; choose another start")
-    if ground_truth_grid(world, 0.05, *SLICE_M).value_at(x, y) != FREE:
-        raise ConfigError(f"world {world.name}: there is no floor at {x:g}, {y:g}; choose another start")
-    return world

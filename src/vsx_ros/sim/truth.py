@@ -10,7 +10,7 @@ from vsx_ros.arrays import BoolArray, FloatArray, Points2
 from vsx_ros.errors import ConfigError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.sim.emulated_world import EmulatedWorld, W
-from vsx_ros.sim.mesh_world import MeshWorld
+from vsx_ros.sim.mesh_world import SLICE_M, MeshWorld
 from vsx_ros.sim.world import Start
 
 MARGIN_CELLS = 6  # around the world
@@ -21,6 +21,8 @@ START_GAP_M = 0.5  # free around it
 START_TRIES = 120  # places drawn
 BAND_M = 0.6  # height of what the base can touch
 ROOM_M2 = 1.0  # for the robot's centre; less is a pocket between things
+ROBOT_RADIUS_M, TOUCHING_M = 0.18, 0.15  # for the check of a start; where a run may have ended, at something
+_SOLID = "a wall or a thing"  # of a building, where things have no names
 MAX_AREA_M2 = 40_000.0  # limits the memory: 16 million cells of 5 cm
 
 
@@ -135,6 +137,33 @@ def with_start(rng: np.random.Generator, world: W) -> W:
         if score > best_score:
             best, best_score = Start(x=x, y=y, theta_rad=theta), score
     return world.starting_at(best)
+
+
+def checked_start(world: W, name: str, radius_m: float = ROBOT_RADIUS_M) -> W:
+    """The world unchanged; name: what messages call it. Raises ConfigError if a robot of radius_m [m] does not fit at
+    its start, or has no floor there."""
+    x, y = world.start.x, world.start.y
+    x0, y0, x1, y1 = world.bounds
+    if not (x0 <= x <= x1 and y0 <= y <= y1):
+        outlines = f"its outlines, ({x0:.1f}, {y0:.1f}) to ({x1:.1f}, {y1:.1f}) m"
+        raise ConfigError(f"world {name}: it starts at {x:g}, {y:g}, outside of {outlines}; give a place in it")
+    around = world.owner_around(x, y) if isinstance(world, MeshWorld) else _solid_around(world, x, y)
+    if around is not None or gap_to_walls(world.obstacle_segments(0.0, SLICE_M[1]), np.array([[x, y]]))[0] < radius_m:
+        owner = around or (world.owner_near(x, y) if isinstance(world, MeshWorld) else _SOLID)
+        raise ConfigError(f"world {name}: a robot at {x:g}, {y:g} stands in {owner}; choose another start")
+    if isinstance(world, MeshWorld) and ground_truth_grid(world, 0.05, *SLICE_M).value_at(x, y) != FREE:
+        raise ConfigError(f"world {name}: there is no floor at {x:g}, {y:g}; choose another start")
+    return world
+
+
+def _solid_around(world: EmulatedWorld, x: float, y: float) -> str | None:
+    """What is solid at a place of a building, or None."""
+    inside = [solid for corners, solid in world.plan(*SLICE_M) if _holds(corners, x, y)]
+    return None if inside and not inside[-1] else _SOLID
+
+
+def _holds(polygon: Points2, x: float, y: float) -> bool:
+    return cv2.pointPolygonTest((polygon - [x, y]).astype(np.float32), (0.0, 0.0), False) >= 0.0
 
 
 def middle_of_largest_room(world: MeshWorld) -> Start:

@@ -16,7 +16,7 @@ from vsx_ros.sim.gazebo_world import gazebo_files, load_gazebo
 from vsx_ros.sim.hard_surfaces import changed
 from vsx_ros.sim.hard_things import HARD_THINGS, checked_things
 from vsx_ros.sim.mesh_world import MeshWorld
-from vsx_ros.sim.truth import MAX_AREA_M2
+from vsx_ros.sim.truth import MAX_AREA_M2, TOUCHING_M, checked_start
 from vsx_ros.sim.world import Box, Outline, Poster, Start, Table, Wall, World
 
 T = TypeVar("T")
@@ -60,6 +60,13 @@ def load_world(path: Path) -> EmulatedWorld:
         return with_hard_things(gazebo, known.hard, f"world file {path}")
     building = _converted(tree, World, path)
     return with_hard_things(checked(building, str(path)), building.hard, f"world file {path}")
+
+
+def check_building(path: Path) -> None:
+    """Raises ConfigError as ``load_world``; what is wrong with a Gazebo file that it names is found when it is read."""
+    tree = _tree_of(path)
+    if _reference(tree, path) is None:
+        checked(_converted(tree, World, path), str(path))
 
 
 def named_files(path: Path) -> list[Path]:
@@ -109,8 +116,8 @@ def with_hard_things(world: EmulatedWorld, things: Mapping[str, float], where: s
 
 
 def checked(world: World, name: str) -> World:
-    """The world unchanged. Raises ConfigError for an unknown material, an angle that is not finite, a start outside or
-    a world too large."""
+    """The world unchanged. Raises ConfigError for an unknown material, an angle that is not finite, a world too large,
+    and a start where no robot fits."""
     _check_size(world, name)
     edges: list[Outline | Wall] = [*world.outlines, *world.walls]
     things: list[Box | Table | Poster] = [*world.boxes, *world.tables, *world.posters]
@@ -129,10 +136,7 @@ def checked(world: World, name: str) -> World:
     angles = [thing.yaw_rad for thing in things] + [world.start.theta_rad]
     if not all(math.isfinite(angle) for angle in angles):
         raise ConfigError(f"world {name}: an angle is not finite; write radians")
-    x0, y0, x1, y1 = world.bounds
-    if not (x0 <= world.start.x <= x1 and y0 <= world.start.y <= y1):
-        raise ConfigError(f"world {name}: it starts at {world.start.x:g}, {world.start.y:g}, outside of its outlines")
-    return world
+    return checked_start(world, name, TOUCHING_M)
 
 
 def _check_size(world: World, name: str) -> None:
