@@ -6,9 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, Points2
+from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.moving import Robot, outline
 from vsx_ros.sim.truth import free_places, gap_to_walls
-from vsx_ros.sim.world import Material, Point, Prism, World, rectangle
+from vsx_ros.sim.world import Material, Point, Prism, rectangle
 
 SIDE_M, SEAT_M, BACK_M, LEG_M = 0.42, 0.45, 0.88, 0.035
 STAYS_S = 30.0, 90.0  # at a place, at least
@@ -73,7 +74,7 @@ def _is_unseen(robot: Robot, place: FloatArray) -> bool:
     return robot.gap_m(x, y) > UNSEEN_M and math.cos(aside) < math.cos(UNSEEN_RAD)
 
 
-def chairs(world: World, number: int, rng: np.random.Generator) -> list[Chair]:
+def chairs(world: EmulatedWorld, number: int, rng: np.random.Generator) -> list[Chair]:
     """So many chairs; fewer where there is no room for them."""
     free, start = free_places(world), world.start_pose
     taken: list[Point] = [(start.x, start.y)]

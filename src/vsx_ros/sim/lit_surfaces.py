@@ -10,10 +10,10 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, IntArray, Points3
 from vsx_ros.kernels.sim.mesh_scene import MeshScene
 from vsx_ros.sim.drawn_world import DrawnWorld
-from vsx_ros.sim.moving_quads import Moved
+from vsx_ros.sim.moving_mesh import MovingMesh
 from vsx_ros.sim.reflectors import Reflector
 
-AnyScene: TypeAlias = DrawnWorld | MeshScene
+AnyScene: TypeAlias = DrawnWorld | MeshScene | MovingMesh
 PANEL_M = 0.6  # side of a lamp's panel
 _DOWNWARDS = 2.0  # a panel sends as much light downwards as a point does, which by cosine is twice as much head on
 _UNDER_CEILING_M = 0.5  # lamps that hang nearer to the ceiling are panels
@@ -63,14 +63,17 @@ class Lighting(NamedTuple):
 
 def still_surfaces(scene: AnyScene) -> list[Surface]:
     """All but the movers."""
-    if isinstance(scene, MeshScene):
-        return list(_meshes(scene))
+    if not isinstance(scene, DrawnWorld):
+        return list(_meshes(scene.still if isinstance(scene, MovingMesh) else scene))
     count = len(scene.scene.P) - (0 if scene.movers is None else len(scene.movers.quads))
     return list(_quads(scene, np.arange(count), scene.scene.P, scene.scene.U, scene.scene.V))
 
 
-def moving_surfaces(scene: DrawnWorld, moved: Moved | None) -> list[Surface]:
-    """The movers, where they are at the middle of an image."""
+def moving_surfaces(scene: DrawnWorld | MovingMesh, states: FloatArray | None) -> list[Surface]:
+    """The movers, where they are at the middle of an image with these states (S, B, K)."""
+    if isinstance(scene, MovingMesh):
+        return [] if states is None else list(_meshes(scene.moved(states)))
+    moved = scene.moved(states)
     if scene.movers is None or moved is None:
         return []
     s, b = moved.R.shape[0] // 2, moved.R.shape[1] // 2
@@ -84,7 +87,8 @@ def moving_surfaces(scene: DrawnWorld, moved: Moved | None) -> list[Surface]:
 
 def lighting_of(scene: AnyScene) -> Lighting:
     """The lamps that burn. In a generated world bounced light stands for its ambient light, if any lamp burns."""
-    if isinstance(scene, MeshScene):
+    if not isinstance(scene, DrawnWorld):
+        scene = scene.scene if isinstance(scene, MovingMesh) else scene
         return Lighting([_gazebo_lamp(row) for row in scene.lamps], scene.ambient, scene.sky)
     ceiling = float(scene.scene.P[1, 2])
     down, lamps = np.array([0.0, 0.0, -1.0]), []

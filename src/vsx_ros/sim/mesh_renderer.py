@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, IntArray
+from vsx_ros.arrays import Float32Array, FloatArray, IntArray
 from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.kernels.geometry import project_points
 from vsx_ros.kernels.sim.mesh_boxes import HIGH, WIDE, Optics
@@ -15,6 +15,8 @@ from vsx_ros.kernels.sim.mesh_raster import rasterise
 from vsx_ros.kernels.sim.mesh_scene import MeshScene, Rays, fill_rays
 from vsx_ros.kernels.sim.mesh_shade import shade_rows
 from vsx_ros.kernels.sim.raycast_shade import TILE
+from vsx_ros.sim.mesh_scene import spheres_around
+from vsx_ros.sim.moving_mesh import MeshMovers
 from vsx_ros.sim.renderer import Picture, blur_sub_frames, lit, ray_tables
 
 MOST_PASSES = 8  # to save time: each draws the whole image
@@ -25,11 +27,17 @@ _SLACK_M = 0.05  # of a group of triangles, for the camera's motion during an im
 
 class MeshRenderer:
     """Images of a mesh through a camera: the same methods as ``Renderer``. samples: rays a pixel, at least; motion blur
-    may need more. ``threads`` share the rows; any number gives the same bits."""
+    may need more. ``threads`` share the rows; any number gives the same bits. movers: whose triangles come last in the
+    scene."""
 
-    def __init__(self, scene: MeshScene, camera: PinholeCamera, threads: int = 1, samples: int = 4) -> None:
+    def __init__(
+        self, scene: MeshScene, camera: PinholeCamera, threads: int = 1, samples: int = 4,
+        movers: MeshMovers | None = None,
+    ) -> None:  # fmt: skip
         self.camera = camera
-        self._scene, self._samples = scene, samples
+        self._samples, self._movers = samples, movers
+        own = scene if movers is None else scene._replace(corners=scene.corners.copy(), spheres=scene.spheres.copy())
+        self._scene = own
         self._threads = max(1, threads)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self._rx, self._ry = ray_tables(camera)
@@ -58,19 +66,31 @@ class MeshRenderer:
         self, R: FloatArray, t: FloatArray, bayer: bool = False, want_depth: bool = False,
         states: FloatArray | None = None,
     ) -> Picture:  # fmt: skip
-        """As ``Renderer.render``, without movers; ident is the triangle."""
+        """As ``Renderer.render``, where ident is the triangle. Movers stand where they are at the middle row, once for
+        each sub-frame."""
+        moved = None if self._movers is None or states is None else self._movers.placed(states)
         passes, shape = len(R), (self.camera.height, self.camera.width)
         radiance = np.zeros(shape, np.float32)
         for s in range(passes):
             # Points of a low-discrepancy sequence inside the pixel; a single one lies in its centre.
             jitter = [((s * step + 0.5) % 1.0 - 0.5) for step in (0.7548776662, 0.5698402910)]
+            self._place(moved, s)
             self._draw(R[s], t[s], jitter, (bayer, 1.0 / passes, SHARP_MANY if passes > 1 else SHARP_ONE), radiance)
         if not want_depth:
             return Picture(radiance, np.zeros((0, 0), np.float32), np.zeros((0, 0), np.int32))
+        self._place(moved, passes // 2)
         self._draw(R[passes // 2], t[passes // 2], [0.0, 0.0], None, radiance)
         met = self._nearness > 0.0
         depth = np.divide(1.0, self._nearness, out=np.zeros(shape, np.float32), where=met)
         return Picture(radiance, depth, self._ident.copy())
+
+    def _place(self, moved: Float32Array | None, sub_frame: int) -> None:
+        """Write the triangles (S, T, 3, 3) of the movers at a sub-frame into the scene."""
+        if moved is None or self._movers is None:
+            return
+        spheres = spheres_around(moved[sub_frame], self._movers.seen.starts)
+        self._scene.corners[-moved.shape[1] :] = moved[sub_frame].reshape(-1, 9)
+        self._scene.spheres[-len(spheres) :] = spheres
 
     def _draw(
         self, R: FloatArray, t: FloatArray, jitter: list[float], shading: tuple[bool, float, float] | None,

@@ -5,10 +5,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, Int32Array
+from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from vsx_ros.kernels.sim.mesh_light import bake, fill_cells, smooth
 from vsx_ros.kernels.sim.mesh_scene import MeshScene
-from vsx_ros.sim.gazebo.assemble import Seen
+from vsx_ros.sim.gazebo.assemble import Seen, with_more
 from vsx_ros.sim.gazebo.elements import Lamp
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.scene import GREY
@@ -22,9 +22,9 @@ USUAL_LIGHT = 1.2  # median irradiance that the lamps are scaled to: the world's
 _KINDS = {"point": 0.0, "spot": 1.0, "directional": 2.0}
 
 
-def compile_mesh(world: MeshWorld) -> MeshScene:
-    """Bake the light; takes half a second."""
-    seen = world.parts.seen
+def compile_mesh(world: MeshWorld, more: Seen | None = None) -> MeshScene:
+    """Bake the light; takes half a second. more: what is drawn, too, but throws no shadow, because it will move."""
+    seen = world.parts.seen if more is None else with_more(world.parts.seen, more)
     textures, linear = seen.textures, np.square(seen.colours)
     logs = np.vstack([textures.logs, np.zeros((1, 2), np.int32)])[seen.pictures]  # the last row: without a picture
     holes, hole_places = _holes(seen)
@@ -36,7 +36,7 @@ def compile_mesh(world: MeshWorld) -> MeshScene:
         uv=seen.uv.reshape(-1, 6),
         kinds=seen.kinds,
         chunks=seen.starts.astype(np.int32),
-        spheres=_spheres(seen),
+        spheres=spheres_around(seen.corners, seen.starts),
         colours=np.column_stack([linear, linear @ GREY]).astype(np.float32),
         pictures=np.column_stack([seen.pictures, *logs.T]).astype(np.int32),
         levels=textures.levels,
@@ -51,11 +51,11 @@ def compile_mesh(world: MeshWorld) -> MeshScene:
     )
 
 
-def _spheres(seen: Seen) -> FloatArray:
-    """(K, 4) centre and radius around each group of triangles."""
-    spheres = np.zeros((len(seen.starts) - 1, 4))
-    for k, (a, b) in enumerate(zip(seen.starts[:-1], seen.starts[1:])):
-        points = seen.corners[a:b].reshape(-1, 3).astype(float)
+def spheres_around(corners: Float32Array, starts: IntArray) -> FloatArray:
+    """(K, 4) centre and radius around each group of triangles (T, 3, 3), which begin at starts (K + 1,)."""
+    spheres = np.zeros((len(starts) - 1, 4))
+    for k, (a, b) in enumerate(zip(starts[:-1], starts[1:])):
+        points = corners[a:b].reshape(-1, 3).astype(float)
         if len(points):
             middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
             spheres[k] = *middle, np.linalg.norm(points - middle, axis=1).max()

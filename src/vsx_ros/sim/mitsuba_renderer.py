@@ -77,12 +77,12 @@ class MitsubaRenderer:
     def _scene_with(self, states: FloatArray | None) -> Any:
         """Mitsuba's scene of this moment; the same one while nothing moves and the light stays."""
         scene = self._scene
-        if isinstance(scene, MeshScene) or scene.movers is None:
+        if isinstance(scene, MeshScene) or isinstance(scene, DrawnWorld) and scene.movers is None:
             light = scene if isinstance(scene, MeshScene) else scene.lights
             if self._lit[0] is not light:
                 self._lit = light, self._scenes.lit(lighting_of(scene))
             return self._lit[1]
-        return self._scenes.lit(lighting_of(scene), moving_surfaces(scene, scene.moved(states)))
+        return self._scenes.lit(lighting_of(scene), moving_surfaces(scene, states))
 
     def _colours(self, scene: Any, R: FloatArray, t: FloatArray, ambient: float) -> FloatArray:
         """(H, W, 3) radiance, with the ambient one on what is seen."""

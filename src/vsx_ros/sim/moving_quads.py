@@ -48,11 +48,16 @@ class DrawnMovers:
 
     def at(self, states: FloatArray, lights: Lights) -> Moved:
         """Where they are for the states (S, B, K) of all movers, one after another, and how the lights fall on them."""
-        flat = states.reshape(-1, states.shape[-1])
-        R, t = (part.reshape(*states.shape[:2], *part.shape[1:]) for part in _frames(self._poses(flat)))
+        R, t = self.frames(states)
         R0, t0 = R[0, 0, self.part_of], t[0, 0, self.part_of]
         middles = (R0 @ self._middles[..., None])[..., 0] + t0
         return Moved(R, t, lights.on(Nodes(middles, (R0 @ self._normals[..., None])[..., 0])))
+
+    def frames(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """R (S, B, P, 3, 3) and t (S, B, P, 3) [m] of the rigid parts, T_world_part, for the states (S, B, K)."""
+        flat = states.reshape(-1, states.shape[-1])
+        R, t = _frames(self._poses(flat))
+        return R.reshape(*states.shape[:2], *R.shape[1:]), t.reshape(*states.shape[:2], *t.shape[1:])
 
     def lit(self, scene: Scene, moved: Moved) -> Scene:
         """The scene with their light."""

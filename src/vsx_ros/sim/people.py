@@ -8,9 +8,10 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray, Points2
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.moving import PERSON_RADIUS_M, Borders, Robot, outline
 from vsx_ros.sim.truth import free_places, gap_to_walls
-from vsx_ros.sim.world import Material, Prism, TextureKind, World, rectangle
+from vsx_ros.sim.world import Material, Prism, TextureKind, rectangle
 
 SPEED_M_S = 0.3, 1.2
 STEP_M = 0.7  # of one leg
@@ -123,16 +124,23 @@ def _can_walk(segments: FloatArray, a: Points2, b: Points2) -> bool:
     """Whether the straight way from a to b is free."""
     steps = max(math.ceil(float(np.hypot(*(b - a))) / 0.1), 1)
     points = a + np.linspace(0.0, 1.0, steps + 1)[:, None] * (b - a)
-    return bool((gap_to_walls(segments, points) > _ROOM_M).all())
+    low, high = points.min(axis=0) - _ROOM_M, points.max(axis=0) + _ROOM_M
+    begin, end = segments[:, :2], segments[:, 2:]
+    near = segments[(np.maximum(begin, end) >= low).all(axis=1) & (np.minimum(begin, end) <= high).all(axis=1)]
+    return not len(near) or bool((gap_to_walls(near, points) > _ROOM_M).all())
 
 
-def _walk(world: World, segments: FloatArray, start: SE2, rng: np.random.Generator) -> Points2 | None:
+def _walk(world: EmulatedWorld, segments: FloatArray, start: SE2, rng: np.random.Generator) -> Points2 | None:
     """(N, 2) places to walk between, the first far from the robot's start; None if nobody can walk here."""
     free = free_places(world)
     far = free[np.hypot(free[:, 0] - start.x, free[:, 1] - start.y) > _APART_M]
     if not len(far):
         return None
-    places = [far[int(rng.integers(len(far)))]]
+    drawn = (far[int(rng.integers(len(far)))] for _ in range(_TRIES))
+    first = next((place for place in drawn if _can_walk(segments, place, place)), None)
+    if first is None:
+        return None
+    places = [first]
     for _ in range(_TRIES):
         place = free[int(rng.integers(len(free)))]
         if float(np.hypot(*(place - places[-1]))) > 1.0 and _can_walk(segments, places[-1], place):
@@ -142,7 +150,7 @@ def _walk(world: World, segments: FloatArray, start: SE2, rng: np.random.Generat
     return np.array(places) if len(places) > 1 else None
 
 
-def people(world: World, number: int, rng: np.random.Generator) -> list[Person]:
+def people(world: EmulatedWorld, number: int, rng: np.random.Generator) -> list[Person]:
     """So many people; fewer where there is no room to walk."""
     segments = world.obstacle_segments(0.0, _BODY_HEIGHT_M)
     walks = (_walk(world, segments, world.start_pose, rng) for _ in range(number))

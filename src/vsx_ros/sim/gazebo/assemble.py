@@ -12,7 +12,7 @@ from vsx_ros.sim.gazebo.elements import MeshUse
 from vsx_ros.sim.gazebo.geometry import placed
 from vsx_ros.sim.gazebo.meshes import MeshPart, read_mesh
 from vsx_ros.sim.gazebo.paths import ModelFolders
-from vsx_ros.sim.gazebo.pictures import Picture, Textures, pack
+from vsx_ros.sim.gazebo.pictures import Picture, Textures, joined, pack
 from vsx_ros.sim.gazebo.plain import MOST_PAIRS, inset, is_shown
 from vsx_ros.sim.gazebo.sdf import Layout, Shape
 from vsx_ros.sim.gazebo.surfaces import GREY, Surface
@@ -32,6 +32,19 @@ class Seen(NamedTuple):
     colours: FloatArray
     pictures: IntArray
     textures: Textures
+
+
+def with_more(seen: Seen, more: Seen) -> Seen:
+    """Both; the triangles, groups and surfaces of ``more`` come last."""
+    return Seen(
+        corners=np.concatenate([seen.corners, more.corners]),
+        uv=np.concatenate([seen.uv, more.uv]),
+        kinds=np.concatenate([seen.kinds, more.kinds + np.int32(len(seen.colours))]),
+        starts=np.concatenate([seen.starts, more.starts[1:] + len(seen.corners)]),
+        colours=np.concatenate([seen.colours, more.colours]),
+        pictures=np.concatenate([seen.pictures, more.pictures + len(seen.textures.logs) * (more.pictures >= 0)]),
+        textures=joined(seen.textures, more.textures),
+    )
 
 
 class Parts(NamedTuple):

@@ -117,6 +117,26 @@ def substitute(name: str) -> Picture:
     return picture_of(f"in place of {name}", Image.fromarray(grey))
 
 
+def painted(material: Material, name: str) -> Picture:
+    """A procedural surface, without its tint; its reflectance is stored as the square root, as of all pictures."""
+    from PIL import Image
+
+    roots = 255.0 * np.sqrt(texture(material) / 255.0)
+    return picture_of(name, Image.fromarray(np.rint(roots).astype(np.uint8)))
+
+
+def joined(first: Textures, second: Textures) -> Textures:
+    """All pictures of both."""
+    levels = first.levels[: len(first.logs)], second.levels[: len(second.logs)] + np.int32(len(first.texels))
+    return Textures(
+        logs=np.concatenate([first.logs, second.logs]),
+        levels=np.concatenate(levels),
+        texels=np.concatenate([first.texels, second.texels]),
+        contrast=np.concatenate([first.contrast, second.contrast]),
+        alphas=[*first.alphas, *second.alphas],
+    )
+
+
 def pack(pictures: list[Picture]) -> Textures:
     """Decode the pictures one after another, and close them. Raises InputError for one that is damaged, and if they do
     not fit into memory."""
