@@ -8,20 +8,23 @@ Python. tests/control measures how well trajectories are followed.
 """
 
 import argparse
+import math
 import os
 import sys
 import time
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 from planning_problems import (
     LIMITS,
-    OMPL,
     ROBOT,
     TOPPRA,
+    OmplPeer,
+    Question,
     map_names,
     map_problems,
-    peer_rrt_connect,
+    ompl_peer,
     peer_toppra,
     problems,
     random_goals,
@@ -39,6 +42,7 @@ from vsx_ros.planning.time_scaling import time_scale
 from vsx_ros.planning.two_level_qp import connect_paper, feasible
 
 PHIS = [0.5, 1.0, 2.0]
+_OPTIMAL_EACH = 10  # of the questions in labs, for the planners that take a second each
 
 
 @dataclass(frozen=True)
@@ -98,52 +102,62 @@ def section_connect(quick: bool, phis: list[float]) -> list[Row]:
 
 def section_lab(quick: bool, phis: list[float]) -> list[Row]:
     """Boxes and a wall: share solved of the solvable problems with this bound, time, length relative to OMPL's."""
-    questions, rows = problems(range(0, 20), 4) if quick else problems(range(100, 200), 10), []
+    questions, rows, peer = problems(range(0, 20), 4) if quick else problems(range(100, 200), 10), [], ompl_peer()
     for phi in phis:
         config = PlannerConfig(phi_rad_m=phi)
         ours, generic = Planner(config, ROBOT), UnconstrainedPlanner(config, ROBOT)
-        seconds, joined, smooth, solved, anyone, peer_solved = [], 0, 0, 0, 0, 0
-        both, mine, peers = [], [], []
+        seconds, plans, joined = [], [], []
         for grid, start, goal in questions:
             begun = time.process_time()
             plan = ours.plan(start, goal, grid, np.random.default_rng(1))
             seconds.append(time.process_time() - begun)
-            way = isinstance(generic.plan(start, goal, grid, np.random.default_rng(1)), Plan)
-            joined += way
-            peer = None
-            if OMPL and way:
-                begun = time.process_time()
-                peer = peer_rrt_connect(grid, start, goal, config)
-                peers.append(time.process_time() - begun)
-                mine.append(seconds[-1])
-            solved += isinstance(plan, Plan)
-            peer_solved += peer is not None
-            anyone += peer is not None or isinstance(plan, Plan)
-            if isinstance(plan, Plan):
-                smooth += not plan.path.jumps
-                if peer is not None:
-                    both.append((plan.path.length_m, peer[1], seconds[-1], peer[0]))
+            plans.append(plan.path if isinstance(plan, Plan) else None)
+            joined.append(isinstance(generic.plan(start, goal, grid, np.random.default_rng(1)), Plan))
+        solved = [path for path in plans if path is not None]
+        smooth = sum(not path.jumps for path in solved)
         print(
-            f"phi {phi}: {len(questions)} asked, {joined} joined, {solved} solved, {smooth} of them smooth", flush=True
+            f"phi {phi}: {len(questions)} asked, {sum(joined)} joined, {len(solved)} solved, {smooth} of them smooth",
+            flush=True,
         )
         print(f"  ms: {percentiles(seconds, 1e3)}")
+        asked = list(compress(zip(questions, plans, seconds), joined))
+        alone, compared = peer_rows(phi, asked, config, peer) if peer is not None else (0, [])
+        share = 100.0 * len(solved) / (len(solved) + alone)
         rows += [
-            Row(f"lab, phi {phi}: solved of what any planner solves [%]", 99.0, 99.5, 100.0 * solved / anyone, True),
+            Row(f"lab, phi {phi}: solved of what any planner solves [%]", 99.0, 99.5, share, True),
             Row(f"lab, phi {phi}: median time [ms]", 20.0, 8.0, 1e3 * float(np.median(seconds))),
             Row(f"lab, phi {phi}: p99 time [ms]", 300.0, 100.0, 1e3 * float(np.percentile(seconds, 99))),
+            *compared,
         ]
-        if both:
-            length, peer_length, took, peer_took = np.mean(both, axis=0)
-            print(f"  ms over all joined: ours {percentiles(mine, 1e3)}; OMPL {percentiles(peers, 1e3)}")
-            print(f"  OMPL RRTConnect + simplify: solved {peer_solved}; in the mean of {len(both)} both solve:")
-            print(
-                f"  {1e3 * took:.1f} ms, {length:.3f} m; OMPL {1e3 * peer_took:.1f} ms, {peer_length:.3f} m", flush=True
-            )
-            rows.append(Row(f"lab, phi {phi}: mean length / OMPL's", 1.0, 0.8, length / peer_length))
-            rows.append(
-                Row(f"lab, phi {phi}: mean time over all joined / OMPL's", 1.0, 1.0, np.mean(mine) / np.mean(peers))
-            )
     return rows
+
+
+def peer_rows(
+    phi: float, answered: list[tuple[Question, Path | None, float]], config: PlannerConfig, peer: OmplPeer
+) -> tuple[int, list[Row]]:
+    """OMPL on the same questions: how many it alone solved, and the rows of the table, on what both solve."""
+    first = peer.answers([question for question, _, _ in answered], config, "RRTConnect", solve_s=10.0, simplify_s=0.5)
+    alone = sum(path is None and way is not None for (_, path, _), way in zip(answered, first))
+    both = [(seconds, path.length_m, *way) for (_, path, seconds), way in zip(answered, first) if path and way]
+    took, length, peer_took, peer_length = np.mean(both, axis=0)
+    print(f"  OMPL RRTConnect + simplify: {alone} solved by it alone; the mean of {len(both)} that both solve:")
+    print(f"  {1e3 * took:.1f} ms, {length:.3f} m; OMPL {1e3 * peer_took:.1f} ms, {peer_length:.3f} m")
+    for name, times in (("ours", [row[0] for row in both]), ("OMPL", [row[2] for row in both])):
+        print(f"  ms of those, {name}: {percentiles(times, 1e3)}")
+    some = answered[::_OPTIMAL_EACH]
+    optimal = [
+        peer.answers([question for question, _, _ in some], config, name, 1.0) for name in ("BITstar", "AITstar")
+    ]
+    least = [min((way[1] for way in ways if way), default=math.inf) for ways in zip(*optimal)]
+    pairs = [(path.length_m, metres) for (_, path, _), metres in zip(some, least) if path and math.isfinite(metres)]
+    mine, best = np.mean(pairs, axis=0)
+    print(f"  the better of BIT* and AIT* after 1 s, mean of {len(pairs)} of {len(some)} that both solve:")
+    print(f"  {mine:.3f} m; OMPL {best:.3f} m", flush=True)
+    return alone, [
+        Row(f"lab, phi {phi}: mean length / RRTConnect's", 0.93, 0.9, length / peer_length),
+        Row(f"lab, phi {phi}: mean time / RRTConnect's", 0.8, 0.5, took / peer_took),
+        Row(f"lab, phi {phi}: mean length / best of BIT*, AIT*", 1.0, 0.97, mine / best),
+    ]
 
 
 def section_maps(quick: bool, phis: list[float]) -> list[Row]:
@@ -271,9 +285,8 @@ def main() -> None:
     unknown = set(args.sections) - set(todo)
     if unknown:
         parser.error(f"there is no section {', '.join(sorted(unknown))}")
-    for name, there in (("ompl", OMPL), ("toppra", TOPPRA)):
-        if not there:
-            print(f"{name} is not installed: its columns are left out")
+    if not TOPPRA:
+        print("toppra is not installed: its columns are left out")
     warm_up("planning")
     rows = []
     for name in args.sections or todo:

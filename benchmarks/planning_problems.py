@@ -1,12 +1,16 @@
-"""Problems for the planners, and the peers that solve the same ones: OMPL 2.0.1 and toppra 0.6.10.
+"""Problems for the planners, and the peers that solve the same ones: OMPL in C++, and toppra 0.6.10.
 
-``pip install ompl==2.0.1 toppra==0.6.10`` (into a separate environment) provides the peers; nothing else needs them.
+``apt install g++ pkg-config libompl-dev`` and ``pip install toppra==0.6.10`` (into a separate environment) provide the
+peers; nothing else needs them.
 """
 
 import importlib.util
 import os
-import time
+import subprocess
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path as File
+from typing import TypeAlias
 
 import numpy as np
 from rooms import plan as plan_of_picture
@@ -19,7 +23,6 @@ from vsx_ros.planning.corridor import build_corridor
 from vsx_ros.planning.path import Path, Refusal
 
 ROBOT, LIMITS = RobotConfig(), LimitsConfig()
-OMPL = importlib.util.find_spec("ompl") is not None
 TOPPRA = importlib.util.find_spec("toppra") is not None
 TUNING_MAPS = ("lab_ipa", "office_b")  # the planner was tuned on these; results are reported on the others
 
@@ -91,44 +94,51 @@ def map_problems(name: str, n: int) -> list[tuple[OccupancyGrid, SE2, SE2]]:
     return out
 
 
-def peer_rrt_connect(grid: OccupancyGrid, start: SE2, goal: SE2, config: PlannerConfig) -> tuple[float, float] | None:
-    """(seconds, length [m]) of OMPL's RRTConnect over Reeds-Shepp curves, simplified for at most half a second."""
-    from ompl import base, geometric, util
+Question: TypeAlias = tuple[OccupancyGrid, SE2, SE2]  # map, start, goal
 
-    util.setLogLevel(util.LogLevel.LOG_NONE)
-    util.RNG.setSeed(1)
-    corridor = build_corridor(grid, start, goal, config, ROBOT)
-    assert not isinstance(corridor, Refusal)
-    margin = corridor.margin
-    space = base.ReedsSheppStateSpace(1.0 / config.phi_rad_m)
-    bounds = base.RealVectorBounds(2)
-    for axis, (low, high) in enumerate(((-6.0, 6.0), (-4.0, 4.0))):
-        bounds.setLow(axis, low)
-        bounds.setHigh(axis, high)
-    space.setBounds(bounds)
-    setup = geometric.SimpleSetup(space)
-    point = np.empty((1, 2))
 
-    def free(state: object) -> bool:
-        point[0] = state.getX(), state.getY()  # type: ignore[attr-defined]  # OMPL ships no types
-        return bool(margin.at(point)[0] >= 0.0)
+class OmplPeer:
+    """OMPL's planners, compiled from ompl_peer.cpp. Raises OSError or CalledProcessError without what that needs."""
 
-    setup.setStateValidityChecker(free)
-    setup.getSpaceInformation().setStateValidityCheckingResolution(0.003)
-    ends = []
-    for pose in (start, goal):
-        state = space.allocState()
-        state.setX(pose.x)
-        state.setY(pose.y)
-        state.setYaw(pose.wrapped().theta)
-        ends.append(state)
-    setup.setStartAndGoalStates(*ends)
-    setup.setPlanner(geometric.RRTConnect(setup.getSpaceInformation()))
-    begun = time.process_time()
-    if not setup.solve(10.0) or not setup.haveExactSolutionPath():
+    def __init__(self) -> None:
+        source = File(__file__).with_name("ompl_peer.cpp")
+        flags = subprocess.run(["pkg-config", "--cflags-only-I", "ompl"], capture_output=True, text=True, check=True)
+        self._program = File(tempfile.mkdtemp()) / "ompl_peer"
+        optimised = ["-std=c++17", "-O3", "-march=native", *flags.stdout.split()]
+        subprocess.run(["g++", *optimised, str(source), "-o", str(self._program), "-lompl"], check=True)
+
+    def answers(
+        self,
+        questions: Sequence[Question],
+        config: PlannerConfig,
+        planner: str,
+        solve_s: float,
+        simplify_s: float = 0.0,
+    ) -> list[tuple[float, float] | None]:
+        """(seconds, length [m]) for each question. It gets the margins of our corridor; making them takes us time."""
+        asked = b"".join(self._question(grid, start, goal, config) for grid, start, goal in questions)
+        command = [str(self._program), planner, f"{solve_s:g}", f"{simplify_s:g}"]
+        said = subprocess.run(command, input=asked, capture_output=True, check=True).stdout.decode().splitlines()
+        rows = [None if line == "none" else tuple(map(float, line.split())) for line in said]
+        return [None if row is None else (row[0], row[1]) for row in rows]
+
+    @staticmethod
+    def _question(grid: OccupancyGrid, start: SE2, goal: SE2, config: PlannerConfig) -> bytes:
+        corridor = build_corridor(grid, start, goal, config, ROBOT)
+        assert not isinstance(corridor, Refusal)
+        values, resolution, x0, y0 = corridor.margin
+        poses = (*start.as_array().tolist(), *goal.wrapped().as_array().tolist())
+        head = (*values.shape, *map(float, (resolution, x0, y0, config.phi_rad_m)), *poses)
+        return " ".join(map(repr, head)).encode() + b"\n" + np.ascontiguousarray(values, np.float64).tobytes()
+
+
+def ompl_peer() -> OmplPeer | None:
+    """The compiled peer; None, and a note, without what it needs."""
+    try:
+        return OmplPeer()
+    except (OSError, subprocess.CalledProcessError) as error:
+        print(f"OMPL's columns are left out: {error}")
         return None
-    setup.simplifySolution(0.5)
-    return time.process_time() - begun, float(setup.getSolutionPath().length())
 
 
 def peer_toppra(path: Path) -> float:
