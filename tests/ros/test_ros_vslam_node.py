@@ -50,7 +50,7 @@ def bare(kind: type[Any], **parts: Any) -> Any:
 
 
 def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest.MonkeyPatch) -> None:
-    shapes = [(480, 640), (480, 640), (240, 320), (480, 640)]
+    shapes = [(480, 640), (480, 640), (240, 320), (480, 640), (480, 640)]
     waiting = [(Frame(k, np.zeros(shape, np.uint8)), Odometry(k, SE2())) for k, shape in enumerate(shapes)]
     tracked: list[int] = []
 
@@ -58,7 +58,7 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
         if frame.image.shape != (480, 640):
             raise InputError("image of 320x240 does not fit")
         tracked.append(frame.stamp_ns)
-        return TrackingResult(frame.stamp_ns, TrackingState.GOOD)
+        return TrackingResult(frame.stamp_ns, TrackingState.GOOD, frozen=frame.stamp_ns == 4)
 
     monkeypatch.setattr(rospy, "get_param", lambda _, usual: usual)
     monkeypatch.setattr(threads, "is_ending", lambda: not waiting)
@@ -70,12 +70,12 @@ def test_an_image_of_another_size_is_as_if_it_had_never_come(monkeypatch: pytest
     node = bare(
         VslamNode, _metric=True, _input=heard, _maps=Notes(), _status=status, _lease=lease, _poses=Notes(),
         _session=SimpleNamespace(begin=lambda *_, **__: slam, track=track, locate=lambda *_: SimpleNamespace(stuck="")),
-        _run=Notes(), _preview=Notes(), _clock=SlamClock(), _pictures=SimpleNamespace(is_new=lambda *_: True),
+        _run=Notes(), _preview=Notes(), _clock=SlamClock(),
     )  # fmt: skip
     node._track()
-    assert tracked == [0, 1, 3]
-    assert len(lease.said) == 3, "nobody drives by an image that could not be used"
-    assert [name for name, _ in status.said] == ["frame", "frame", "refused", "frame"]
+    assert tracked == [0, 1, 3, 4]
+    assert len(lease.said) == 3, "nobody drives by an image that could not be used, or is frozen"
+    assert [name for name, _ in status.said] == ["frame", "frame", "refused", "frame", "frame"]
     assert "320x240" in status.said[2][1]
 
 

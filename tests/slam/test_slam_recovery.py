@@ -19,7 +19,7 @@ def lost(arc_drive):
     """The recovery of a camera that was tracked at frame 40, and the frame ``k`` of the drive with the wheels at x."""
     slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam, 1)
     front = slam._front
-    frames = [front._preprocessor.take(*arc_drive.frames[k][:2]) for k in range(41)]
+    frames = [front._preprocessor.take(*arc_drive.frames[k][:2], metric=True) for k in range(41)]
     motion = front._motion
     recovery = Recovery(arc_drive.camera, arc_drive.T_base_cam, Config().slam, front._tracker, motion)
 

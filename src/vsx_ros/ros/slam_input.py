@@ -5,13 +5,11 @@ import time
 from collections import deque
 from dataclasses import replace
 
-import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Float64MultiArray, UInt8
 
 from vsx_hw.readings import Hazard
-from vsx_ros.arrays import GrayImage
 from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.navigation.lease import ImageLease
 from vsx_ros.robot import SILENCE_NS, Frame, Odometry, odometry_at
@@ -20,7 +18,6 @@ from vsx_ros.ros.callbacks import hear_odometry, image_subscriber, subscribe
 from vsx_ros.ros.slam_clock import SlamClock
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
-from vsx_ros.slam.preprocessing import STILL_M, STILL_RAD
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 _SILENCE_S = 3.0  # without images: reported
@@ -196,19 +193,3 @@ class SensorSync:
             self._clock.set_back(behind_ns + round(1e9 * (time.monotonic() - self._taken_s)))
             self._much_older, self.was_set_back = 0, True
         return behind_ns < 0
-
-
-class RepeatedImageDetector:
-    """Noise makes every real image differ; a noise-free image repeats only while the base stands still. This check
-    stops a drive at the first repeated image; the drivers' ``FrozenImageDetector`` needs several."""
-
-    def __init__(self) -> None:
-        self._first: tuple[GrayImage, Odometry] | None = None
-
-    def is_new(self, image: GrayImage, odometry: Odometry | None) -> bool:
-        """Whether the image differs from the previous one, or the base still stands where that one was first seen."""
-        if self._first is None or odometry is None or not np.array_equal(image, self._first[0]):
-            self._first = None if odometry is None else (image, odometry)
-            return True
-        then, now = self._first[1].T_odom_base, odometry.T_odom_base
-        return then.distance_to(now) < STILL_M and abs(then.angle_to(now)) < STILL_RAD

@@ -59,9 +59,9 @@ class FrontEnd:
         for an image of the wrong size or type and for a stamp that does not advance; such a frame changes nothing."""
         if not (self._view.keyframes or self._bootstrap.is_trying) and self._preprocessor.begins_again(odometry):
             self._bootstrap.begin_again()
-        data = self._preprocessor.take(frame, odometry if is_metric(self._view.keyframes, self._map_id) else None)
+        data = self._preprocessor.take(frame, odometry, metric=is_metric(self._view.keyframes, self._map_id))
         result, work = self._process(self._consistency.admit(data))
-        return self._told(result), work
+        return self._told(result)._replace(frozen=self._preprocessor.repeats), work
 
     def _told(self, result: TrackingResult) -> TrackingResult:
         """The result with its poses at the frame's stamp, and their anchor."""

@@ -13,14 +13,12 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.robot import Frame, Odometry
 from vsx_ros.slam.keyframe import HANGS, FrameData
+from vsx_ros.slam.repeat_watch import RepeatWatch
 from vsx_ros.vision.corners import CornerDetector, no_corners
 from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import LEVELS, BlurDetector, Pyramid, build_pyramid, small_image
 
 GAP_S, MAX_AGE_S = 1.0, 0.25  # between frames before it is reported; between odometry and image
-# A base that moves less than this between two images stands still. If it stops in between, extrapolation of odometry
-# to the image's middle row can err by as much.
-STILL_M, STILL_RAD = 0.006, 0.01
 
 
 def shutter_of(camera: PinholeCamera, config: ShutterConfig) -> Shutter:
@@ -69,7 +67,8 @@ class RollingShutter:
 
 class Preprocessor:
     """``take`` one frame after the other. T_middle_stamp: the camera at the latest frame's stamp, seen from the middle
-    of its exposure. gap: called with (stamp_ns, reason) at a gap in time, images or odometry.
+    of its exposure. repeats: whether the latest image shows nothing of now (see ``RepeatWatch``). gap: called with
+    (stamp_ns, reason) at a gap in time, images or odometry.
 
     Raises CalibrationError for an impossible camera or mount."""
 
@@ -85,11 +84,12 @@ class Preprocessor:
         self._detector = CornerDetector(config.tracker.corners)
         self._blur = BlurDetector()
         self._last_stamp_ns: int | None = None
-        self._last_image: tuple[Pyramid, SE2 | None] | None = None
+        self._repeats, self.repeats = RepeatWatch(), False
 
-    def take(self, frame: Frame, odometry: Odometry | None) -> FrameData:
-        """The next frame. Raises InputError for an image of the wrong size or type and a stamp that does not advance;
-        nothing has changed then."""
+    def take(self, frame: Frame, odometry: Odometry | None, *, metric: bool) -> FrameData:
+        """The next frame. metric: whether the map has a scale; without one, odometry only tells frozen images. Raises
+        InputError for an image of the wrong size or type and a stamp that does not advance; nothing has changed then.
+        """
         camera = self._camera
         pyramid = build_pyramid(frame.image)
         if frame.image.shape != (camera.height, camera.width):
@@ -107,10 +107,13 @@ class Preprocessor:
             self._gap(frame.stamp_ns, f"no frame for {(frame.stamp_ns - last) * 1e-9:.1f} s")
         self._last_stamp_ns = frame.stamp_ns
         middle_ns = frame.stamp_ns + self._shutter.middle_ns
-        T_odom_base = None if self._odometry is None else self._odometry.at(middle_ns, odometry)
+        T_odom_base = self._odometry.at(middle_ns, odometry) if self._odometry is not None and metric else None
         array, self.T_middle_stamp = self._shutter.exposure(odometry if T_odom_base is not None else None)
         small = small_image(pyramid)
-        frozen = self._is_frozen(pyramid, T_odom_base)
+        placed = None if odometry is None else pose_at(middle_ns, odometry)
+        where = (placed, odometry.odom_epoch) if odometry is not None and isinstance(placed, SE2) else None
+        self.repeats = self._repeats.see(middle_ns, pyramid, where)
+        frozen = self.repeats and _shows_light(pyramid)
         if frozen:
             self._gap(frame.stamp_ns, f"the image is the last one to the bit though the base moves: {HANGS}")
         blurred = not frozen and self._blur.blurred(pyramid)
@@ -130,20 +133,18 @@ class Preprocessor:
         """See ``ContinuousOdometry``; for frames before the map."""
         return self._odometry is not None and odometry is not None and self._odometry.begins_again(odometry)
 
-    def _is_frozen(self, pyramid: Pyramid, T_odom_base: SE2 | None) -> bool:
-        """Whether the image equals the last one exactly though the base has moved. Noise makes live images differ; only
-        where there is no light, nothing may be seen twice."""
-        before, self._last_image = self._last_image, (pyramid, T_odom_base)
-        if before is None or T_odom_base is None or before[1] is None:
-            return False
-        still = before[1].distance_to(T_odom_base) < STILL_M and abs(before[1].angle_to(T_odom_base)) < STILL_RAD
-        # Comparing the coarsest level is almost always enough, in a fraction of the time.
-        coarse = pyramid.level(LEVELS - 1)
-        same = np.array_equal(before[0].level(LEVELS - 1), coarse) and coarse.min() < coarse.max()
-        if still or not same or not np.array_equal(before[0].pixels, pyramid.pixels):
-            return False
-        self._last_image = before
-        return True
+
+def _shows_light(pyramid: Pyramid) -> bool:
+    coarse = pyramid.level(LEVELS - 1)
+    return bool(coarse.min() < coarse.max())
+
+
+def pose_at(stamp_ns: int, odometry: Odometry) -> SE2 | str:
+    """T_odom_base at the time of an image, extrapolated from a reading; or why that is impossible, in words."""
+    age = (stamp_ns - odometry.stamp_ns) * 1e-9
+    if reason := odometry.impossible or _out_of_date(age):
+        return reason
+    return odometry.T_odom_base @ SE2.exp(odometry.v * age, odometry.omega * age)
 
 
 class ContinuousOdometry:
@@ -169,11 +170,10 @@ class ContinuousOdometry:
         continues from there."""
         if odometry is None:
             return None
-        age = (stamp_ns - odometry.stamp_ns) * 1e-9
-        if reason := odometry.impossible or _out_of_date(age):
-            self._gap(stamp_ns, f"{reason}: ignored for this frame")
+        raw = pose_at(stamp_ns, odometry)
+        if isinstance(raw, str):
+            self._gap(stamp_ns, f"{raw}: ignored for this frame")
             return None
-        raw = odometry.T_odom_base @ SE2.exp(odometry.v * age, odometry.omega * age)
         counted = self._T_continuous_odom @ raw
         if self._last is not None and self._last[2] != odometry.odom_epoch:
             last_ns, last, _ = self._last

@@ -39,7 +39,8 @@ class TrackingResult(NamedTuple):
     pose in that map's own frame. corrected: the map moved since the frame before (a loop was closed, maps were joined):
     a jump is the map's, not the camera's. covariance (6, 6): of the pose, see slam/uncertainty.py; None without a pose.
     anchor: the pose relative to a keyframe, which moves with the map. ahead: how much of the map in the middle of the
-    image is hidden by something that is not in it, in words; empty if little is."""
+    image is hidden by something that is not in it, in words; empty if little is. frozen: the image is an earlier one to
+    the bit though the base has moved since: driving on would be driving blind."""
 
     stamp_ns: int
     state: TrackingState
@@ -54,6 +55,7 @@ class TrackingResult(NamedTuple):
     covariance: FloatArray | None = None
     anchor: Anchor | None = None
     ahead: str = ""
+    frozen: bool = False
 
     def placed(self, T_map_cam: SE3) -> TrackingResult:
         """The same result with a pose in its map; outside the first map it has no pose in the world."""

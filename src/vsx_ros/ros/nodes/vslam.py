@@ -30,7 +30,7 @@ from vsx_ros.ros import node, threads, topics
 from vsx_ros.ros.callbacks import offer_trigger
 from vsx_ros.ros.driving import Lease
 from vsx_ros.ros.slam_clock import SlamClock
-from vsx_ros.ros.slam_input import RepeatedImageDetector, SlamInput
+from vsx_ros.ros.slam_input import SlamInput
 from vsx_ros.ros.slam_maps import SlamMaps
 from vsx_ros.ros.slam_messages import PosePublisher, Preview, SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
@@ -48,7 +48,7 @@ class VslamNode:
         self._run = SlamRun(config)
         self._session = self._run.session
         self._slam: ThreadedSlam | None = None
-        self._status, self._preview, self._pictures = SlamStatus(), Preview(), RepeatedImageDetector()
+        self._status, self._preview = SlamStatus(), Preview()
         self._clock = SlamClock()
         self._maps = SlamMaps(config, self._session, self._status, self._clock, self._run.continued, self._run.map_file)
         self._lease = Lease(topics.FOLLOWER_LEASE, "vslam")
@@ -73,8 +73,7 @@ class VslamNode:
         except InputError as error:
             self._input.refused(str(error))
             return
-        is_new = self._pictures.is_new(frame.image, odometry)  # driving on a repeated picture would be driving blind
-        if is_new and not self._input.waits_for_odometry(result):
+        if not (result.frozen or self._input.waits_for_odometry(result)):
             self._lease.renew()
         self._poses.publish(self._clock.left(result), odometry)
         where = self._session.locate(result, odometry)
