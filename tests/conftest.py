@@ -7,6 +7,8 @@ import hypothesis
 import pytest
 from chromium import EXECUTABLE, Chromium
 
+import vsx_ros  # noqa: F401  # before any test imports cv2, which reads its limit then
+
 # A shell that starts the suite in its background lets it ignore Ctrl-C, and with it every program that a test starts;
 # nohup does so with SIGHUP.
 signal.signal(signal.SIGINT, signal.default_int_handler)

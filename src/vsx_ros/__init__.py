@@ -21,7 +21,8 @@ _OPENCV_UNITS = {"": 1, "kb": 2**10, "mb": 2**20}
 
 
 def _limit_opencv() -> None:
-    """Let OpenCV decode no larger image, whatever a file says of its size. A user's lower limit stays."""
+    """Let OpenCV decode no larger image, whatever a file says of its size. A user's lower limit stays. A cv2 that was
+    imported before this package keeps its own; ``io.image_file`` checks each file without this one."""
     told = re.fullmatch(r"([0-9]{1,18})(|KB|Kb|kb|MB|Mb|mb)", os.environ.get(_OPENCV_LIMIT, ""))
     if told is None or int(told[1]) * _OPENCV_UNITS[told[2].lower()] > MAX_PIXELS:
         os.environ[_OPENCV_LIMIT] = str(MAX_PIXELS)

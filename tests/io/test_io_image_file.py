@@ -92,3 +92,8 @@ for rows in ({pixels} // 512, {pixels} // 512 + 1):
     environment |= {} if told is None else {"OPENCV_IO_MAX_IMAGE_PIXELS": told}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "True"]  # the first is cut short
+
+
+def test_the_limit_holds_in_the_tests() -> None:
+    with pytest.raises(cv2.error, match="MAX_IMAGE_PIXELS"):
+        cv2.imdecode(np.frombuffer(b"P5 512 %d 255 " % (MAX_PIXELS // 512 + 1), np.uint8), cv2.IMREAD_UNCHANGED)
