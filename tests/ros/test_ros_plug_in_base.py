@@ -123,9 +123,10 @@ class Line:
 def test_a_driver_that_says_connected_with_a_dead_thread_ends_the_node_and_the_drive(base: LoneBase) -> None:
     line = Line(base.port + "2")
     node = base.start("mobile_base", "_robot_type:=careless", f"_port:={base.port}2")
-    base.processes.wait(lambda: line.heard.endswith(b"drive 0.05;"), "the hand to drive")
+    base.processes.wait(lambda: b"drive 0.05;" in line.heard, "the hand to drive")
     Path(base.port + "2.end").touch()
-    base.processes.wait(lambda: line.heard.endswith(b"drive 0.00;"), "the wheels to be told to stand")
+    before = len(line.heard)
+    base.processes.wait(lambda: b"drive 0.00;" in line.heard[before:], "the wheels to be told to stand")
     base.processes.wait(lambda: node.poll() is not None, "the node to end")
     assert node.returncode == 2
     assert "no reading for" in base.processes.logs()
