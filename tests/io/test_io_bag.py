@@ -216,6 +216,27 @@ def test_a_topic_that_is_not_there_is_named(drive):
         open_recording(drive, odometry_topic="/wheels")
 
 
+def test_a_topic_of_another_kind_is_told(tmp_path, drive):
+    with pytest.raises(
+        InputError, match=r"no image topic odom \(that is 5 messages of nav_msgs/msg/Odometry\);"
+    ):
+        open_recording(drive, image_topic="odom")
+    depth = compressed(1)
+    depth.format = "16UC1; compressedDepth png"
+    path = write(tmp_path / "d.bag", [("/depth/image/compressedDepth", depth)])
+    with pytest.raises(InputError, match="has no image topic; it has /depth/image/compressedDepth"):
+        open_recording(path)
+    recording = open_recording(path, image_topic="/depth/image/compressedDepth")
+    with pytest.raises(InputError, match="none can be used.*it is a depth image; choose the camera's topic"):
+        list(recording.frames())
+
+
+def test_a_calibration_that_comes_after_images_is_found(tmp_path):
+    path = write(tmp_path / "l.bag", [*(("/c/image_raw", image(k)) for k in range(1, 5)), ("/c/camera_info", info())])
+    assert open_recording(path).camera.fx == 30.0
+    assert len(list(open_recording(path).frames())) == 4
+
+
 @pytest.mark.parametrize("kind", ["png", "jpg"])
 def test_compressed_colour_is_grey(tmp_path, kind):
     colours = cv2.applyColorMap(cv2.GaussianBlur(SCENE, (0, 0), 3.0), cv2.COLORMAP_JET)

@@ -75,6 +75,21 @@ def test_a_wrong_index_is_refused(folder, text, message):
         open_recording(folder)
 
 
+@pytest.mark.parametrize("separator", ["\t", "   ", ",", ", "])
+def test_the_index_may_have_other_separators(folder, separator):
+    text = (folder / "rgb.txt").read_text()
+    (folder / "rgb.txt").write_text(text.replace(" rgb/", f"{separator}rgb/"))
+    assert [f.stamp_ns for f in open_recording(folder).frames()] == [i * 10**8 for i in range(4)]
+
+
+@pytest.mark.parametrize("first_ns", [1_403_636_579_763_555_584, 0])
+def test_stamps_in_nanoseconds_are_one_sentence(folder, first_ns):
+    lines = [f"{first_ns + i * 10**8} rgb/{i:06d}.png" for i in range(4)]
+    (folder / "rgb.txt").write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"rgb\.txt.*stamps? in seconds"):
+        open_recording(folder)
+
+
 def test_a_folder_of_something_else_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"no rgb\.txt"):
         open_recording(tmp_path)

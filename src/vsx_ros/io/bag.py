@@ -120,10 +120,12 @@ def _odometry_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str 
 
 
 def _wanted(path: Path, counts: dict[str, tuple[str, int]], found: list[str], wanted: str, kind: str) -> str:
-    for name in (wanted, "/" + wanted.lstrip("/")):
+    names = (wanted, "/" + wanted.lstrip("/"))
+    for name in names:
         if name in found:
             return name
-    raise InputError(f"bag {path} has no {kind} topic {wanted}; {_listing(counts)}")
+    told = [f" (that is {counts[name][1]} messages of {counts[name][0]})" for name in names if name in counts]
+    raise InputError(f"bag {path} has no {kind} topic {wanted}{''.join(told[:1])}; {_listing(counts)}")
 
 
 def _camera(

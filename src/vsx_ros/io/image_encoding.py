@@ -108,6 +108,8 @@ class GrayImages:
         mosaic = said.partition(";")[0].strip()
         mosaic = mosaic.rstrip("0123456789") if mosaic.startswith("bayer") else ""
         with explained(InputError, f"{name} ({len(content)} bytes) cannot be used", "give a whole JPEG or PNG"):
+            if "compressedDepth" in said:
+                raise ValueError("it is a depth image; choose the camera's topic")
             image = camera_picture(content, colour=bool(mosaic))
         if image.ndim == 2 and image.dtype == np.uint8 and not mosaic:
             return np.asarray(image, np.uint8)

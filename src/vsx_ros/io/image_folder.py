@@ -2,9 +2,12 @@
 camera.json."""
 
 import io
+import re
 from collections.abc import Iterator
 from operator import attrgetter
 from pathlib import Path
+
+import numpy as np
 
 from vsx_ros.errors import InputError, explained
 from vsx_ros.geometry.level import LevelWatch
@@ -19,6 +22,8 @@ from vsx_ros.robot import Frame, Odometry, with_speeds
 CALIBRATION_NAMES = ("camera.json", "camera.yaml", "calibration.yaml", "camera_info.yaml")
 _MOST_IMAGES = 2**20  # nine hours at 30 per second
 _LONGEST_NAME = 1000  # of a file; longer is invalid
+_SEPARATOR = re.compile(r"[\s,]+")
+_LONGEST_GAP_S = 60.0  # on the median: no camera that moves can be followed at this rate
 _STAMP = attrgetter("stamp_ns")
 
 
@@ -72,17 +77,20 @@ def _listed_images(folder: Path) -> list[tuple[int, str]]:
     for number, line in enumerate(io.StringIO(text), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        stamp, _, name = line.strip().partition(" ")
         try:
+            stamp, name = _SEPARATOR.split(line.strip(), maxsplit=1)
             if len(name) > _LONGEST_NAME:
                 raise ValueError("no file has so long a name")
-            listed.append((parse_stamp(stamp), name.strip()))
+            listed.append((parse_stamp(stamp), name))
         except (ValueError, OverflowError) as error:
-            raise InputError(f"{index}, line {number}: expected 'stamp file', got {line.strip()[:80]!r}") from error
+            expected = "expected 'stamp file', the stamp in seconds"
+            raise InputError(f"{index}, line {number}: {expected}, got {line.strip()[:80]!r}") from error
         if len(listed) > _MOST_IMAGES:
             raise InputError(f"{index} lists more than {_MOST_IMAGES} images; cut the recording into parts")
     if not listed:
         raise InputError(f"{index} lists no image; each line shall be 'stamp file'")
+    if len(listed) > 1 and (gap_s := 1e-9 * float(np.median(np.diff(sorted(ns for ns, _ in listed))))) > _LONGEST_GAP_S:
+        raise InputError(f"{index}: from image to image are {gap_s:g} s; give stamps in seconds, not nanoseconds")
     return listed
 
 

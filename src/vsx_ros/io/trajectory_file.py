@@ -66,7 +66,8 @@ def _pose_of(line: str, where: str) -> StampedPose:
         stamp_ns = parse_stamp(fields[0])
         x, y, z, qx, qy, qz, qw = (float(field) for field in fields[1:])
     except (ValueError, OverflowError) as error:
-        raise InputError(f"{where}: expected 'stamp tx ty tz qx qy qz qw', got {line.strip()[:80]!r}") from error
+        expected = "expected 'stamp tx ty tz qx qy qz qw' in seconds and metres"
+        raise InputError(f"{where}: {expected}, got {line.strip()[:80]!r}") from error
     quaternion = (qx, qy, qz, qw)
     norm = math.sqrt(sum(q * q for q in quaternion))
     if not (all(abs(v) <= FARTHEST_M for v in (x, y, z)) and abs(norm - 1.0) < 0.05):
