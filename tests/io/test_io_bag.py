@@ -217,9 +217,7 @@ def test_a_topic_that_is_not_there_is_named(drive):
 
 
 def test_a_topic_of_another_kind_is_told(tmp_path, drive):
-    with pytest.raises(
-        InputError, match=r"no image topic odom \(that is 5 messages of nav_msgs/msg/Odometry\);"
-    ):
+    with pytest.raises(InputError, match=r"no image topic odom \(that is 5 messages of nav_msgs/msg/Odometry\);"):
         open_recording(drive, image_topic="odom")
     depth = compressed(1)
     depth.format = "16UC1; compressedDepth png"
