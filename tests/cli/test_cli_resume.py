@@ -1,5 +1,6 @@
 """A run that is killed without warning goes on in the same map."""
 
+import csv
 import json
 import os
 import shutil
@@ -89,6 +90,26 @@ def test_its_report_shows_every_second_of_all_sessions(resumed):
     page = (out / "report.html").read_text()
     assert REASON not in page
     assert "Second by second" in page
+
+
+def test_what_became_known_is_told_of_all_sessions(resumed):
+    out, _ = resumed
+    summary = json.loads((out / "summary.json").read_text())
+    with (out / "progress.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    seconds, metres, areas = (
+        np.array([float(row[name]) for row in rows]) for name in ("elapsed_s", "driven_m", "known_area_m2")
+    )
+    assert seconds[0] == 0.0
+    assert seconds[-1] == pytest.approx(40.0, abs=0.2)
+    assert (np.diff(seconds) < 4.0).all()
+    assert (np.diff(metres) >= 0.0).all()
+    assert 1.0 < metres[-1] < 12.0
+    assert areas[-1] > 5.0 * areas[0] > 0.0
+    assert float(rows[-1]["coverage_correct"]) == pytest.approx(summary["coverage_correct"], abs=1e-5)
+    page = (out / "report.html").read_text()
+    assert "<h2>Known area</h2>" in page
+    assert page.count('<g class="goal">') >= 2
 
 
 def test_it_goes_on_in_the_same_map_and_ends_as_a_run_does(resumed):

@@ -163,6 +163,8 @@ def test_the_goals_are_told_with_what_came_second_and_why_they_were_left() -> No
     assert "left: goal &lt;blacklisted&gt; for 30 s" in text
     assert text.count("left: ") == 2
     assert goal_table(run(None)) == ""
+    many = goal_table(run(None, goals=[goal(1.0, 2.0)] * 412))
+    assert (many.count("<tr>"), "... and 12 more in events.jsonl" in many) == (401, True)
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

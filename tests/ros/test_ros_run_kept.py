@@ -1,5 +1,6 @@
 """What stays of a run: a folder by roslaunch, too, and neither master nor nodes of a killed run."""
 
+import csv
 import os
 import signal
 import subprocess
@@ -45,6 +46,11 @@ def test_roslaunch_leaves_a_whole_folder(tmp_path: Path) -> None:
     assert len(kept.pictures) >= 5, "five seconds and more since there is a map"
     assert kept.maps
     assert "Second by second" in (path / "report.html").read_text()
+    with (path / "progress.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[-1]["known_area_m2"]) > 0.0
+    assert float(rows[-1]["driven_m"]) == pytest.approx(summary["driven_m"], rel=0.2, abs=0.1)
+    assert float(rows[-1]["coverage_correct"]) == pytest.approx(summary["coverage_correct"], abs=1e-5)
     assert config.exploration.teleop_quiet_s > 0.0
 
 

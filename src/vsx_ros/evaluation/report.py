@@ -120,7 +120,7 @@ def goal_table(data: ReportData) -> str:
         at = f"{(goal.stamp_ns - data.began_ns) * 1e-9:.1f} s"
         rows.append(f"<tr><td>{number}</td><td>{at}</td><td>{why}{left}</td></tr>")
     head = "".join(f"<th>{name}</th>" for name in ("goal", "at", "why it was chosen and left"))
-    return f'<table class="goals"><tr>{head}</tr>{"".join(rows)}</table>' if rows else ""
+    return f'<table class="goals"><tr>{head}</tr>{"".join(rows)}</table>{_left_out(data.goals)}' if rows else ""
 
 
 def room_table(rooms: Sequence[Room]) -> str:
@@ -163,8 +163,11 @@ def timeline(data: ReportData) -> str:
 def _events(data: ReportData) -> str:
     """Their words; the figures of choices are in the table of goals."""
     told = collapsed([(*event[:3], event[3].partition(" [")[0]) for event in data.events if event[2] != "keyframe"])
-    more = f"<p>... and {len(told) - _MAX_EVENTS} more in events.jsonl</p>" if len(told) > _MAX_EVENTS else ""
-    return table(["at", "who", "state", "why"], rows(told[:_MAX_EVENTS], data.began_ns)) + more
+    return table(["at", "who", "state", "why"], rows(told[:_MAX_EVENTS], data.began_ns)) + _left_out(told)
+
+
+def _left_out(rows_of: Sequence[object]) -> str:
+    return f"<p>... and {len(rows_of) - _MAX_EVENTS} more in events.jsonl</p>" if len(rows_of) > _MAX_EVENTS else ""
 
 
 def _folded(name: str, values: Mapping[str, Any]) -> str:

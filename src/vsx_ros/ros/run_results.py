@@ -61,7 +61,7 @@ def write_results(
     writes.append(lambda: folder.write_events(all_events(folder, journal, monitor)))
     if truth:
         writes.append(lambda: folder.write_poses("groundtruth", truth))
-    failure = folder.write_what_fits(*writes, lambda: write_report(folder)) or journal.failure or missing
+    failure = folder.write_what_fits(*writes, lambda: write_report(folder, judge)) or journal.failure or missing
     return tell_the_end(folder, summary.as_dict(), ending.code, failure)
 
 

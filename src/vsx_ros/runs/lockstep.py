@@ -213,7 +213,7 @@ class FastRun:
             lambda: write_places(system.ground, system.slam.slam_map(), folder.path / "map.yaml"),
             lambda: write_rooms(system.grid, folder.path / "map.yaml", self._config, self.continued),
             lambda: write_self_calibration(folder.path, calibration, known),
-            lambda: write_report(folder),
+            lambda: write_report(folder, self.judge),
         ]
         return self.keeper.finish(folder, system.slam, summary, surface, system.grid, *more)
 

@@ -24,6 +24,7 @@ from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.goals import goals_of
 from vsx_ros.runs.interrupted import REASON, KnownRun, unfinished
 from vsx_ros.runs.journal import MapLine, RunEvent
+from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.moments import REMEDY, Moments
 from vsx_ros.runs.parameters import commented_yaml
 from vsx_ros.runs.process import DONE, FAILED, HARDWARE, LOST, STOPPED
@@ -36,18 +37,18 @@ _OTHERS = {
 EXIT_CODES = dict.fromkeys(Outcome, FAILED) | _OTHERS  # For each outcome of an exploration, live or in lock-step
 
 
-def write_report(folder: RunFolder) -> Path:
+def write_report(folder: RunFolder, judge: MapJudge | None = None) -> Path:
     """Write report.html of a run, and when the run has ended, progress.csv, whose curves it shows; returns the path of
-    the report."""
-    path, data = folder.path / "report.html", report_data(folder)
+    the report. judge: that of the run, which would else be made again."""
+    path, data = folder.path / "report.html", report_data(folder, judge)
     if data.summary.get("stop_reason") != REASON:
         write_progress(folder, data.progress)
     write_text(path, render(data))
     return path
 
 
-def report_data(folder: RunFolder) -> ReportData:
-    """The data for the report page of a run, also of one that was killed or still runs."""
+def report_data(folder: RunFolder, judge: MapJudge | None = None) -> ReportData:
+    """The data for the report page of a run, also of one that was killed or still runs. judge: see ``write_report``."""
     config, facts = folder.read_config()
     points, rooms = folder.path / "sparse.ply", load_rooms(room_file(folder.path / "map.yaml"))
     moments, trouble = _moments(folder)
@@ -77,7 +78,7 @@ def report_data(folder: RunFolder) -> ReportData:
         T_base_cam=mounted(config.robot.mount),
         robot_radius_m=config.robot.radius_m,
         rooms=rooms.rooms if rooms is not None else (),
-        progress=progress_of(run, moments, grid, judge_of(folder, config, facts.get("load_map"))),
+        progress=progress_of(run, moments, grid, judge or judge_of(folder, config, facts.get("load_map"))),
         goals=goals_of(run.events),
     )
 
