@@ -102,7 +102,7 @@ class ExplorationSystem:
         now_ns, odometry = tracking.stamp_ns, self.odometry
         where = self.session.locate(tracking, odometry, self._computing_time.frame_ns())
         if hazard:
-            self.session.bumped(where.T_map_base)
+            self.session.bumped(self.session.base_at(odometry))  # also before there is a map
         self._refresh_map(now_ns)
         decision = None
         if self._decided is None and now_ns >= self._next_decision_ns:

@@ -255,6 +255,36 @@ def test_the_promised_strip_is_free_until_an_obstacle_is_seen(ground_map):
     assert seen.value_at(1.0, 1.51) == OCCUPIED
 
 
+@pytest.mark.parametrize("heading", [0.0, 0.4, np.pi / 4])
+def test_nothing_is_promised_beyond_where_the_base_was_stopped(ground_map, heading):
+    """A wall face 24 cm ahead of the start, and one bump."""
+    none, start = (np.zeros((0, 3)), np.zeros(0, int), np.zeros(0, int)), SE2(1.0, -0.5, heading)
+    radius_m = RobotConfig().radius_m
+    bump = start @ SE2(0.24 - radius_m, 0.0, 0.0)
+    grid = ground_map.build([], *none, DriveHistory(bumps=[bump], start=start))
+    forward = (start.inverse() @ centres_of(grid, FREE))[:, 0]
+    assert not (forward > 0.24).any()
+    assert len(forward) * grid.resolution**2 > 0.8 * np.pi * radius_m**2
+    assert grid.value_at(bump.x, bump.y) == FREE
+    back = DriveHistory(bumps=[start @ SE2(0.0, 0.0, np.pi), start @ SE2(0.0, 0.0, np.pi / 2)], start=start)
+    ahead = start @ np.array([[0.65, 0.0]])
+    assert ground_map.build([], *none, back).value_at(*ahead[0]) == FREE, "behind and beside it is not ahead"
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.4, np.pi / 4])
+def test_nothing_is_promised_behind_what_is_seen(ground_map, heading):
+    start = SE2(1.0, 1.0, heading)
+    poses = [SE3.from_se2(start @ SE2(-0.4, 0.1 * i, 0.0)) @ MOUNT for i in range(3)]
+    y = np.arange(-0.3, 0.31, 0.02)
+    wall = start @ np.column_stack([np.full(2 * len(y), 0.4), np.repeat(y, 2)])
+    points = np.column_stack([wall, np.tile([0.2, 0.3], len(y))])
+    keyframe, point = np.repeat(np.arange(3), len(points)), np.tile(np.arange(len(points)), 3)
+    grid = ground_map.build(poses, points, keyframe, point, DriveHistory(start=start))
+    places = start.inverse() @ centres_of(grid, FREE)
+    ahead = places[np.abs(places[:, 1]) < 0.25, 0]
+    assert 0.3 < ahead.max() < 0.45
+
+
 def test_nothing_known_is_a_grid_of_unknown(ground_map):
     grid = ground_map.build([], np.zeros((0, 3)), np.zeros(0, int), np.zeros(0, int))
     assert (grid.data == UNKNOWN).all()

@@ -11,10 +11,13 @@ from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.robot import Odometry
+from vsx_ros.robot import STOP, Odometry
 from vsx_ros.session import SlamSession
+from vsx_ros.sim.generate import generate_world
+from vsx_ros.sim.robot import EmulatedRobot, SimulationConfig
 from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.state import TrackingResult, TrackingState
+from vsx_ros.system import ExplorationSystem
 
 T_MAP_ODOM = SE2(1.0, 2.0, math.pi / 2)
 BEGAN, WHEELS = Odometry(1, SE2(0.5, 0.0, 0.0)), Odometry(7, SE2(3.0, 0.5, 0.2), 0.2, 0.0)
@@ -113,6 +116,15 @@ def test_what_is_met_before_there_is_a_map_is_on_it() -> None:
     session = SlamSession(mounted(Config().robot.mount), Config())
     session.bumped(session.base_at(WHEELS))
     assert session.ground.state()["bumps"][0, :2] == pytest.approx([3.0, 0.5])
+
+
+def test_what_is_touched_in_lock_step_before_there_is_a_map_is_on_it() -> None:
+    config = Config()
+    robot = EmulatedRobot(generate_world("lab", 20), 20, SimulationConfig(threads=1), config.robot)
+    system = ExplorationSystem(robot.camera_given, robot.T_base_cam_given, config, 20)
+    system.step(*robot.step(STOP), "bumper: centre")
+    assert system.session.where.T_map_base is None
+    assert system.ground.state()["bumps"][:, :2] == pytest.approx(np.zeros((1, 2)), abs=0.01)
 
 
 def test_a_bump_after_the_last_map_is_kept_for_the_next_session() -> None:

@@ -82,7 +82,7 @@ class GroundMap:
         put_there = np.zeros_like(occupied)
         if later.hit.any():  # rarely
             put_there = occupied & self._occupied(*self._hits(later, points, point, lattice), free_votes)
-        promised = driven.promised(self._config.start_clear_m, self._robot.radius_m, lattice)
+        promised = driven.promised(self._config.start_clear_m, self._robot.radius_m, lattice, occupied)
         known = ((passed >= 0) & ~put_there) | (promised & ~occupied)
         data = self._judged(free_votes, occupied, known, lattice)
         grid = OccupancyGrid(data, lattice.resolution, lattice.origin_x, lattice.origin_y)
