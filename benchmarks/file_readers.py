@@ -21,6 +21,7 @@ from vsx_ros.cli.maps import facts
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.trajectory import associate, trajectory_error
 from vsx_ros.experiments.rows import read_rows
+from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.bag import open_recording
 from vsx_ros.io.bag_reader import messages
 from vsx_ros.io.bag_without_index import UnindexedBag
@@ -35,10 +36,11 @@ from vsx_ros.io.trajectory_file import read_trajectory
 from vsx_ros.io.zone_file import load_zones
 from vsx_ros.occupancy.zoned_grid import with_zones
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.journal import FrameLine, read_journal
+from vsx_ros.runs.journal import read_journal
 from vsx_ros.runs.parameters import commented_yaml, update_robot_file
 from vsx_ros.runs.parameters import load as load_config
 from vsx_ros.runs.previous import PreviousSessions, end_trail
+from vsx_ros.runs.record import RunRecord
 from vsx_ros.runs.report import write_report
 from vsx_ros.runs.world import save_world
 from vsx_ros.session import SlamSession
@@ -145,9 +147,10 @@ def _renewed_calibration(path: Path) -> None:
 
 
 def _journal(path: Path) -> None:
-    for line in read_journal(path):
-        if isinstance(line, FrameLine):
-            line.result()
+    record = RunRecord(SE3.identity())
+    record.restore(read_journal(path))
+    record.counted()
+    record.final(None)
 
 
 def _trajectories(path: Path) -> None:

@@ -8,7 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsx_ros.geometry.se2 import SE2, wrap_angle
-from vsx_ros.geometry.se3 import SE3, quaternion_from_rotation, rotation_from_quaternion, so3_exp, so3_log
+from vsx_ros.geometry.se3 import (
+    SE3,
+    StampedPoses,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    so3_exp,
+    so3_log,
+    stacked,
+)
 
 coordinate = st.floats(-50, 50)
 poses2 = st.builds(SE2, coordinate, coordinate, st.floats(-10, 10))
@@ -106,3 +114,15 @@ def test_poses_are_values():
     with pytest.raises(ValueError, match="read-only"):
         T.rotation[0, 0] = 2.0
     assert SE3.identity().inverse().rotation.flags.c_contiguous
+
+
+@given(st.lists(poses3, max_size=5))
+def test_stamped_poses_are_kept_bit_for_bit(given_):
+    kept = StampedPoses(enumerate(given_))
+    assert len(kept) == len(given_) == len(kept[:])
+    for k, (stamp_ns, T) in enumerate(kept):
+        assert stamp_ns == k == kept.stamps_ns[k]
+        assert T.matrix().tobytes() == given_[k].matrix().tobytes()
+    assert all(map(np.array_equal, kept.stacked(), stacked(given_)))
+    with pytest.raises(IndexError):
+        kept[len(given_)]

@@ -190,7 +190,7 @@ def test_the_way_of_a_run_is_judged_once_for_all_its_results(driven, tmp_path: P
         run.frame(result, odometry, 0.01, None, [])
 
     def told(results, *others) -> Continuity:
-        judged.append(len(results))
+        judged.append(len(results := list(results)))
         return continuity(results, *others)
 
     monkeypatch.setattr(record, "continuity", told)

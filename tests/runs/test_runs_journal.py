@@ -13,7 +13,7 @@ import pytest
 
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.runs.journal import FrameLine, Journal, RunEvent, read_journal
+from vsx_ros.runs.journal import FrameLine, Journal, RunEvent, read_journal, unflat
 from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
@@ -44,10 +44,11 @@ def test_a_frame_is_read_back_with_what_carries_its_pose(tmp_path: Path) -> None
     told = TrackingResult(7, TrackingState.GOOD, T, 9, 8, False, "", T_map_cam=T, anchor=Anchor(3, T.inverse(), 0.5))
     lost = TrackingResult(8, TrackingState.LOST, None, 9, 0, False, "dark")
     Journal(path).add(*(FrameLine.of(result, None, 1.0, None) for result in (told, lost)))
-    first, second = (line.result() for line in read_journal(path) if isinstance(line, FrameLine))
+    first, second = (line for line in read_journal(path) if isinstance(line, FrameLine))
     assert first.anchor is not None
-    assert (first.anchor.keyframe, first.anchor.scale, second.anchor) == (3, 0.5, None)
-    assert np.allclose(first.anchor.T_keyframe_this.matrix(), T.inverse().matrix(), atol=1e-12)
+    keyframe, T_keyframe_this, scale = first.anchor
+    assert (keyframe, scale, second.anchor) == (3, 0.5, None)
+    assert np.allclose(unflat(T_keyframe_this).matrix(), T.inverse().matrix(), atol=1e-12)
     path.write_text(path.read_text().replace("[3,[", "[-3,["))
     with pytest.raises(InputError, match="is damaged"):
         read_journal(path)

@@ -69,8 +69,14 @@ def test_an_hour_of_frames_takes_little_memory() -> None:
         odometry = Odometry(k, SE2(0.001 * k, 0.002 * k, 0.003 * k))
         record.add_frame(FrameLine.of(result, odometry, 10.0 + 1e-3 * k, 9.0 + 0.1 * k))
     taken, _ = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
     assert taken < 300 * frames, "an hour of 10 images a second is below 11 MB"
+    assert not record.told()
+    poses = record.estimate(), record.final(None)
+    told, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert [len(of) for of in poses] == [frames, frames]
+    assert told < 800 * frames, "and another 18 MB at its end"
+    assert most < 1500 * frames
 
 
 def test_frames_that_come_while_results_are_written_are_no_error(

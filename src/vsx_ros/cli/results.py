@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,7 @@ def _of_run(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _error(
-    args: argparse.Namespace, estimate: list[StampedPose], truth: list[StampedPose], kind: AlignmentKind
+    args: argparse.Namespace, estimate: Sequence[StampedPose], truth: Sequence[StampedPose], kind: AlignmentKind
 ) -> dict[str, Any]:
     return trajectory_error(associate(estimate, truth, round(args.max_gap * 1e9)), kind)._asdict()
 

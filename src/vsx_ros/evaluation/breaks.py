@@ -1,13 +1,14 @@
 """Breaks of the tracking: where it jumped or was finally lost, and where odometry jumped instead."""
 
-import itertools
-from collections.abc import Iterator, Sequence
+from array import array
+from collections.abc import Iterable, Iterator
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, IntArray
-from vsx_ros.geometry.se3 import SE3, so3_log, stacked
+from vsx_ros.geometry.se3 import SE3, StampedPoses, so3_log
 from vsx_ros.slam.state import TrackingResult
 
 _MAX_JUMP_M, _MAX_JUMP_DEG = 0.15, 5.0  # between two frames, against odometry: more is a jump, not drift
@@ -29,7 +30,7 @@ class Continuity(NamedTuple):
 
 
 def continuity(
-    results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int] = ()
+    results: Iterable[TrackingResult], reference: Iterable[SE3 | None], epochs: Iterable[int] = ()
 ) -> Continuity:
     """Breaks: jumps of more than 0.15 m or 5 deg against the reference, and a loss that lasts to the end, also of a map
     that was given up and not begun again. Odometry jumps: such jumps where the images show a steady motion of the
@@ -38,29 +39,31 @@ def continuity(
     each with the tracked frame before it in its epoch. A jump of the map at a loop closure does not count. Turns are
     compared by heading: odometry measures no tilt, and a drone banks. Raises ValueError where the frames beside a jump
     have one stamp."""
-    jumps = list(_jumps(results, reference, epochs or [0] * len(results)))
+    pairs = zip(results, reference, strict=True)
+    lost: TrackingResult | None = None
+    frames, expected, facts = StampedPoses(), StampedPoses(), array("q")
+    for (result, T), epoch in zip(pairs, epochs, strict=True) if epochs else zip(pairs, repeat(0)):
+        lost = None if result.state.tracked else lost or result
+        if result.state.tracked and result.T_world_cam is not None:
+            frames.append(result.stamp_ns, result.T_world_cam)
+            expected.append(result.stamp_ns, T or SE3.identity())
+            facts.extend((T is not None, epoch, result.corrected))
+    jumps = list(_jumps(frames, expected, np.array(facts, np.int64).reshape(-1, 3)))
     breaks = [jump for jump, by_odometry in jumps if not by_odometry]
-    tracked = any(result.state.tracked and result.T_world_cam is not None for result in results)
-    if tracked and not results[-1].state.tracked:
-        since = list(itertools.takewhile(lambda result: not result.state.tracked, reversed(results)))[-1]
-        breaks.append(Break(since.stamp_ns, f"lost for good: {since.reason}"))
+    if lost is not None and frames:
+        breaks.append(Break(lost.stamp_ns, f"lost for good: {lost.reason}"))
     return Continuity(breaks, [jump for jump, by_odometry in jumps if by_odometry])
 
 
-def _jumps(
-    results: Sequence[TrackingResult], reference: Sequence[SE3 | None], epochs: Sequence[int]
-) -> Iterator[tuple[Break, bool]]:
-    """Every step that contradicts the reference, and whether the reference jumped and not the images."""
-    known = zip(results, reference, epochs, strict=True)
-    frames = [(r, r.T_world_cam, T, epoch) for r, T, epoch in known if r.state.tracked and r.T_world_cam is not None]
+def _jumps(frames: StampedPoses, reference: StampedPoses, facts: IntArray) -> Iterator[tuple[Break, bool]]:
+    """Every step of the tracked frames that contradicts the reference, and whether the reference jumped and not the
+    images. facts (N, 3): whether the frame has a reference, the epoch of that, whether the map was corrected."""
     if len(frames) < 2:
         return
-    stamps_ns = np.array([r.stamp_ns for r, *_ in frames])
-    has, epoch = np.array([T is not None for _, _, T, _ in frames]), np.array([epoch for *_, epoch in frames])
-    corrected = np.array([r.corrected for r, *_ in frames[1:]])
+    stamps_ns = frames.stamps_ns
+    has, epoch, corrected = facts[:, 0] > 0, facts[:, 1], facts[1:, 2] > 0
     compared = has[:-1] & has[1:] & (epoch[:-1] == epoch[1:]) & ~corrected
-    seen = _motions([T for _, T, _, _ in frames])
-    expected = _motions([T or SE3.identity() for _, _, T, _ in frames])
+    seen, expected = _motions(frames), _motions(reference)
     seconds, off = 1e-9 * np.diff(stamps_ns), seen - expected
     for n in np.flatnonzero(compared & (_sizes(off) > 1.0)).tolist():
         near: IntArray = np.array([k for k in (n - 1, n + 1) if 0 <= k < len(compared) and compared[k]], np.int64)
@@ -74,9 +77,9 @@ def _jumps(
         yield Break(int(stamps_ns[n + 1]), reason), its_own
 
 
-def _motions(poses: Sequence[SE3]) -> FloatArray:
+def _motions(poses: StampedPoses) -> FloatArray:
     """(N - 1, 4) motions between poses: translation in the earlier camera [m], turn about the world's z [rad]."""
-    R, t = stacked(poses)
+    R, t = poses.stacked()
     way = np.einsum("nji,nj->ni", R[:-1], np.diff(t, axis=0))
     turn = R[1:] @ R[:-1].transpose(0, 2, 1)
     w = 0.5 * np.sqrt(np.maximum(1.0 + np.trace(turn, axis1=1, axis2=2), 1.0))

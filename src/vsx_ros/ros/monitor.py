@@ -24,7 +24,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import StampedPose
+from vsx_ros.geometry.se3 import StampedPoses
 from vsx_ros.navigation.follower import decode_report
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import DrivenDistance
@@ -88,7 +88,7 @@ class Monitor:
         self._last_words: dict[str, str] = {}
         self._device_trouble = DeviceTrouble(rospy.get_namespace())
         self.events: list[RunEvent] = []
-        self.truth: list[StampedPose] = []
+        self.truth = StampedPoses()
         self.plan_ms: list[float] = []
         self.error_m: list[float] = []
         subscribe(topics.EXPLORE_STATUS, String, lambda msg: self._set(status=json_object(msg)), queue_size=5)
@@ -169,7 +169,7 @@ class Monitor:
         self.stats[name] = float(msg.data)
 
     def _on_truth(self, msg: PoseStamped) -> None:
-        self.truth.append(StampedPose(msg.header.stamp.to_nsec(), convert.se3(msg.pose)))
+        self.truth.append(msg.header.stamp.to_nsec(), convert.se3(msg.pose))
 
     def _on_collisions(self, msg: UInt32) -> None:
         if msg.data > self.collisions:
@@ -202,9 +202,9 @@ class MonitorJournal:
         last = [line for line in self.before if isinstance(line, TruthLine)][-1:]
         return SE2(*last[0].T_world_base) if last else None
 
-    def truth(self) -> list[StampedPose]:
+    def truth(self) -> StampedPoses:
         """True camera poses of the earlier sessions."""
-        return [StampedPose(x.stamp_ns, unflat(x.T_world_cam)) for x in self.before if isinstance(x, TruthLine)]
+        return StampedPoses((x.stamp_ns, unflat(x.T_world_cam)) for x in self.before if isinstance(x, TruthLine))
 
     def events(self) -> list[RunEvent]:
         """Events of the earlier sessions."""

@@ -9,7 +9,7 @@ from vsx_ros.config import Config
 from vsx_ros.evaluation.summary import with_accuracy
 from vsx_ros.evaluation.trajectory import path_length
 from vsx_ros.geometry.mount import mounted
-from vsx_ros.geometry.se3 import StampedPose
+from vsx_ros.geometry.se3 import StampedPose, StampedPoses
 from vsx_ros.ros.monitor import Monitor, MonitorJournal
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import RunEvent
@@ -41,7 +41,7 @@ def write_results(
 ) -> int:  # fmt: skip
     """Complete vslam's results with the monitor's data and report them; returns the exit code."""
     known, missing = results_of_slam(folder, mounted(config.robot.mount))
-    truth, so_far = [*journal.truth(), *monitor.truth], journal.so_far
+    truth, so_far = StampedPoses([*journal.truth(), *monitor.truth]), journal.so_far
     summary = with_accuracy(known, *folder.read_trajectories(), truth, "yaw")
     if judge is not None:
         summary = judge.judged(summary, monitor.grid)

@@ -1,5 +1,6 @@
 """What is known of a run that was killed, or that still runs: its journals hold what its results would."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from vsx_ros.config import Config
@@ -24,9 +25,9 @@ class KnownRun(NamedTuple):
     summary: dict[str, Any]
     events: list[RunEvent]
     frames: list[FrameRecord]
-    estimate: list[StampedPose]
+    estimate: Sequence[StampedPose]
     truth: list[StampedPose]
-    odometry: list[StampedPose]
+    odometry: Sequence[StampedPose]
 
 
 def unfinished(folder: RunFolder) -> KnownRun | None:

@@ -20,11 +20,10 @@ from vsx_ros.io.atomic import write_bytes
 from vsx_ros.limits import LOG_BYTES, file_bytes
 from vsx_ros.occupancy.grid import MAX_EXTENT_M
 from vsx_ros.robot import Odometry
-from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 Stamp: TypeAlias = Annotated[int, msgspec.Meta(ge=-(2**62), lt=2**62)]
-Index: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
+Index: TypeAlias = Annotated[int, msgspec.Meta(ge=0, lt=2**62)]
 Size: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
 Metres: TypeAlias = Annotated[float, msgspec.Meta(ge=-MAX_EXTENT_M, le=MAX_EXTENT_M)]
 Resolution: TypeAlias = Annotated[float, msgspec.Meta(ge=1e-3, le=10)]
@@ -43,8 +42,8 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
 
     stamp_ns: Stamp
     state: TrackingState
-    searched: int
-    found: int
+    searched: Index
+    found: Index
     keyframe_added: bool
     corrected: bool
     reason: str
@@ -52,7 +51,7 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
     T_world_cam: Pose3 | None
     T_odom_base: Pose2 | None
     u2_frames: float | None = None
-    odom_epoch: int = 0
+    odom_epoch: Index = 0
     anchor: tuple[Index, Pose3, Size] | None = None
 
     @staticmethod
@@ -76,15 +75,6 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
         if self.T_odom_base is None:
             return None
         return Odometry(self.stamp_ns, SE2(*self.T_odom_base), odom_epoch=self.odom_epoch)
-
-    def result(self) -> TrackingResult:
-        """The frame as it was tracked, without its place in maps that are not joined with the first."""
-        T = None if self.T_world_cam is None else unflat(self.T_world_cam)
-        anchor = None if self.anchor is None else Anchor(self.anchor[0], unflat(self.anchor[1]), self.anchor[2])
-        return TrackingResult(
-            self.stamp_ns, self.state, T, searched=self.searched, found=self.found, anchor=anchor,
-            keyframe_added=self.keyframe_added, reason=self.reason, corrected=self.corrected,
-        )  # fmt: skip
 
 
 class TruthLine(Struct, frozen=True, tag="truth"):

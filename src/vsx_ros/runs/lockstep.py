@@ -12,7 +12,7 @@ from vsx_ros.config import Config
 from vsx_ros.errors import ConfigError
 from vsx_ros.evaluation.summary import Summary, with_accuracy
 from vsx_ros.exploration.decision import Decision
-from vsx_ros.geometry.se3 import StampedPose
+from vsx_ros.geometry.se3 import StampedPoses
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.robot import STOP, Frame, Odometry, VelocityCommand
 from vsx_ros.runs import memory
@@ -62,12 +62,12 @@ class FastRun:
         mount = self.robot.T_base_cam_given
         saved = before.system if before is not None else None
         self.system = ExplorationSystem(self.robot.camera_given, mount, config, seed, planner, saved, slam_map)
-        self.truth: list[StampedPose] = []
+        self.truth = StampedPoses()
         self._errors_m: list[float] = []
         self._decided: Decision | None = None
         if before is not None:
             known = [line for line in before.lines if isinstance(line, TruthLine)]
-            self.truth += [StampedPose(line.stamp_ns, unflat(line.T_world_cam)) for line in known]
+            self.truth = StampedPoses((line.stamp_ns, unflat(line.T_world_cam)) for line in known)
             self._errors_m += before.saved.state["errors_m"].tolist()
         # Last: until everything is ready, the files of the interrupted run stay unchanged.
         self.keeper = RunWriter(mount, folder, before, config=config.runs)
@@ -156,7 +156,7 @@ class FastRun:
         step, odometry = self.system.act(tracking, bumper), self.system.odometry
         self._decided = step.decision or self._decided
         slam, truth = self.system.slam, self.robot.truth
-        self.truth.append(StampedPose(frame.stamp_ns, truth.T_world_cam))
+        self.truth.append(frame.stamp_ns, truth.T_world_cam)
         if step.follow_error_m is not None:
             self._errors_m.append(step.follow_error_m)
         told = slam.statistics().u2_frames, slam.drain_events(), self.system.mission.drain_events()
