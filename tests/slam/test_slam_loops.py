@@ -87,7 +87,7 @@ def test_every_keyframe_gets_its_turn_when_the_likeliest_mislead(arc_drive, arc,
     front = FrontEnd(arc_drive.camera, arc_drive.T_base_cam, CONFIG, 0)
     recovery = Recovery(arc_drive.camera, None, CONFIG, front._tracker, front._motion)
     data = taken_apart(arc_drive, arc_drive.frames[15][0].image, 15)
-    places = recovery._relocalizer._places
+    places = recovery.places
     features = features_of(data.pyramid, data.corners)
     shows = [
         k

@@ -108,7 +108,7 @@ def test_a_map_that_begins_before_the_end_of_the_last_was_seen_begins_anew(arc_d
     front, world = slam._front, slam._mapper.map
     assert front._bootstrap.claim(pairs[0]) is pairs[0]
     world.clear()
-    front._recovery.begin_lost()
+    front.recovery.begin_lost()
     assert front.started(make(pairs[0])).state is TrackingState.GOOD
     assert len(front._view.keyframes) == 2
     frame, odometry, _ = arc_drive.frames[40]
@@ -118,7 +118,7 @@ def test_a_map_that_begins_before_the_end_of_the_last_was_seen_begins_anew(arc_d
 def test_a_small_map_that_is_not_given_up_is_left_for_a_second_one(arc_drive, monkeypatch):
     """A loaded map of few keyframes, without wheels, is no start that could be given up: nothing watches it."""
     slam, pairs, _ = begun(arc_drive, monkeypatch)
-    recovery = slam._front._recovery
+    recovery = slam._front.recovery
     monkeypatch.setattr(recovery, "search", lambda *_: None)
     monkeypatch.setattr(recovery, "second_map", lambda *_: pairs[0])
     monkeypatch.setattr(recovery, "gives_up", lambda data, view: GiveUp(data.stamp_ns, "lost"))

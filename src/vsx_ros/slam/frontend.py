@@ -42,7 +42,7 @@ class FrontEnd:
         self._config, self._motion = config, MotionModel(T_base_cam, camera.focal_px)
         self._tracker = Tracker(config.tracker, np.random.default_rng(seed))
         self._new_recovery = partial(Recovery, camera, T_base_cam, config, self._tracker, self._motion)
-        self._recovery, self._consistency = self._new_recovery(), OdometryConsistency(T_base_cam)
+        self.recovery, self._consistency = self._new_recovery(), OdometryConsistency(T_base_cam)
         self.tracking = FrameTracker(config, self._tracker, self._motion)
         self._view = self._here = Map().view()
         self._reference = self._map_id = self._segment = self._since_keyframe = self._keyframe_ns = 0
@@ -82,10 +82,10 @@ class FrontEnd:
         if self._motion.last_pose is None:
             return self._recover(data, self._unplaced(data), None)
         prediction = self._motion.predict(data)
-        if self._recovery.bad_frames and prediction.by_odometry:
+        if self.recovery.bad_frames and prediction.by_odometry:
             self._reference = int(nearest_keyframes(self._here, prediction.T_world_cam)[0])
         local = self.tracking.around(self._here, self._reference)
-        track = self.tracking.track(data, local, prediction, tracked_before=not self._recovery.bad_frames)
+        track = self.tracking.track(data, local, prediction, tracked_before=not self.recovery.bad_frames)
         if track.state is TrackingState.LOST:
             return self._recover(data, track, prediction.T_world_cam if prediction.by_odometry else None)
         return self._tracked(data, track, local.follow(track), local)
@@ -100,7 +100,7 @@ class FrontEnd:
         """Track on a newer map; the last pose follows its reference keyframe, even into another map. An empty map means
         that its start was wrong: everything begins again."""
         if not view.keyframes:
-            self._recovery, self._corrected = self._new_recovery(), False
+            self.recovery, self._corrected = self._new_recovery(), False
             self.tracking.begin()
             self._bootstrap.begin_again()
             self.record.forget_points()
@@ -130,13 +130,13 @@ class FrontEnd:
             self.record.initialised(pair.second.stamp_ns, newest.T_world_cam.translation)
         else:
             self._event(pair.second.stamp_ns, "second map", f"the known map was out of sight; {found} points")
-        if not in_world and not self._recovery.is_lost:
+        if not in_world and not self.recovery.is_lost:
             self.use(view)
             return None
         self._enter(view, newest.map_id)
         self._segment, self._reference = newest.odom_segment, len(view.keyframes) - 1
         self._motion.update(pair.second, newest.T_world_cam, measured=False)
-        self._recovery.over(pair.second)
+        self.recovery.over(pair.second)
         self._since_keyframe, self._keyframe_ns, self.tracking.coarse_next = 0, pair.second.stamp_ns, True
         result = TrackingResult(
             pair.second.stamp_ns, TrackingState.GOOD, searched=found, found=found, keyframe_added=True,
@@ -162,11 +162,11 @@ class FrontEnd:
         self._motion.update(data, track.T_world_cam, measured=True)
         if is_sure(track) and (change := self._consistency.compare(track.T_world_cam)):
             self._event(data.stamp_ns, "gap", change)
-        if self._recovery.is_lost:
+        if self.recovery.is_lost:
             where = "" if self._map_id == 0 else f" in map {self._map_id}"
             self.record.relocalizations += self._map_id == 0
             self._event(data.stamp_ns, "relocalised", f"{len(track.rows)} points of the map found again{where}")
-        self._recovery.over(data)
+        self.recovery.over(data)
         self._reference, self.tracking.coarse_next = reference, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
         local.leave_out(self.record.hopeless(local.rows))
@@ -192,7 +192,7 @@ class FrontEnd:
 
     def _recover(self, data: FrameData, track: Track, by_odometry: SE3 | None) -> Outcome:
         """Too few points were found: search for the camera again, now and in every following frame."""
-        recovery = self._recovery
+        recovery = self.recovery
         if recovery.is_lost:
             self._consistency.interrupt()
         if (found := recovery.search(data, self._view, by_odometry, self._map_id)) is not None:
@@ -225,8 +225,8 @@ class FrontEnd:
 
     def _found_again(self, data: FrameData, found: Relocalization, by_odometry: SE3 | None) -> Outcome:
         """The camera was found in one of the maps. Unless odometry connects the poses, its next segment begins."""
-        expected = self._recovery.expected_pose(by_odometry, self._map_id)
-        far = self._recovery.is_lost or found.map_id != self._map_id
+        expected = self.recovery.expected_pose(by_odometry, self._map_id)
+        far = self.recovery.is_lost or found.map_id != self._map_id
         if not (expected is not None and expected.is_firm) and (far or by_odometry is not None):
             self._segment = next(self._segments)
         self._enter(self._view, found.map_id)
@@ -237,8 +237,8 @@ class FrontEnd:
     def _unplaced(self, data: FrameData) -> Track:
         """The camera is not yet recognised in the loaded map, and odometry has another origin."""
         reason = f"not yet recognised in the loaded map of {len(self._here.living)} keyframes"
-        if not self._recovery.is_lost:
-            self._recovery.begin_lost()
+        if not self.recovery.is_lost:
+            self.recovery.begin_lost()
             self._event(data.stamp_ns, "lost", reason)
         return nothing_tracked(reason)
 

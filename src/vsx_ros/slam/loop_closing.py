@@ -33,7 +33,7 @@ class LoopDetector:
     keyframe shares points with old keyframes, those just before it did not); else empty."""
 
     def __init__(self, camera: PinholeCamera, config: SlamConfig, rng: np.random.Generator) -> None:
-        self._places = PlaceRecognizer(camera, Tracker(config.tracker, rng))
+        self.places = PlaceRecognizer(camera, Tracker(config.tracker, rng))
         self._recognition, self._drift = config.recognition, config.drift
         self._unconfirmed: LoopClosure | None = None
         self._last_loop = -LOOP_KEYFRAMES
@@ -61,14 +61,14 @@ class LoopDetector:
 
     def _recognitions(self, newest: KeyFrame, view: MapView, among: IntArray) -> Iterator[Recognition]:
         """By the most similar keyframes; then, assuming small drift, by the nearest one of the same map."""
-        features = self._places.described(newest)[1]
-        for k in self._places.ranked(newest.data.small, view, among)[:TRIED]:
-            seen = self._places.recognise(newest.data, features, view, int(k))
+        features = self.places.described(newest)[1]
+        for k in self.places.ranked(newest.data.small, view, among)[:TRIED]:
+            seen = self.places.recognise(newest.data, features, view, int(k))
             if seen is not None:
                 yield seen
         if view.keyframes[int(among[0])].map_id == newest.map_id:
             nearest = nearest_keyframes(view._replace(living=among), newest.T_world_cam)[0]
-            yield self._places.verify(newest.data, view, int(nearest), newest.T_world_cam, DRIFTED_PX)
+            yield self.places.verify(newest.data, view, int(nearest), newest.T_world_cam, DRIFTED_PX)
 
     def forget(self) -> None:
         """Drop the unconfirmed closure after a correction."""

@@ -60,7 +60,7 @@ class Mapper:
         self._since_global = 0
         self._initialization = config.initialization
         self._new_loops = partial(LoopDetector, camera, config)
-        self._loops = self._new_loops(np.random.default_rng(0))
+        self.loops = self._new_loops(np.random.default_rng(0))
         self._watch: StartWatch | None = None
         self.events: deque[SlamEvent] = deque()
 
@@ -125,10 +125,10 @@ class Mapper:
 
     def _correct_loops(self, index: int, neighbours: list[int]) -> None:
         """Close a loop or join a map when a new keyframe shows a place that the map holds elsewhere."""
-        closures = self._loops.detect(self.map, self.map.live_view(), index)
-        if self._loops.tracked_loop:
+        closures = self.loops.detect(self.map, self.map.live_view(), index)
+        if self.loops.tracked_loop:
             stamp_ns = self.map.keyframes[index].data.stamp_ns
-            self.events.append(SlamEvent(stamp_ns, "loop closed", self._loops.tracked_loop))
+            self.events.append(SlamEvent(stamp_ns, "loop closed", self.loops.tracked_loop))
             self._since_global = len(self.map.keyframes)
         if not closures:
             return
@@ -136,7 +136,7 @@ class Mapper:
         beside = neighbours if newer == index else self.neighbours(newer, self._config.window_keyframes)
         around = [newer, *beside]
         self.events.append(correct_loops(self.map, closures, around))
-        self._loops.forget()
+        self.loops.forget()
         there = [older, *self.neighbours(older, self._config.window_keyframes)]
         self._adjuster.adjust(self.map, self._movable(sorted({*around, *there})), self._config.local_iterations)
         self._since_global = len(self.map.keyframes)
@@ -177,7 +177,7 @@ class Mapper:
         self.events.append(SlamEvent(stamp_ns, "restarted", reason))
         self.map.clear()
         self._watch, self._since_global = None, 0
-        self._loops = self._new_loops(np.random.default_rng(0))
+        self.loops = self._new_loops(np.random.default_rng(0))
 
     def _movable(self, indices: list[int]) -> list[int]:
         """Keyframes that an adjustment may move: not the first one of a second map, which fixes its frame. (The

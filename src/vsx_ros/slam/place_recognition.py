@@ -3,17 +3,18 @@ of small images without their local mean, binary descriptors of the keyframe's p
 from the matches, patch search of all points in view."""
 
 from typing import NamedTuple
+from weakref import ref
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray, IntArray, Points2, Points3
+from vsx_ros.arrays import FloatArray, IntArray, Points2, Points3, array_bytes
 from vsx_ros.config.maps import RecognitionConfig
 from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.geometry import unproject_pixels
-from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations
+from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView
 from vsx_ros.slam.local_map import LocalMap
 from vsx_ros.slam.track import Track
 from vsx_ros.slam.tracker import Tracker
@@ -52,19 +53,34 @@ class Recognition(NamedTuple):
         return found >= config.certain_found and ratio >= config.certain_ratio and self.cells >= config.certain_cells
 
 
+class _Described(NamedTuple):
+    """Descriptors of a keyframe. rows: those of its observations then; others replace them. kept (n,): observations
+    that are not too near to the border; bits (n, 32): of each."""
+
+    rows: ref[IntArray]
+    kept: NDArray[np.int32]
+    bits: NDArray[np.uint8]
+
+
 class PlaceRecognizer:
     """``ranked`` sorts keyframes by similarity, ``recognise`` tests whether one shows the place. Keeps the descriptors
     of the keyframes compared last."""
 
     def __init__(self, camera: PinholeCamera, tracker: Tracker) -> None:
         self._camera, self._array, self._tracker = camera, kernel_camera(camera), tracker
-        self._features: dict[int, tuple[Observations, IntArray, Features]] = {}
+        self._described: dict[int, _Described] = {}
         self._tiny: dict[int, SmallImage] = {}
+
+    @property
+    def nbytes(self) -> int:
+        """Size of what is kept of the keyframes [bytes]."""
+        return array_bytes([*self._described.copy().values(), *self._tiny.copy().values()])
 
     def ranked(self, small: SmallImage, view: MapView, among: IntArray) -> IntArray:
         """The keyframes ``among`` (indices), those most similar to a small image first."""
         if not len(among):
             return among
+        self._tiny = {k: tiny for k, tiny in self._tiny.items() if view.keyframes[k].alive}
         places = np.stack([self._shrunk(view.keyframes[int(k)]) for k in among])
         return among[np.argsort(-likeness(structure(small), places), kind="stable")]
 
@@ -112,14 +128,15 @@ class PlaceRecognizer:
     def described(self, keyframe: KeyFrame) -> tuple[IntArray, Features]:
         """(rows of the points, features) of what a keyframe observes."""
         observed = keyframe.observations
-        known = self._features.pop(keyframe.id, None)
-        if known is None or known[0] is not observed:
+        known = self._described.pop(keyframe.id, None)
+        if known is None or known.rows() is not observed.rows:
             index, features = describe(keyframe.data.pyramid, observed.uv, observed.level)
-            known = observed, observed.rows[index], features
-        self._features[keyframe.id] = known
-        if len(self._features) > REMEMBERED:
-            del self._features[next(iter(self._features))]
-        return known[1:]
+            known = _Described(ref(observed.rows), index.astype(np.int32), features.bits)
+        self._described[keyframe.id] = known
+        if len(self._described) > REMEMBERED:
+            del self._described[next(iter(self._described))]
+        _, kept, bits = known
+        return observed.rows[kept], Features(observed.uv[kept], observed.level[kept], bits)
 
     def _shrunk(self, keyframe: KeyFrame) -> SmallImage:
         if keyframe.id not in self._tiny:

@@ -36,6 +36,7 @@ class Recovery:
         self._T_base_cam, self._focal_px = T_base_cam, camera.focal_px
         self._config, self._motion = config, motion
         self._relocalizer = Relocalizer(camera, T_base_cam, config, tracker)
+        self.places = self._relocalizer.places
         self.over(None)
 
     def over(self, data: FrameData | None) -> None:

@@ -70,7 +70,7 @@ class Relocalizer:
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, tracker: Tracker) -> None:
         self._camera, self._T_base_cam, self._tracker = camera, T_base_cam, tracker
         self._radius_px, self._config = WIDE * config.tracker.coarse_radius_px, config.recognition
-        self._places = PlaceRecognizer(camera, tracker)
+        self.places = PlaceRecognizer(camera, tracker)
         self.forget()
 
     def forget(self) -> None:
@@ -87,7 +87,7 @@ class Relocalizer:
             return found
         features = features_of(data.pyramid, data.corners)
         for k in self._likely(data, view, expected):
-            seen = self._places.recognise(data, features, view, k)
+            seen = self.places.recognise(data, features, view, k)
             if seen is None or not seen.is_sure(self._config):
                 continue
             found = self._found(seen.track, view, seen.keyframe)
@@ -111,7 +111,7 @@ class Relocalizer:
     def _likely(self, data: FrameData, view: MapView, expected: ExpectedPose | None) -> list[int]:
         """The most similar keyframes, and some of the rest in turn."""
         among = view.living if expected is None or not expected.is_firm else view.part(expected.map_id).living
-        ranked = [int(k) for k in self._places.ranked(data.small, view, among)]
+        ranked = [int(k) for k in self.places.ranked(data.small, view, among)]
         best, rest = ranked[:BEST_LIKELY], ranked[BEST_LIKELY:]
         in_turn = [rest[(self._turn + n) % len(rest)] for n in range(min(IN_TURN, len(rest)))]
         self._turn += IN_TURN
@@ -127,7 +127,7 @@ class Relocalizer:
         if predicted is None:
             return None
         earlier, T_world_cam = predicted
-        seen = self._places.verify(data, view, earlier.reference, T_world_cam, SEARCH_RADIUS_PX)
+        seen = self.places.verify(data, view, earlier.reference, T_world_cam, SEARCH_RADIUS_PX)
         found = self._found(seen.track, view, seen.keyframe)
         return found if seen.is_sure(self._config) and self._confirms(data, view, found) else None
 

@@ -24,6 +24,7 @@ from vsx_ros.slam.state import SlamEvent, SlamStatistics, TrackingResult, Tracki
 from vsx_ros.slam.track import Track
 from vsx_ros.slam.tracking_record import TrackingRecord
 from vsx_ros.slam.two_view_reconstruction import InitialPair
+from vsx_ros.vision.pyramid import remembered_bytes
 
 MAX_WAITING = 3  # keyframes queued for the mapper; more would be out of date at their turn
 
@@ -82,10 +83,12 @@ class TrackerAndMapper(ABC):
     @property
     def nbytes(self) -> int:
         """Size of the arrays that grow with the map [bytes]: of the view, which copies the mapper's points, of the
-        snapshot and of the tracking record."""
+        snapshot and of the tracking record; and of what is remembered to recognise places."""
         view = self._view
         copied = array_bytes((view.points, view.alive, view.source, view.templates.of_point))
-        return view.nbytes + copied + self._snapshot.nbytes + self._front.record.nbytes
+        pictures = remembered_bytes(self._camera.height, self._camera.width)
+        places = self._front.recovery.places.nbytes + self._mapper.loops.places.nbytes + pictures
+        return view.nbytes + copied + self._snapshot.nbytes + self._front.record.nbytes + places
 
     def slam_map(self) -> SlamMap | None:
         """The map to save and continue, None while there is none. A map without scale has no mount."""

@@ -71,6 +71,11 @@ def _pyramid_of(content: bytes) -> Pyramid:
     return build_pyramid(np.asarray(cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE), np.uint8))
 
 
+def remembered_bytes(height: int, width: int) -> int:
+    """Size of the pictures, all of one size, that ``CompressedPyramid.pyramid`` remembers."""
+    return _pyramid_of.cache_info().currsize * layout(height, width)[1]
+
+
 def picture_file(image: Pyramid | CompressedPyramid) -> bytes:
     """What a file keeps of a pyramid: what is compressed as it is, else a .png without loss. A camera's noise repeats
     nothing, so no repetition is looked for."""
