@@ -7,9 +7,9 @@ A run ends when the share ``--until`` of the observable area is known correctly,
 or with the mission. Each run is a separate process and writes a row to ``--out`` when it ends. Existing rows of equal
 code, configuration and limits are not repeated, so an interrupted benchmark continues.
 ``--noise`` draws other noise for the same world; ``--pictures`` stores the last maps, drawn over the truth.
-``--strategy nearest`` chooses goals like explore_lite, with the same worlds, sensor, map and planner. ``--live`` is
-``vsx explore``, one run at a time without an operator; ``--keep`` keeps its run folders. ``benchmarks/tables.py
-render`` makes the tables.
+``--strategy nearest`` chooses goals like explore_lite, ``tour`` the first of a short tour over all frontiers, with the
+same worlds, sensor, map and planner. ``--live`` is ``vsx explore``, one run at a time without an operator; ``--keep``
+keeps its run folders. ``benchmarks/tables.py render`` makes the tables.
 """
 
 import argparse
@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import cv2
+from frontier_strategies import STRATEGIES
 from msgspec.structs import asdict
-from nearest_frontier import nearest_frontier
 from tables import RESULTS, rooms_of
 
 from vsx_ros.config import Config
@@ -61,8 +61,7 @@ class Exploration(NamedTuple):
 def explored(task: Exploration, pictures: Path | None = None) -> dict[str, object]:
     """One lock-step run. reached: metres and seconds until each share was known correctly."""
     run = FastRun(open_world(task.world, task.seed), 1000 * task.noise + task.seed, "fov", Config())
-    if task.strategy == "nearest":
-        run.system.mission.view_selector._rank = nearest_frontier
+    run.system.mission.view_selector._rank = STRATEGIES[task.strategy]
     reached: dict[str, list[float]] = {}
     due_s = 0.0
     enough = run.until(task.until)
@@ -167,7 +166,7 @@ def main() -> None:
     parser.add_argument("--world", default="lab")
     parser.add_argument("--seeds", default="100-119", help="first-last")
     parser.add_argument("--noise", type=int, default=0)
-    parser.add_argument("--strategy", choices=("views", "nearest"), default="views")
+    parser.add_argument("--strategy", choices=tuple(STRATEGIES), default="views")
     parser.add_argument("--until", type=float, default=0.9, help="share known and right at which a run ends")
     parser.add_argument("--way", type=float, default=WAY_M, help="metres at which a run ends")
     parser.add_argument("--time", type=float, default=TIME_S, help="emulated seconds at which a run ends")

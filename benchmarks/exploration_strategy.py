@@ -1,6 +1,6 @@
 """Compares exploration strategies without the SLAM: true poses, and landmarks of the emulated world as its map.
 
-    python benchmarks/exploration_strategy.py [--seeds 100-119] [--strategy views nearest] [--jobs 2]
+    python benchmarks/exploration_strategy.py [--seeds 100-119] [--strategy views nearest tour] [--jobs 2]
 
 Mission, planner and ground map are the real ones. Instead of SLAM points it uses image corners from 160 random places,
 at their true positions. Each corner is found in a share of the keyframes that see it (drawn once), and its depth is as
@@ -17,7 +17,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from exploration import LEVELS, SAMPLE_S
-from nearest_frontier import nearest_frontier
+from frontier_strategies import STRATEGIES
 from tables import RESULTS, rooms_of
 
 from vsx_ros.config import Config
@@ -25,7 +25,7 @@ from vsx_ros.experiments.campaign import Engine, run_campaign
 from vsx_ros.experiments.rows import Store
 from vsx_ros.exploration.decision import Action, NavigationState, Situation
 from vsx_ros.exploration.mission import Mission
-from vsx_ros.exploration.utility import Ranker, rank_views
+from vsx_ros.exploration.utility import Ranker
 from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -48,7 +48,6 @@ from vsx_ros.sim.world import World, prisms
 from vsx_ros.slam.state import TrackingState
 from vsx_ros.vision.corners import strongest
 
-STRATEGIES: dict[str, Ranker] = {"views": rank_views, "nearest": nearest_frontier}
 PLACES, CORNERS, SAME_M, SEEN_SHARE, NEVER = 160, (400, 150), 0.04, (0.15, 0.9), 0.35
 PIXEL_RAD, LEAST_PARALLAX_RAD, HALF_FOV_RAD, RANGE_M = 0.0012, 0.014, 0.54, 5.0
 KEYFRAME_M, KEYFRAME_RAD, STEP_S, TOUCH_M = 0.15, 0.14, 0.05, 0.03
