@@ -32,7 +32,7 @@ else:
 ZstdError = zstd.ZstdError
 MAX_UNPACKED = 64 * MIB  # of a packed chunk or message: a colour image of 20 megapixels
 _FLOOR, _RATIO = 128 * MIB, 32  # bytes that any bag may unpack to; multiple of its own size
-_PASSES = 4  # odometry, truth and images are read one after the other
+_PASSES = 4  # odometry, truth and stamps of images are read one after the other
 
 
 def unpacked(kind: str, data: bytes, most: int) -> bytes:
