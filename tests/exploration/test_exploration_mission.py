@@ -205,6 +205,23 @@ def test_a_mission_that_begins_boxed_in_looks_around_on_the_spot():
     assert all(goal.distance_to(SE2()) == 0.0 and abs(goal.theta) == pytest.approx(np.pi / 4) for goal in goals)
 
 
+def test_a_mission_that_begins_boxed_in_and_turns_looks_all_around() -> None:
+    """The way back along a trail of turns on the spot would turn it back again."""
+    mission, at = Mission(Config(), lambda start, grid: lambda poses: np.full(len(poses), np.inf)), SE2()
+    mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))
+    headings = []
+    for k in range(60):
+        stands = situation(T_map_base=SE2(1.45, 0.0, at.theta), T_odom_base=at)
+        decision = mission.decide((2 + 3 * k) * SECOND, stands)
+        if decision.action is Action.GO:
+            half = SE2(at.x, at.y, 0.5 * (at.theta + decision.goal.theta))
+            mission.decide((3 + 3 * k) * SECOND, stands._replace(T_odom_base=half, navigation=NavigationState.ACTIVE))
+            at = decision.goal
+            headings.append(at.theta)
+    assert np.diff(headings) == pytest.approx([np.pi / 4] * 7)
+    assert mission.outcome is Outcome.BOXED_IN
+
+
 def test_what_failed_is_tried_again_when_nothing_else_is_left_but_not_for_ever():
     config = Config()
     only = SE2(1.0, 0.0, 0.0)

@@ -64,6 +64,11 @@ class Trail:
         """Length of the trail [m]."""
         return sum(a.distance_to(b) for a, b in pairwise(self.poses))
 
+    @property
+    def leads_away(self) -> bool:
+        """Whether driving back along it moves the base; after turns on the spot it would only undo them."""
+        return self.length_m > _NEAR_M
+
     def driven_back_to(self, T_odom_base: SE2) -> None:
         """Shorten the trail of a robot that backs along it to the robot's present pose."""
         poses, per_rad_m = self.poses, self._spacing_m / _TURN_RAD

@@ -226,7 +226,7 @@ class ViewTour:
         assert situation.T_odom_base is not None
         step_m = self._config.backtrack_step_m
         arc = escape_arc(grid, situation.T_map_base, self._body_m, self._phi_rad_m, step_m, ahead)
-        if arc is None and (len(self._trail.poses) > 1 or situation.hazard):
+        if arc is None and (self._trail.leads_away or situation.hazard):
             return self._back_off(now_ns, reason)
         return self._go(now_ns, situation.T_odom_base @ (arc or SPOT_TURN), ODOM_FRAME, reason)
 
