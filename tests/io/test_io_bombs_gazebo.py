@@ -137,6 +137,8 @@ def test_includes_that_are_missing(tmp_path: Path) -> None:
 
 
 LONG = "n" * 10**6
+FRAMES = [f'<frame name="f{k}" attached_to="f{k + 1}"/>' for k in range(40_000)]  # the last one does not exist
+AT_FRAMES = [f'<model name="m{k}"><pose relative_to="f{k}"/></model>' for k in range(40_000)]
 FILES = {
     "lamps": ("256 lamps", '<light type="point"/>' * 300),
     "suns": ("256 lamps", "<include><uri>model://sun</uri></include>" * 300),
@@ -147,6 +149,7 @@ FILES = {
     "tags": ("tags", "<a/>" * 1_900_000),
     "attributes": ("attributes", f"<a {' '.join(f'a{k}={chr(39) * 2}' for k in range(800_000))}/>"),
     "links": ("", model(*['<link name="l"/>' * 190_000])),
+    "frames": ("", "".join(FRAMES + AT_FRAMES)),
     "deep": ("", "<a>" * 90_000 + "</a>" * 90_000),
 }
 

@@ -34,6 +34,7 @@ class Scope:
         self.element, self.folder, self.depth = element, folder, depth
         self._files, self._tell = files, tell
         self._known = {name: np.eye(4) for name in ("", "__model__" if depth else "world", "__root__")}
+        self._lost: dict[str, str] = {}  # names of frames that cannot be found, and why
         self._named: dict[str, Element] | None = None
         self._scopes: dict[str, Scope] = {}
 
@@ -62,10 +63,14 @@ class Scope:
 
     def _frame(self, name: str) -> FloatArray:
         chain: dict[str, FloatArray] = {}
-        while name not in self._known:
-            if name in chain:
-                raise _NoFrameError(f"frame {name:.80} is given relative to itself")
-            chain[name], name = self._step(name)
+        try:
+            while name not in self._known:
+                if name in self._lost or name in chain:
+                    raise _NoFrameError(self._lost.get(name, f"frame {name:.80} is given relative to itself"))
+                chain[name], name = self._step(name)
+        except _NoFrameError as error:
+            self._lost.update(dict.fromkeys([*chain, name], str(error)))
+            raise
         T = self._known[name]
         for at, step in reversed(chain.items()):
             T = self._known[at] = T @ step
