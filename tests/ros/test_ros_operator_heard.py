@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import time
@@ -17,10 +18,12 @@ import cv2
 import numpy as np
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus
+from diagnostic_msgs.srv import AddDiagnostics
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
 from mission_listener import MissionListener
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from waiting import PATIENCE_S
 
@@ -207,3 +210,29 @@ def test_who_cancels_the_explorer_s_drive_makes_it_stand_and_blames_no_view(
     finally:
         assert rospy.ServiceProxy(f"/{topics.EXPLORE_RESUME}", Trigger)().success
     explores_on(stack, mission)
+
+
+def test_a_goal_of_a_client_ends_a_docking_and_is_driven_to(stack: Stack, mission: MissionListener) -> None:
+    """There is no dock: it would look for one for a minute."""
+    docking: list[dict[str, Any]] = []
+    listener = rospy.Subscriber(f"/{topics.DOCK_STATUS}", String, lambda msg: docking.append(json.loads(msg.data)))
+    client = actionlib.SimpleActionClient(f"/{topics.MOVE_BASE_ACTION}", MoveBaseAction)
+    assert client.wait_for_server(rospy.Duration(PATIENCE_S))
+    start = rospy.ServiceProxy(f"/{topics.DOCK_START}", AddDiagnostics)
+
+    def send(goal: SE2) -> bool:
+        seat = goal @ SE2(1.0, 0.0, 0.0)
+        told = start(json.dumps({"at": [seat.x, seat.y, seat.theta]}))
+        assert told.success, told.message
+        stack.wait(lambda: mission.status["state"] == "paused", "the exploration to pause")
+        docking.clear()
+        client.send_goal(MoveBaseGoal(convert.pose_stamped(topics.MAP_FRAME, time.time_ns(), goal)))
+        stack.wait(lambda: docking and docking[-1]["state"] == "failed", "the docking to end")
+        assert docking[-1]["reason"] == "/observer has sent a goal to move_base"
+        assert client.wait_for_result(rospy.Duration(PATIENCE_S)), "no result"
+        assert {told["state"] for told in docking[1:]} == {"failed"}
+        return bool(client.get_state() == GoalStatus.SUCCEEDED)
+
+    is_driven_to(stack, mission, send)
+    listener.unregister()
+    assert mission.blamed() == []
