@@ -186,6 +186,17 @@ def test_cells_are_right_again_after_the_map_slid_along_their_plane(look: str, r
         assert np.array_equal(getattr(after, name), getattr(fresh, name)), name
 
 
+def test_a_plane_that_moves_keeps_its_cells_until_they_are_judged_again(textured: MapSnapshot) -> None:
+    dense = densifier()
+    before, moved = dense.update(textured, ALL, settled=True).cells, shifted(textured, 0.05, 0.0)
+    waiting = dense.update(moved, 0, settled=True)
+    assert not waiting.complete
+    assert len(waiting.cells.plane) >= 0.95 * len(before.plane)
+    assert np.median(waiting.cells.centre[:, 0]) == pytest.approx(np.median(before.centre[:, 0]) + 0.05, abs=0.01)
+    after, fresh = (each.update(moved, ALL, settled=True).cells for each in (dense, densifier()))
+    assert np.array_equal(after.cell, fresh.cell)
+
+
 def test_millimetres_of_adjustment_make_no_work(textured: MapSnapshot) -> None:
     dense = densifier()
     dense.update(textured, ALL)

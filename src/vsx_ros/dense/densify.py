@@ -133,12 +133,15 @@ class Densifier:
         self, plane: Plane, snapshot: MapSnapshot, fresh: Views, moved: IntArray, centres: Points3, anew: IntArray,
         every: IntArray,
     ) -> Surface:  # fmt: skip
-        """The plane's surface, with all cells due that the fresh keyframes, new or moved, show; a new surface if the
-        plane has moved. moved: ids. centres: of all keyframes. anew, every: rows of the rays from new and from all
+        """The plane's surface, with all cells due that the fresh keyframes, new or moved, show; all if the plane has
+        moved. moved: ids. centres: of all keyframes. anew, every: rows of the rays from new and from all
         keyframes, ordered by keyframe."""
         surface, unit = self._surfaces.get(plane.id), self._finder.unit
-        if surface is None or has_moved(surface.judged_at, plane, _MOVED_M * unit):
+        if surface is None:
             surface, afresh = Surface(plane, self._config, unit, self._has_floor), True
+        elif has_moved(surface.judged_at, plane, _MOVED_M * unit):
+            surface.move(plane)
+            afresh = True
         else:
             afresh = surface.extended(plane) or len(moved) > 0
             surface.mark_seen(plane, fresh, moved)

@@ -28,8 +28,8 @@ _UNJUDGED = (0.0, -1.0, -1.0, 0, -1)  # Judgement
 
 class Surface:
     """Evidence about the cells of a plane, in (W, H) arrays: columns along its right axis, rows up. Row 0 of a wall
-    stands on the floor. ``due``: cells to judge (again); so are columns whose foot a new keyframe shows. The evidence
-    is valid while the plane does not move."""
+    stands on the floor. ``due``: cells to judge (again); so are columns whose foot a new keyframe shows. What was
+    judged is believed until it is judged again, also when the plane moves."""
 
     def __init__(self, plane: Plane, config: DenseConfig, unit: float, has_floor: bool) -> None:
         """unit: length of a metre in the map. has_floor: whether z = 0 is the floor."""
@@ -72,6 +72,12 @@ class Surface:
             column[before[0] : before[0] + len(before_it)] = before_it
         self._untested = np.pad(self._untested, pad[0], constant_values=self._stands)
         return True
+
+    def move(self, plane: Plane) -> None:
+        """Take the plane's new place, with all cells due. What was judged stays believed until it is judged again."""
+        self.extended(plane)
+        self.judged_at = plane
+        self.due[:], self._untested[:] = True, self._stands
 
     def centres(self, plane: Plane, cells: IntArray) -> Points3:
         """(N, 3) world positions of cells (N, 2), indices of the arrays."""
