@@ -117,6 +117,22 @@ def residuals(points: ObservedPoints, rows: IntArray, plane: FloatArray) -> tupl
 
 
 @kernel
+def _bounds(planes: FloatArray, axes: FloatArray, boxes: FloatArray, limit: float) -> FloatArray:
+    """(G, 2, 3) least and greatest world coordinates, or a little beyond, of points nearer than limit [m] to planes
+    (G, 4) and between boxes (G, 2, 2) along axes (G, 2, 3)."""
+    bounds = np.empty((planes.shape[0], 2, 3))
+    for k in range(planes.shape[0]):
+        for c in range(3):
+            middle, half = planes[k, 3] * planes[k, c], abs(planes[k, c]) * limit
+            for j in range(2):
+                middle += axes[k, j, c] * 0.5 * (boxes[k, 0, j] + boxes[k, 1, j])
+                half += abs(axes[k, j, c]) * 0.5 * (boxes[k, 1, j] - boxes[k, 0, j])
+            half += 1e-6 * (half + abs(middle))
+            bounds[k, 0, c], bounds[k, 1, c] = middle - half, middle + half
+    return bounds
+
+
+@kernel
 def best_planes(
     points: ObservedPoints, planes: FloatArray, axes: FloatArray, boxes: FloatArray, few: int, order: IntArray,
     noise: Noise,
@@ -128,9 +144,15 @@ def best_planes(
     n, m = points.world.shape[0], planes.shape[0]
     begin = np.zeros(n + 1, np.int64)
     near, sigmas = np.empty(4 * n, np.int64), np.empty(4 * n)
+    bounds = _bounds(planes, axes, boxes, noise.limit)
     count = 0
     for i in range(n):
+        x, y, z = points.world[i]
         for k in range(m):
+            if x < bounds[k, 0, 0] or x > bounds[k, 1, 0] or y < bounds[k, 0, 1] or y > bounds[k, 1, 1]:
+                continue
+            if z < bounds[k, 0, 2] or z > bounds[k, 1, 2]:
+                continue
             sigma = _off(points, i, planes[k], noise)
             if sigma >= noise.gate or not _is_beside(points.world[i], axes[k], boxes[k, 0], boxes[k, 1]):
                 continue
