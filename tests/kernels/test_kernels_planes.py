@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from vsx_ros.kernels.dense.plane_choice import best_planes
 from vsx_ros.kernels.dense.plane_fits import fit_plane, in_plane_axes, plane_moments
 from vsx_ros.kernels.dense.planes import (
     Noise,
     ObservedPoints,
-    best_planes,
     deviations,
     first_accepted,
     plane_preferences,

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.dense.plane_tiles import is_plane
 from vsx_ros.dense.planes import Fit, fit_plane, on_plane
+from vsx_ros.kernels.dense.plane_choice import beside, best_planes
 from vsx_ros.kernels.dense.plane_fits import in_plane_axes
-from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, beside, best_planes, deviations
+from vsx_ros.kernels.dense.planes import Noise, ObservedPoints, deviations
 
 _MAX_ANGLE_COS = math.cos(math.radians(12.0))  # pieces of one wall in two tiles, with few points each, differ by less
 _SAME_SHARE, _MIN_OWN = 0.8, 0.5  # of a piece's points on the common plane; of the points on a plane, its own

@@ -5,8 +5,9 @@ import numpy as np
 from vsx_ros.arrays import FloatArray
 from vsx_ros.config.maps import PlanesConfig
 from vsx_ros.dense.plane_merging import Found
+from vsx_ros.kernels.dense.plane_choice import beside
 from vsx_ros.kernels.dense.plane_fits import in_plane_axes
-from vsx_ros.kernels.dense.planes import ObservedPoints, beside, residuals
+from vsx_ros.kernels.dense.planes import ObservedPoints, residuals
 
 _STEP, _STEPS = 1.25, 6  # the estimate is one of a few values, so that it does not change with every point
 _LOOK_M = 0.08  # in front and behind; points farther off belong to something else

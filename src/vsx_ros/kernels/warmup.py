@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from vsx_ros.kernels import geometry
-from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_fits, planes, surface_cells
+from vsx_ros.kernels.dense import floor_contact, jlinkage, plane_choice, plane_fits, planes, surface_cells
 from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.kernels.occupancy import basins, clearance, ground_cells, ground_map, visibility
 from vsx_ros.kernels.planning import curves, flood, lattice, motions, pockets, reeds_shepp, shortcuts
@@ -36,8 +36,8 @@ def _planes() -> None:
     planes.deviations(points, one, wall, noise)
     planes.residuals(points, one, wall)
     axes, boxes = plane_fits.in_plane_axes(wall[:3])[None], np.array([[np.zeros(2), np.ones(2)]])
-    planes.best_planes(points, wall[None], axes, boxes, 1, one, noise)
-    planes.beside(world, np.eye(3)[:2], np.zeros(2), np.ones(2))
+    plane_choice.best_planes(points, wall[None], axes, boxes, 1, one, noise)
+    plane_choice.beside(world, np.eye(3)[:2], np.zeros(2), np.ones(2))
     plane_fits.fit_plane(points, one, wall[:3], 0, 0.01, 5.0, 4)
     planes.first_accepted(points, one, one[None], np.ones((1, 1)), 2, 0.8, 0.1)
     jlinkage.agglomerate(planes.plane_preferences(points, wall[None], noise))

@@ -90,19 +90,9 @@ class Preprocessor:
         """The next frame. metric: whether the map has a scale; without one, odometry only tells frozen images. Raises
         InputError for an image of the wrong size or type and a stamp that does not advance; nothing has changed then.
         """
-        camera = self._camera
         pyramid = build_pyramid(frame.image)
-        if frame.image.shape != (camera.height, camera.width):
-            height, width = frame.image.shape
-            raise InputError(
-                f"image of {width}x{height} does not fit the calibration for {camera.width}x{camera.height}; "
-                "calibrate at this size or set the camera to the calibrated one"
-            )
+        self._check(frame)
         last = self._last_stamp_ns
-        if last is not None and frame.stamp_ns <= last:
-            raise InputError(
-                f"frame stamp {frame.stamp_ns} ns is not after the one before, {last} ns; frames must come in order"
-            )
         if last is not None and (frame.stamp_ns - last) * 1e-9 > GAP_S:
             self._gap(frame.stamp_ns, f"no frame for {(frame.stamp_ns - last) * 1e-9:.1f} s")
         self._last_stamp_ns = frame.stamp_ns
@@ -128,6 +118,20 @@ class Preprocessor:
             blurred=blurred,
             frozen=frozen,
         )
+
+    def _check(self, frame: Frame) -> None:
+        """Raise InputError for an image of another size, and a stamp that does not advance."""
+        camera, last = self._camera, self._last_stamp_ns
+        if frame.image.shape != (camera.height, camera.width):
+            height, width = frame.image.shape
+            raise InputError(
+                f"image of {width}x{height} does not fit the calibration for {camera.width}x{camera.height}; "
+                "calibrate at this size or set the camera to the calibrated one"
+            )
+        if last is not None and frame.stamp_ns <= last:
+            raise InputError(
+                f"frame stamp {frame.stamp_ns} ns is not after the one before, {last} ns; frames must come in order"
+            )
 
     def begins_again(self, odometry: Odometry | None) -> bool:
         """See ``ContinuousOdometry``; for frames before the map."""
