@@ -212,7 +212,7 @@ def worlds(tree):
     yield "300000 values", tree | {"boxes": [box] * 25_000}
     wall = {"points": [[1, 1]] * 25_000, "thickness": 0.1, "height": 2, "material": "floor"}
     yield "can be drawn", tree | {"walls": [wall]}
-    large = [{**box, "length": 900, "width": 900, "height": 900}] * 3500
+    large = [{**box, "x": 500, "length": 900, "width": 900, "height": 900}] * 3500  # beside the robot
     yield "bytes, at most", tree | {"boxes": large}
     carpets = {f"c{k}": {"kind": "carpet"} for k in range(60)}
     yield "bytes, at most", tree | {

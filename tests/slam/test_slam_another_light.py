@@ -81,7 +81,7 @@ def test_a_likely_place_is_confirmed_by_the_next_frame_without_another_search(ar
     slam_map, _ = arc_map
     front = FrontEnd(arc_drive.camera, arc_drive.T_base_cam, CONFIG, 0)
     relocalizer = Recovery(arc_drive.camera, None, CONFIG, front._tracker, front._motion)._relocalizer
-    first, second = (front._preprocessor.take(*arc_drive.frames[k][:2]) for k in (30, 31))
+    first, second = (front._preprocessor.take(*arc_drive.frames[k][:2], metric=True) for k in (30, 31))
     likely = relocalizer.places.ranked(first.small, slam_map.view, slam_map.view.living)
     monkeypatch.setattr(Recognition, "is_certain", lambda self, config: False)
     monkeypatch.setattr(relocalizer.places, "ranked", lambda small, view, among: likely[:1])

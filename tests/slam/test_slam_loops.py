@@ -44,7 +44,7 @@ def places(arc_drive):
 def taken_apart(drive, image, k):
     front = FrontEnd(drive.camera, drive.T_base_cam, CONFIG, 0)
     frame, odometry, _ = drive.frames[k]
-    return front._preprocessor.take(frame._replace(image=image), odometry)
+    return front._preprocessor.take(frame._replace(image=image), odometry, metric=True)
 
 
 def best(places, data, view):
@@ -223,7 +223,7 @@ def test_a_second_map_is_joined_while_the_camera_is_in_the_first(arc_drive):
         slam.track(frame, odometry)
     other = FrontEnd(arc_drive.camera, arc_drive.T_base_cam, CONFIG, 0)
     initializer = Initializer(arc_drive.T_base_cam, CONFIG.initialization)
-    made = (initializer.add(other._preprocessor.take(*arc_drive.frames[k][:2])) for k in range(45, 80))
+    made = (initializer.add(other._preprocessor.take(*arc_drive.frames[k][:2], metric=True)) for k in range(45, 80))
     pair = next(pair for pair in made if isinstance(pair, InitialPair))
     away = SE3.exp(np.array([3.0, -2.0, 0.0, 0.0, 0.0, 1.0]))
     slam._view = slam._mapper.start(pair._replace(T_world_first=away, odom_segment=9))

@@ -21,7 +21,7 @@ def on_the_way(drive):
     slam = SequentialSlam(drive.camera, drive.T_base_cam, Config().slam, 1)
     for frame, odometry, _ in drive.frames[:60]:
         slam.track(frame, odometry)
-    return slam._front, slam._front._preprocessor.take(*drive.frames[60][:2])
+    return slam._front, slam._front._preprocessor.take(*drive.frames[60][:2], metric=True)
 
 
 def test_wheels_lead_to_points_that_are_no_corners(arc_drive):
