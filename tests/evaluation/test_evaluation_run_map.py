@@ -17,7 +17,8 @@ from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 
 SECOND = 1_000_000_000
-WORDS = "driving 3.0 m to look at 4.0 m2 of unknown ground; second best: 3.0 m2 after 2.0 m [view at <U>; second <U>]"
+WORDS = "driving 3.0 m to look at 4.0 m2 of unknown ground; second best: 3.0 m2 after 2.0 m"
+FIGURES = "view at <U>; second <U>"
 
 
 PROGRESS = [
@@ -43,7 +44,7 @@ def run(grid: OccupancyGrid | None, n: int = 200, **changes: object) -> ReportDa
 
 
 def goal(x: float, y: float, second: int = 0, left: str = "reached") -> Goal:
-    return Goal(second * SECOND, SE2(x, y, 0.0), WORDS, left)
+    return Goal(stamp_ns=second * SECOND, pose=SE2(x, y, 0.0), words=WORDS, figures=FIGURES, left=left)
 
 
 def drawing(data: ReportData) -> ElementTree.Element:
@@ -130,7 +131,7 @@ def test_goals_are_numbered_beside_their_places_and_hide_none() -> None:
     picture = drawing(run(room(8.0, 6.0), goals=goals))
     groups = [group for group in picture.iter("g") if group.get("class") == "goal"]
     assert len(groups) == len(goals)
-    assert groups[2].find("title").text == f"3 at 10.0 s: {WORDS.partition(' [')[0]}"
+    assert groups[2].find("title").text == f"3 at 10.0 s: {WORDS}"
     labels = [group.find("text") for group in groups]
     assert [label.text for label in labels] == [str(k) for k in range(1, 64)]
     boxes = np.array(

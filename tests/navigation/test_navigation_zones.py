@@ -159,23 +159,28 @@ def test_what_stands_farther_on_is_seen_on_the_same_map_as_the_base_comes_nearer
     assert told[0] > 1.0
 
 
-@pytest.mark.parametrize("heading", [0.0, 1.5, 3.0, 4.5])
-def test_out_of_a_zone_the_way_is_short_and_leads_nowhere_else(heading: float) -> None:
+def driven_out(heading: float, within_s: float, *beside: Zone) -> np.ndarray:
+    """The rows of a base that has left a zone, beside these, by the way that the mission chooses."""
     ways = Planner(CONFIG.planner, CONFIG.robot)
     selector = ViewSelector(CONFIG, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
     run = LockStep()
     run.base.pose = SE2(0.3, 0.0, heading)
     run.localization = type(run.localization)()
     run.drive(0.5)
-    grid, pose = zoned(box(0.0, 0.0, 0.6)), run.base.pose
+    grid, pose = zoned(box(0.0, 0.0, 0.6), *beside), run.base.pose
     run.planner.take_grid(grid, run.base.now_ns)
     out = selector.exit_pose(run.base.now_ns, grid, pose)
     assert out is not None
     run.go(out)
-    run.drive(15.0)
+    run.drive(within_s)
     assert run.navigator.state is NavigationState.SUCCEEDED
     assert run.base.pose.distance_to(out) < 0.03
-    rows = np.array(run.base.rows)
+    return np.array(run.base.rows)
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.5, 3.0, 4.5])
+def test_out_of_a_zone_the_way_is_short_and_leads_nowhere_else(heading: float) -> None:
+    rows = driven_out(heading, 15.0)
     driven_m = float(np.hypot(*np.diff(rows[:, 1:3], axis=0).T).sum())
     assert 0.3 + BODY_M < driven_m < 1.9
 
@@ -185,21 +190,7 @@ STAIRS = Zone("stairs", ZoneKind.WALL, ((0.65, -1.5), (0.65, 1.5)))
 
 @pytest.mark.parametrize("heading", [0.0, 1.5, 3.0, 4.5])
 def test_out_of_a_zone_the_way_never_leads_over_one_that_touches_it(heading: float) -> None:
-    ways = Planner(CONFIG.planner, CONFIG.robot)
-    selector = ViewSelector(CONFIG, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
-    run = LockStep()
-    run.base.pose = SE2(0.3, 0.0, heading)
-    run.localization = type(run.localization)()
-    run.drive(0.5)
-    grid, pose = zoned(box(0.0, 0.0, 0.6), STAIRS), run.base.pose
-    run.planner.take_grid(grid, run.base.now_ns)
-    out = selector.exit_pose(run.base.now_ns, grid, pose)
-    assert out is not None
-    run.go(out)
-    run.drive(20.0)
-    assert run.navigator.state is NavigationState.SUCCEEDED
-    assert run.base.pose.distance_to(out) < 0.03
-    assert np.array(run.base.rows)[:, 1].max() + BODY_M < 0.65
+    assert driven_out(heading, 20.0, STAIRS)[:, 1].max() + BODY_M < 0.65
 
 
 def test_a_zone_that_is_drawn_beside_the_one_being_left_is_seen_on_the_way() -> None:

@@ -13,10 +13,25 @@ from ros_ports import HOST, free_port
 
 from vsx_hw.bases import BASES, base_emulator
 from vsx_ros.config import RobotConfig
+from vsx_ros.ros import topics
 from vsx_ros.ros.emulated_base import BodyPlant
 from vsx_ros.runs.world import open_world
 
 CHECKOUT = Path(__file__).resolve().parents[2]
+
+HAND = f"""
+import time
+import rospy
+from geometry_msgs.msg import Twist
+rospy.init_node("hand", disable_signals=True)
+hand = rospy.Publisher("{topics.COMMAND_TELEOP}", Twist, queue_size=1)
+forwards = Twist()
+forwards.linear.x = 0.05
+while True:
+    hand.publish(forwards)
+    time.sleep(0.05)
+"""
+"""A node that drives by hand, slowly. It knows nothing of masters: its connection to the base outlives them."""
 
 
 class CountedPlant(BodyPlant):

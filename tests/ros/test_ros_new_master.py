@@ -12,26 +12,13 @@ import pytest
 pytest.importorskip("rospy")
 
 import rosgraph
-from lone_base import LoneBase
+from lone_base import HAND, LoneBase
 
 from vsx_ros.ros import topics
 from vsx_ros.ros.calls import answers_at
 
 pytestmark = [pytest.mark.ros, pytest.mark.light]
 
-HAND = f"""
-import time
-import rospy
-from geometry_msgs.msg import Twist
-rospy.init_node("hand", disable_signals=True)
-hand = rospy.Publisher("{topics.COMMAND_TELEOP}", Twist, queue_size=1)
-forwards = Twist()
-forwards.linear.x = 0.05
-while True:
-    hand.publish(forwards)
-    time.sleep(0.05)
-"""
-"""Knows nothing of masters: its connection to the base outlives them."""
 
 LIVE = """
 import os, sys, time

@@ -12,25 +12,11 @@ import pytest
 
 pytest.importorskip("rospy")
 
-from lone_base import LoneBase
+from lone_base import HAND, LoneBase
 
 from vsx_ros.registry import PLUGINS
-from vsx_ros.ros import topics
 
 pytestmark = [pytest.mark.ros, pytest.mark.light]
-
-HAND = f"""
-import time
-import rospy
-from geometry_msgs.msg import Twist
-rospy.init_node("hand", disable_signals=True)
-hand = rospy.Publisher("{topics.COMMAND_TELEOP}", Twist, queue_size=1)
-forwards = Twist()
-forwards.linear.x = 0.05
-while True:
-    hand.publish(forwards)
-    time.sleep(0.05)
-"""
 
 WIRED = """
 from vsx_hw.kobuki.driver import KobukiDialect

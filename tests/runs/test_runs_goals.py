@@ -34,7 +34,8 @@ def test_goals_are_numbered_by_time_and_tell_why_they_were_left() -> None:
     goals = goals_of(told[::-1])
     assert [goal.pose.x for goal in goals] == [1.0, 2.0, 3.0]
     assert [goal.stamp_ns for goal in goals] == [SECOND, 3 * SECOND, 9 * SECOND]
-    assert goals[0].words == choice(1.0)
+    assert f"{goals[0].words} [{goals[0].figures}]" == choice(1.0)
+    assert " [" not in goals[0].words
     assert [goal.left for goal in goals] == [
         "reached",
         "stopping: bumper pressed; goal blacklisted for 30 s: bumper pressed; no view found (3 blacklisted)",

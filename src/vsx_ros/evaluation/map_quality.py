@@ -84,10 +84,12 @@ class TruthCells(NamedTuple):
     to_free_m: _Metres
 
     @staticmethod
-    def of(truth: OccupancyGrid, chosen: BoolArray, T_truth_map: SE2) -> "TruthCells":
-        """chosen: (H, W). T_truth_map: true pose of the maps' origin."""
+    def of(
+        truth: OccupancyGrid, chosen: BoolArray, T_truth_map: SE2, to_obstacle: _Metres, to_free: _Metres
+    ) -> "TruthCells":
+        """chosen, to_obstacle, to_free: (H, W), see ``metres_to``. T_truth_map: true pose of the maps' origin."""
         centres = T_truth_map.inverse() @ truth.centres(np.argwhere(chosen))
-        return TruthCells(centres, *(metres_to(truth.data == kind, truth)[chosen] for kind in (OCCUPIED, FREE)))
+        return TruthCells(centres, to_obstacle_m=to_obstacle[chosen], to_free_m=to_free[chosen])
 
     def correct_share(self, estimate: OccupancyGrid) -> float | None:
         """The share of the cells that a map knows rightly, see ``MapQuality``; None if there are none."""
@@ -99,7 +101,7 @@ class TruthCells(NamedTuple):
 def map_quality(estimate: OccupancyGrid, truth: OccupancyGrid, observable: BoolArray, T_truth_map: SE2) -> MapQuality:
     """Judge a map. observable: (H, W) mask over the truth. T_truth_map: true pose of the map's origin."""
     to_obstacle, to_free = metres_to(truth.data == OCCUPIED, truth), metres_to(truth.data == FREE, truth)
-    cells = TruthCells.of(truth, observable, T_truth_map)
+    cells = TruthCells.of(truth, observable, T_truth_map, to_obstacle, to_free)
     values = _values_at(estimate, cells.centres)
 
     def under(value: int) -> tuple[IntArray, ...]:

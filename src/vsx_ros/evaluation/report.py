@@ -114,8 +114,7 @@ def goal_table(data: ReportData) -> str:
     """The views driven to, by their numbers on the map, and why each was left."""
     rows = []
     for number, goal in enumerate(data.goals[:_MAX_EVENTS], start=1):
-        words, _, figures_of = html.escape(goal.words.removesuffix("]")).partition(" [")
-        why = f"<details><summary>{words}</summary>{figures_of}</details>"
+        why = f"<details><summary>{html.escape(goal.words)}</summary>{html.escape(goal.figures)}</details>"
         left = f'<div class="left">left: {html.escape(goal.left)}</div>' if goal.left else ""
         at = f"{(goal.stamp_ns - data.began_ns) * 1e-9:.1f} s"
         rows.append(f"<tr><td>{number}</td><td>{at}</td><td>{why}{left}</td></tr>")

@@ -36,11 +36,13 @@ class ProgressRow(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """A view that was chosen. words: why it, with figures in brackets. left: why it was left; empty if it was not."""
+    """A view that was chosen. words: why it; figures: the same in numbers. left: why it was left; empty if it was
+    not."""
 
     stamp_ns: int
     pose: SE2
     words: str
+    figures: str
     left: str
 
 

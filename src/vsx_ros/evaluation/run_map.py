@@ -171,7 +171,7 @@ def _goals(sheet: Sheet, data: ReportData) -> str:
     labels = _beside([at for _, _, at in shown], [_DIGIT_PX * len(str(k)) for k, _, _ in shown])
     drawn = []
     for (number, goal, (x, y)), label in zip(shown, labels, strict=True):
-        at = f"{number} at {1e-9 * (goal.stamp_ns - data.began_ns):.1f} s: {goal.words.partition(' [')[0]}"
+        at = f"{number} at {1e-9 * (goal.stamp_ns - data.began_ns):.1f} s: {goal.words}"
         looks = x + _LOOK_PX * math.cos(goal.pose.theta), y - _LOOK_PX * math.sin(goal.pose.theta)
         text = "" if label is None else f'<text x="{label[0]:.1f}" y="{label[1]:.1f}">{number}</text>'
         drawn.append(

@@ -60,7 +60,7 @@ def explore(task: ExplorationTask) -> dict[str, Any]:
 
     def look(_: int, grid: OccupancyGrid) -> None:
         assert run.judge is not None
-        right = run.judge.quality(grid).coverage_correct or 0.0
+        right = run.judge.coverage_correct(grid) or 0.0
         for name in [f"way_to_{100 * share:.0f}_m" for share in _SHARES if right >= share]:
             reached.setdefault(name, run.robot.truth.path_length_m)
 

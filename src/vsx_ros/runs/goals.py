@@ -22,5 +22,7 @@ def goals_of(events: Sequence[RunEvent]) -> list[Goal]:
         why = list(dict.fromkeys(without_figures(event.reason) for event in told[k + 1 : end]))
         left = "; ".join(why[:_MOST_WORDS]) or (REACHED if end < len(told) else "")
         if (place := places[k]) is not None:
-            goals.append(Goal(told[k].stamp_ns, place, told[k].reason, left))
+            words = without_figures(told[k].reason)
+            figures = told[k].reason.removeprefix(words).strip(" []")
+            goals.append(Goal(stamp_ns=told[k].stamp_ns, pose=place, words=words, figures=figures, left=left))
     return goals

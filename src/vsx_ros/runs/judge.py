@@ -12,11 +12,12 @@ from vsx_ros.evaluation.map_quality import (
     TruthCells,
     map_on_truth_picture,
     map_quality,
+    metres_to,
     observable_cells,
     viewing_cells,
 )
 from vsx_ros.evaluation.summary import Summary
-from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.truth import ground_truth_grid
 
@@ -43,7 +44,9 @@ class MapJudge:
 
     @cached_property
     def _cells(self) -> TruthCells:
-        return TruthCells.of(self._truth, self._observable, self._start)
+        truth = self._truth
+        metres = (metres_to(truth.data == kind, truth) for kind in (OCCUPIED, FREE))
+        return TruthCells.of(truth, self._observable, self._start, *metres)
 
     def coverage_correct(self, grid: OccupancyGrid) -> float | None:
         """As in ``quality``, in a tenth of the time."""

@@ -125,7 +125,7 @@ class FastRun:
             nonlocal due_ns
             if now_ns < due_ns or self.judge is None or self.system.grid is None:
                 return None
-            right = self.judge.quality(self.system.grid).coverage_correct or 0.0
+            right = self.judge.coverage_correct(self.system.grid) or 0.0
             enough = right >= share
             due_ns = now_ns if enough else now_ns + _JUDGED_EVERY_NS
             return f"{100 * share:g} % is known" if enough and self.record.frames[-1].state.tracked else None
