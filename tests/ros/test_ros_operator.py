@@ -195,6 +195,39 @@ def test_a_node_ends_in_the_middle_of_a_question_to_the_master(stack: Stack) -> 
             node.kill()
 
 
+_STUCK = """
+import threading
+import rospy
+from vsx_ros.ros import node
+rospy.signal_shutdown = lambda reason: threading.Event().wait()
+class Open:
+    def close(self):
+        print("closed", flush=True)
+def build(config):
+    return Open()
+node._STUCK_S = 0.5
+node.run("stuck", build)
+"""
+
+
+def test_a_node_ends_though_rospy_hangs(stack: Stack) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", _STUCK, "__name:=stuck"],
+        env=stack.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as node:  # fmt: skip
+        assert node.stdout is not None
+        assert node.stderr is not None
+        try:
+            while "ready" not in node.stdout.readline():
+                assert node.poll() is None
+            node.terminate()
+            assert node.stdout.read() == "closed\n"
+            assert "ROS does not end this node" in node.stderr.read()
+            assert node.wait(PATIENCE_S) == 1
+        finally:
+            node.kill()
+
+
 @pytest.mark.light
 @pytest.mark.parametrize(
     ("text", "pressed"),

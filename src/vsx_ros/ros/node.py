@@ -23,6 +23,7 @@ from vsx_ros.runs import memory
 
 _LOOK_S = 0.05  # rospy.spin would sleep for half a second
 _LET_GO_S = 5.0  # for a thread to finish after the node
+_STUCK_S = 10.0  # from a signal until rospy closes the node
 
 DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"  # Environment variable: a node started by a run ends when the run is killed
 PARAMETERS_SET = "live_run/parameters_set"  # Parameter: the run has set all nodes' parameters at this master
@@ -51,11 +52,11 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
             "ROS_MASTER_URI, or let roslaunch or 'vsx explore' bring one\n"
         )
         sys.exit(1)
-    let_go = _close_on_signals()
+    told = _EndingSignals()
     try:
         node = _start(name, build)
     except (KeyboardInterrupt, rospy.ROSInterruptException):
-        let_go()
+        told.let_go()
         return
     except (VsxError, DeviceError) as error:
         _fail(name, str(error), 2 if isinstance(error, DeviceError) else 1)
@@ -74,11 +75,13 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
     rospy.loginfo("%s: ready", rospy.get_name())
     trimmed_s = time.monotonic()
     while not rospy.is_shutdown():
+        if told.waited_s() > _STUCK_S and unclosed.acquire(blocking=False):
+            _end_alone(name, node)
         time.sleep(_LOOK_S)
         if time.monotonic() - trimmed_s > memory.TRIM_EVERY_S:
             memory.trim()
             trimmed_s = time.monotonic()
-    let_go()
+    told.let_go()
     close()
     if (code := threads.exit_code()) != 0:
         sys.exit(code)
@@ -109,27 +112,46 @@ def _fail(name: str, reason: str, exit_code: int) -> NoReturn:
     sys.exit(exit_code)
 
 
-def _close_on_signals() -> Callable[[], None]:
-    """Shut down on SIGINT, SIGTERM and SIGHUP, on a thread. Returns a function that waits for the end if a signal came.
+class _EndingSignals:
+    """Shuts down on SIGINT, SIGTERM and SIGHUP, on a thread.
 
     rospy shuts down inside the signal handler, which interrupts the main thread. If that thread is calling the master,
     the handler waits for the lock of that call forever."""
-    heard, told = os.pipe()
-    os.set_blocking(told, False)
-    signal.set_wakeup_fd(told)
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, lambda *_: None)
-    came = threading.Event()
 
-    def close() -> None:
-        number = os.read(heard, 1)[0]
-        came.set()
-        rospy.signal_shutdown(signal.Signals(number).name)
+    def __init__(self) -> None:
+        self._came_s: float | None = None
+        heard, told = os.pipe()
+        os.set_blocking(told, False)
+        signal.set_wakeup_fd(told)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self._on_signal)
+        self._thread = threading.Thread(target=self._shut_down, args=(heard,), name="signals", daemon=True)
+        self._thread.start()
 
-    thread = threading.Thread(target=close, name="signals", daemon=True)
-    thread.start()
-    return lambda: thread.join(_LET_GO_S) if came.is_set() else None
+    def _on_signal(self, *_: object) -> None:
+        self._came_s = self._came_s or time.monotonic()
+
+    def _shut_down(self, heard: int) -> None:
+        rospy.signal_shutdown(signal.Signals(os.read(heard, 1)[0]).name)
+
+    def waited_s(self) -> float:
+        """For how long a signal has been waiting for the node to end [s]; 0 without one."""
+        return 0.0 if self._came_s is None else time.monotonic() - self._came_s
+
+    def let_go(self) -> None:
+        """Wait for the end if a signal came."""
+        if self._came_s is not None:
+            self._thread.join(_LET_GO_S)
+
+
+def _end_alone(name: str, node: Node) -> NoReturn:
+    """End a node whose shutdown does not begin, without rospy and its locks."""
+    sys.stderr.write(f"{name}: ROS does not end this node; it closes and ends by itself\n")
+    try:
+        node.close()
+    finally:
+        os._exit(1)
 
 
 def configuration() -> Config:
