@@ -36,14 +36,16 @@ class Planner:
     def __init__(self, config: PlannerConfig, robot: RobotConfig) -> None:
         self._config, self._robot = config, robot
         preferred_m = max(config.clearance_m, config.preferred_clearance_m)
-        self._wide = msgspec.structs.replace(config, clearance_m=preferred_m)
+        half_m = 0.5 * (preferred_m + config.clearance_m)  # through a narrow gap rather in its middle
+        self._wider = [msgspec.structs.replace(config, clearance_m=wider_m) for wider_m in (preferred_m, half_m)]
 
     def plan(
         self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, visibility: Visibility | None = None
     ) -> Plan | Refusal:
         """A collision-free plan to the exact goal pose over known free ground, or a refusal with its reason.
 
-        The path keeps config.preferred_clearance_m, or config.clearance_m if that drive is much shorter in time.
+        The path keeps config.preferred_clearance_m, or less down to config.clearance_m if that drive is much shorter in
+        time.
 
         With ``visibility``, stretches with too few landmarks in view cost extra, so that a path which keeps the map in
         view is preferred to a shorter one that loses it. ``Plan.blind_spans`` lists the stretches that remain; a path
@@ -56,43 +58,47 @@ class Planner:
         if same_pose(start, goal):
             nothing = certified(start, goal, (), "start and goal are the same")
             return Plan(goal, corridor.measured(nothing), "fov")
-        wide = build_corridor(grid, start, goal, self._wide, self._robot, corridor.clearance)
-        plan = self._at_once(start, goal, wide, grid, visibility) if isinstance(wide, Corridor) else None
-        if plan is not None:
-            return plan
-        return self._chosen(start, goal, corridor, wide, grid, rng, visibility)
+        widths = (build_corridor(grid, start, goal, wider, self._robot, corridor.clearance) for wider in self._wider)
+        corridors = [wide for wide in widths if isinstance(wide, Corridor)] + [corridor]
+        plan = self._at_once(start, goal, corridors[0], grid, visibility)
+        return self._chosen(start, goal, corridors, grid, rng, visibility) if plan is None else plan
 
     def _chosen(
-        self, start: SE2, goal: SE2, corridor: Corridor, wide: Corridor | Refusal, grid: OccupancyGrid,
-        rng: np.random.Generator, visibility: Visibility | None,
+        self, start: SE2, goal: SE2, corridors: list[Corridor], grid: OccupancyGrid, rng: np.random.Generator,
+        visibility: Visibility | None,
     ) -> Plan | Refusal:  # fmt: skip
-        """The plan with the preferred clearance, unless there is none or it takes too much longer."""
-        remaining, plan = joined_distance(corridor.margin, (goal.x, goal.y)), None
-        if isinstance(wide, Corridor):
-            remaining_wide = joined_distance(wide.margin, (goal.x, goal.y))
-            cell = corridor.margin.cell(start.x, start.y)
-            if remaining_wide[cell] < self._config.detour_ratio * remaining[cell] + self._config.detour_m:
-                plan = self._in_corridor(start, goal, wide, remaining_wide, grid, rng, visibility)
-        if isinstance(plan, Plan) and not self._is_detour(plan.path, self._least_m(start, goal, corridor, remaining)):
-            return plan
-        short = self._in_corridor(start, goal, corridor, remaining, grid, rng, visibility)
-        if isinstance(plan, Plan):
-            return short if isinstance(short, Plan) and self._is_slow(plan.path, short.path) else plan
-        if plan is not None and plan.kind is RefusalKind.BLIND and isinstance(short, Refusal):
-            return plan
-        return short
+        """The plan with the widest clearance, unless there is none or it takes too much longer. corridors: the widest
+        first."""
+        everywhere = joined_distance(corridors[-1].margin, (goal.x, goal.y))
+        cell = corridors[-1].margin.cell(start.x, start.y)
+        least_m = self._least_m(start, goal, float(everywhere[cell]))
+        chosen: Plan | Refusal | None = None
+        for corridor in corridors:
+            is_last = corridor is corridors[-1]
+            remaining = everywhere if is_last else joined_distance(corridor.margin, (goal.x, goal.y))
+            if not is_last and remaining[cell] >= self._config.detour_ratio * everywhere[cell] + self._config.detour_m:
+                continue
+            plan = self._in_corridor(start, goal, corridor, remaining, grid, rng, visibility)
+            if isinstance(plan, Plan):
+                if not isinstance(chosen, Plan) or self._is_slow(chosen.path, plan.path):
+                    chosen = plan
+                if not self._is_detour(chosen.path, least_m):
+                    return chosen
+            elif chosen is None or (isinstance(chosen, Refusal) and chosen.kind is not RefusalKind.BLIND):
+                chosen = plan
+        assert chosen is not None  # of the last corridor
+        return chosen
 
-    def _least_m(self, start: SE2, goal: SE2, corridor: Corridor, remaining: FloatArray) -> float:
-        """No path is shorter [m]."""
-        around_m = OCTILE * float(remaining[corridor.margin.cell(start.x, start.y)])
-        return max(around_m, shortest_word(start, goal, self._config.phi_rad_m).length_m)
+    def _least_m(self, start: SE2, goal: SE2, remaining_m: float) -> float:
+        """No path is shorter [m]. remaining_m: travel distance from the start to the goal in the widest ground."""
+        return max(OCTILE * remaining_m, shortest_word(start, goal, self._config.phi_rad_m).length_m)
 
     def _is_detour(self, path: Path, least_m: float) -> bool:
         """Whether a path is so long that one with less clearance may be a better choice."""
         return path.cost_m(self._config) > self._config.detour_ratio * least_m + self._config.detour_m
 
     def _is_slow(self, wide: Path, short: Path) -> bool:
-        """Whether a drive with the preferred clearance takes too much longer than one with the least."""
+        """Whether a drive with more clearance takes too much longer than one with less."""
         wide_s, short_s = (estimated_s(path, _LIMITS) for path in (wide, short))
         return wide_s > self._config.detour_ratio * short_s + self._config.detour_m / _LIMITS.v_m_s
 
