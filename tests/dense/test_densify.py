@@ -8,6 +8,7 @@ import wall_scene as scene
 from vsx_ros.config import DenseConfig
 from vsx_ros.dense.cells import CellKind
 from vsx_ros.dense.densify import DenseMap, Densifier
+from vsx_ros.dense.planes import PlaneKind
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.snapshot import MapSnapshot
 
@@ -195,6 +196,18 @@ def test_a_plane_that_moves_keeps_its_cells_until_they_are_judged_again(textured
     assert np.median(waiting.cells.centre[:, 0]) == pytest.approx(np.median(before.centre[:, 0]) + 0.05, abs=0.01)
     after, fresh = (each.update(moved, ALL, settled=True).cells for each in (dense, densifier()))
     assert np.array_equal(after.cell, fresh.cell)
+
+
+def test_a_plane_that_moves_far_is_another(textured: MapSnapshot) -> None:
+    """It keeps its id while it shares points with what it was, even when most are of another wall."""
+    dense = densifier()
+    dense.update(textured, ALL, settled=True)
+    moved = shifted(textured, 0.6, 0.0)
+    known, fresh = (each.update(moved, 0, settled=True) for each in (dense, densifier()))
+    walls = [plane.id for plane in known.planes if plane.kind is PlaneKind.WALL]
+    assert walls
+    of_walls = (np.isin(each.cells.plane, walls) for each in (known, fresh))
+    assert np.array_equal(*(each.cells.cell[of] for each, of in zip((known, fresh), of_walls)))
 
 
 def test_millimetres_of_adjustment_make_no_work(textured: MapSnapshot) -> None:

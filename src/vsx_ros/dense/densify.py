@@ -137,7 +137,7 @@ class Densifier:
         moved. moved: ids. centres: of all keyframes. anew, every: rows of the rays from new and from all
         keyframes, ordered by keyframe."""
         surface, unit = self._surfaces.get(plane.id), self._finder.unit
-        if surface is None:
+        if surface is None or not surface.is_of(plane):
             surface, afresh = Surface(plane, self._config, unit, self._has_floor), True
         elif has_moved(surface.judged_at, plane, _MOVED_M * unit):
             surface.move(plane)

@@ -21,6 +21,7 @@ from vsx_ros.occupancy.virtual_scan import FOOT_M
 
 _MARGIN_M = 0.3  # around a plane's points, which do not reach its edge
 _BEHIND_M, _BEHIND_SHARE = 0.15, 0.08  # a point this far behind a cell, and this share of its range, is against it
+_OTHER_M = 0.3  # A plane that moves so far is another
 _GUESSED_SCORE = 0.5  # of cells that were filled in and not measured: between refuted and accepted
 _ALIKE, _LOOKED_THROUGH = (0.75, 0.35), (0.05, 0.30)  # shares of the cells with points, on true planes and on others
 _UNJUDGED = (0.0, -1.0, -1.0, 0, -1)  # Judgement
@@ -72,6 +73,10 @@ class Surface:
             column[before[0] : before[0] + len(before_it)] = before_it
         self._untested = np.pad(self._untested, pad[0], constant_values=self._stands)
         return True
+
+    def is_of(self, plane: Plane) -> bool:
+        """Whether the plane may be the one that was judged. Ids follow points, and those may change to another wall."""
+        return plane.kind is self.judged_at.kind and not has_moved(self.judged_at, plane, _OTHER_M * self._unit)
 
     def move(self, plane: Plane) -> None:
         """Take the plane's new place, with all cells due. What was judged stays believed until it is judged again."""
