@@ -354,6 +354,37 @@ def test_held_wheels_keep_a_base_on_its_dock_until_they_are_let_go(wires, monkey
     robot.until("undocked", 20.0)
 
 
+@pytest.mark.parametrize("by", ["teleop", "emergency stop"])
+def test_a_goal_that_led_a_base_off_its_dock_does_so_again_after_held_wheels(wires, monkeypatch, by):
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    robot.wait(0.5)
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.until("docked", 90.0)
+    goal_comes(wires, RVIZ)
+    robot.wait(1e-9 * CONTROL_NS)
+    assert wires.status()["state"] == "undocking"
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": by, "since_ns": 5}))
+    robot.until("failed", 0.5)
+    assert wires.status()["docked"]
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    robot.until("undocking", 0.5)
+    robot.until("undocked", 20.0)
+
+
+def test_a_goal_that_comes_while_the_contact_flickers_leads_off_the_dock_when_it_is_back(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    robot.wait(0.5)
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.until("docked", 90.0)
+    place, robot.plant.at_dock = robot.plant.at_dock, None
+    robot.wait(0.2)
+    goal_comes(wires, RVIZ)
+    robot.wait(0.2)
+    assert (wires.status()["state"], wires.status()["docked"]) == ("docked", False)
+    robot.plant.at_dock = place
+    robot.until("undocked", 20.0)
+
+
 def restarted(robot: WiredRobot) -> None:
     """Another node in place of the robot's; it hears what is latched."""
     wires = robot.wires

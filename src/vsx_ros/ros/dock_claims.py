@@ -18,11 +18,13 @@ class DockClaims:
         self._goals = hear_user_goals(rospy.get_name(), rospy.resolve_name("explore"))
 
     def heed(self, now_ns: int, docking: Docking, hold: OperatorHold | None, docked: bool) -> None:
-        """docked: whether the contacts touch. A goal counts once, when it comes: the next docking is newer than it."""
-        goal = self._goals.current
+        """docked: whether the contacts touch. A goal counts once, when it comes: the next docking is newer than it. If
+        held wheels ended the way off the dock, it counts again. While a contact flickers it has not come yet."""
+        goal, flickers = self._goals.current, docking.state is DockingState.DOCKED and not docked
         if hold is not None:
+            self._heeded = "" if docking.state is DockingState.UNDOCKING else self._heeded
             docking.cancel(now_ns, hold.words())
-        elif goal is not None and goal.identity != self._heeded:
+        elif goal is not None and goal.identity != self._heeded and not flickers:
             self._heeded = goal.identity
             if docking.state is DockingState.UNDOCKING or (docking.state.rests and not docked):
                 return
