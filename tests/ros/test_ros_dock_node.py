@@ -354,6 +354,20 @@ def test_held_wheels_keep_a_base_on_its_dock_until_they_are_let_go(wires, monkey
     robot.until("undocked", 20.0)
 
 
+def test_the_battery_waits_a_minute_also_for_a_goal_that_comes_on_the_way_off_the_dock(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch)
+    robot.wait(2.0)
+    robot.board.battery.fraction = 0.1
+    robot.until("docked", 90.0)
+    assert wires.served[topics.DOCK_LEAVE](None).success
+    robot.until("undocking", 0.5)
+    goal_comes(wires, RVIZ)
+    robot.until("undocked", 20.0)
+    robot.wait(30.0)
+    assert wires.status()["state"] == "undocked"
+    robot.until("approaching", 40.0)
+
+
 @pytest.mark.parametrize("by", ["teleop", "emergency stop"])
 def test_a_goal_that_led_a_base_off_its_dock_does_so_again_after_held_wheels(wires, monkeypatch, by):
     robot = robot_on(wires, monkeypatch, return_to_charge=False)

@@ -26,9 +26,11 @@ class DockClaims:
             docking.cancel(now_ns, hold.words())
         elif goal is not None and goal.identity != self._heeded and not flickers:
             self._heeded = goal.identity
-            if docking.state is DockingState.UNDOCKING or (docking.state.rests and not docked):
+            if docking.state.rests and not docked:
+                return
+            self._keeper.put_off(now_ns)
+            if docking.state is DockingState.UNDOCKING:
                 return
             docking.cancel(now_ns, f"{goal.client} has sent a goal to move_base")
-            self._keeper.put_off(now_ns)
             if docked:
                 docking.undock(now_ns)
