@@ -82,8 +82,8 @@ def dock_says(wires: Wires, state: DockingState) -> None:
     wires.say(topics.DOCK_STATUS, String(json.dumps({"state": state.value, "reason": "for some reason"})))
 
 
-@pytest.mark.parametrize("state", [state for state in DockingState if state.drives])
-def test_while_the_dock_moves_the_base_nobody_else_does(wires: Wires, state: DockingState) -> None:
+@pytest.mark.parametrize("state", [state for state in DockingState if state.holds])
+def test_while_the_dock_has_the_wheels_nobody_else_drives(wires: Wires, state: DockingState) -> None:
     dock_says(wires, state)
     wires.go_on(0.5)
     assert report(wires).status is FollowStatus.HELD
@@ -95,8 +95,10 @@ def test_while_the_dock_moves_the_base_nobody_else_does(wires: Wires, state: Doc
     assert wires.told == [], "not even zeros"
 
 
-@pytest.mark.parametrize("state", [state for state in DockingState if not state.drives])
-def test_at_rest_and_on_its_way_the_dock_leaves_the_wheels_to_navigation(wires: Wires, state: DockingState) -> None:
+@pytest.mark.parametrize("state", [state for state in DockingState if not state.holds])
+def test_at_rest_off_its_dock_and_on_its_way_the_dock_leaves_the_wheels_to_navigation(
+    wires: Wires, state: DockingState
+) -> None:
     dock_says(wires, state)
     wires.go_on(0.5)
     assert report(wires).status is FollowStatus.FOLLOWING
@@ -110,7 +112,9 @@ def test_a_dock_that_has_ended_holds_nobody(wires: Wires) -> None:
     assert report(wires).status is FollowStatus.IDLE
 
 
-def test_a_goal_waits_while_the_dock_moves_the_base(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("state", [DockingState.DOCKED, DockingState.UNDOCKING])
+def test_a_goal_waits_until_the_base_has_left_its_dock(monkeypatch: pytest.MonkeyPatch, state: DockingState) -> None:
+    """Planned on the dock, right before a wall, it may be refused."""
     wires, waited_m = Wires(monkeypatch), list[float]()
     FollowerNode(Config())
     MoveBaseNode(Config())
@@ -119,7 +123,7 @@ def test_a_goal_waits_while_the_dock_moves_the_base(monkeypatch: pytest.MonkeyPa
 
     def leave() -> None:
         leaves = wires.base.now_ns < BEGIN_NS + 6 * 10**9
-        dock_says(wires, DockingState.UNDOCKING if leaves else DockingState.UNDOCKED)
+        dock_says(wires, state if leaves else DockingState.UNDOCKED)
         waited_m.extend([wires.base.pose.x] * leaves)
 
     wires.at_each_step, wires.until_ns = leave, BEGIN_NS + 25 * 10**9

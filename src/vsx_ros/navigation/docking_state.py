@@ -30,9 +30,9 @@ class DockingState(Enum):
         return self in (DockingState.IDLE, DockingState.DOCKED, DockingState.UNDOCKED, DockingState.FAILED)
 
     @property
-    def drives(self) -> bool:
-        """Whether docking itself moves the base, and nobody else may."""
-        return not self.rests and self is not DockingState.APPROACHING
+    def holds(self) -> bool:
+        """Whether nobody else may move the base: docking itself does, or it stands on its dock and must leave first."""
+        return self is DockingState.DOCKED or not (self.rests or self is DockingState.APPROACHING)
 
 
 class DockingSeen(NamedTuple):

@@ -1,4 +1,4 @@
-"""While the node dock moves the base, nobody else does."""
+"""While the node dock moves the base, or has it on the dock, nobody else moves it."""
 
 import math
 import time
@@ -10,7 +10,7 @@ from vsx_ros.ros import topics
 from vsx_ros.ros.callbacks import json_object, subscribe
 
 _GONE_S = 3.0  # a node that says nothing for so long has ended: it repeats its status each second
-_DRIVES = {state.value for state in DockingState if state.drives}
+_HOLDS = {state.value for state in DockingState if state.holds}
 
 
 class DockHold:
@@ -22,10 +22,10 @@ class DockHold:
 
     def _on_status(self, msg: String) -> None:
         told = json_object(msg, "state", "reason")
-        self._words = f"the dock has the wheels: {told['reason']}" if str(told["state"]) in _DRIVES else ""
+        self._words = f"the dock has the wheels: {told['reason']}" if str(told["state"]) in _HOLDS else ""
         self._heard_s = time.monotonic()
 
     @property
     def words(self) -> str:
-        """What the dock moves the base for; empty if it does not."""
+        """Why the dock holds the wheels; empty if it does not."""
         return self._words if time.monotonic() - self._heard_s < _GONE_S else ""
