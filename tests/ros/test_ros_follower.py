@@ -6,9 +6,10 @@ import pytest
 
 pytest.importorskip("rospy")
 
-from driving import open_floor
+from driving import open_floor, with_post
 from move_base_msgs.msg import MoveBaseGoal
 from std_msgs.msg import String
+from std_srvs.srv import TriggerRequest
 from wires import BEGIN_NS, OverError, Wires
 
 from vsx_ros.config import Config
@@ -133,3 +134,37 @@ def test_a_goal_waits_until_the_base_has_left_its_dock(monkeypatch: pytest.Monke
     assert max(waited_m) == 0.0
     assert [end for end, _ in wires.server.ended] == ["succeeded"]
     assert wires.base.pose.x == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("when", ["first planning", "driving", "braking to plan again"])
+def test_a_cancel_ends_the_goal_whenever_it_comes(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    wires, cancelled_ns = Wires(monkeypatch), BEGIN_NS + (600 if when == "first planning" else 2200) * 10**6
+    FollowerNode(Config())
+    MoveBaseNode(Config())
+    wires.go_on(0.5)
+    wires.say(topics.MAP, convert.grid_msg(open_floor(), topics.MAP_FRAME, wires.base.now_ns))
+
+    def cancel() -> None:
+        if wires.base.now_ns == cancelled_ns - 10**8 and when == "braking to plan again":
+            wires.say(topics.MAP, convert.grid_msg(with_post(1.6, 0.0), topics.MAP_FRAME, wires.base.now_ns))
+        if wires.base.now_ns == cancelled_ns:
+            assert (wires.base.odometry.v > 0.1) == (when != "first planning")
+            assert (report(wires).stop is not None) == (when == "braking to plan again")
+            assert wires.services[topics.FOLLOWER_CANCEL](TriggerRequest()).success
+            wires.told.clear()
+
+    wires.at_each_step, wires.until_ns = cancel, BEGIN_NS + 10 * 10**9
+    wires.server.send(MoveBaseGoal(convert.pose_stamped(topics.MAP_FRAME, wires.base.now_ns, SE2(3.0, 0.0, 0.0))))
+    with pytest.raises(OverError):
+        wires.server.run()
+    assert [end for end, _ in wires.server.ended] == ["preempted"]
+    assert not any(command.v for command in wires.told)
+
+
+def test_a_cancel_that_move_base_cannot_hear_is_no_success(wires: Wires) -> None:
+    wires.deaf.add(topics.MOVE_BASE_CANCEL)
+    answer = wires.services[topics.FOLLOWER_CANCEL](TriggerRequest())
+    assert not answer.success
+    assert topics.MOVE_BASE_CANCEL in answer.message
+    wires.go_on(0.04)
+    assert wires.told[-1].v == 0.0

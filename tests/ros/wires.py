@@ -34,8 +34,8 @@ class OverError(Exception):
 class Wires:
     """A base with a camera at the end of all wires.
 
-    told: every command. said: every message of the topics in ``kept``. camera, ahead_ns: whether images come, and how
-    much the clock of the odometry is ahead.
+    told: every command. said: every message of each topic. services: by name. deaf: topics that nobody hears. camera,
+    ahead_ns: whether images come, and how much the clock of the odometry is ahead.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,6 +44,8 @@ class Wires:
         self.state, self.camera, self.ahead_ns, self.until_ns = TrackingState.GOOD, True, 0, 2 * BEGIN_NS
         self.told: list[VelocityCommand] = []
         self.said: dict[str, list[Any]] = defaultdict(list)
+        self.services: dict[str, Callable[[Any], Any]] = {}
+        self.deaf = set[str]()
         self.at_each_step: Callable[[], None] = lambda: None
         self._heard: dict[str, list[Callable[[Any], None]]] = defaultdict(list)
         self._periodic: list[list[Any]] = []
@@ -51,9 +53,10 @@ class Wires:
         self._seen: deque[tuple[int, SE2]] = deque()
         self._next_odometry_ns = self._next_frame_ns = 0
         self.server = ActionServer(self.go_on)
+        self._heard[topics.MOVE_BASE_CANCEL].append(lambda _: self.server.cancel())
         for owner, name, fake in (
-            (rospy, "Publisher", lambda topic, kind, **_: SimpleNamespace(publish=lambda m: self.say(topic, m, kind))),
-            (rospy, "Service", lambda *_: None),
+            (rospy, "Publisher", self._publisher),
+            (rospy, "Service", lambda name, _, answer: self.services.update({name: answer})),
             (rospy, "Subscriber", self._subscribe),
             (rospy, "get_param", lambda _, default=None: default),
             (rospy, "logerr", self._log_error),
@@ -72,6 +75,11 @@ class Wires:
         for module in (follower, driving, move_base, situation, planning_thread, dock_hold):
             if hasattr(module, "time"):
                 monkeypatch.setattr(module, "time", time)
+
+    def _publisher(self, topic: str, kind: Any, **_: Any) -> SimpleNamespace:
+        return SimpleNamespace(
+            publish=lambda msg: self.say(topic, msg, kind), get_num_connections=lambda: topic not in self.deaf
+        )
 
     def _subscribe(self, topic: str, _: Any, callback: Callable[[Any], None], **__: Any) -> None:
         self._heard[topic].append(callback)

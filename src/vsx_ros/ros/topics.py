@@ -128,7 +128,7 @@ FOLLOWER_LEASE = _topic("follower/lease", "std_msgs/String", "vslam", "move_base
 # move_base: the planner
 MOVE_BASE_ACTION = "move_base"
 MOVE_BASE_GOAL = _topic("move_base/goal", "move_base_msgs/MoveBaseActionGoal", "explore", "dock", "dashboard")
-MOVE_BASE_CANCEL = _topic("move_base/cancel", "actionlib_msgs/GoalID", "explore", "dock", "dashboard")
+MOVE_BASE_CANCEL = _topic("move_base/cancel", "actionlib_msgs/GoalID", "explore", "dock", "dashboard", "follower")
 MOVE_BASE_STATUS = _topic("move_base/status", "actionlib_msgs/GoalStatusArray", "move_base")
 _topic("move_base/result", "move_base_msgs/MoveBaseActionResult", "move_base")
 _topic("move_base/feedback", "move_base_msgs/MoveBaseActionFeedback", "move_base")

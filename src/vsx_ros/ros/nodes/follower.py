@@ -5,8 +5,8 @@ Subscribers: move_base/trajectory (frame map: by camera and odometry; frame odom
     follower/lease.
 Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, frame, error,
     at_s: the current time within the trajectory, stop: while it brakes for move_base, the pose x, y, theta where it
-    will stand).
-Services: follower/cancel (ends the drive and its goal, as move_base/cancel).
+    will stand), move_base/cancel (for follower/cancel).
+Services: follower/cancel (ends the drive and all goals, also one that is still planned, as move_base/cancel).
 Parameters: ~config (tree of 'vsx config').
 
 The wheels turn only while vslam and move_base renew their leases and odometry comes. After a stop the node sends zero
@@ -16,12 +16,14 @@ import threading
 import time
 
 import rospy
+from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist
 from std_msgs.msg import String, UInt8
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowStatus
+from vsx_ros.errors import VsxError
 from vsx_ros.navigation.follower import Follower, FollowerReport, MessageAges
 from vsx_ros.robot import STOP, OperatorHold, VelocityCommand
 from vsx_ros.ros import convert, driving, headers, node, threads, topics
@@ -49,6 +51,7 @@ class FollowerNode:
         self._diagnostics = Diagnostics()
         self._command_pub = rospy.Publisher(topics.COMMAND_NAVI, Twist, queue_size=1, tcp_nodelay=True)
         self._status_pub = rospy.Publisher(topics.FOLLOWER_STATUS, String, queue_size=5, latch=True, tcp_nodelay=True)
+        self._cancel_pub = rospy.Publisher(topics.MOVE_BASE_CANCEL, GoalID, queue_size=5)
         self._tell(None)
         offer_trigger(topics.FOLLOWER_CANCEL, self._cancel)
         subscribe(topics.HAZARDS, UInt8, self._on_hazards, queue_size=5, tcp_nodelay=True)
@@ -78,6 +81,11 @@ class FollowerNode:
     def _cancel(self) -> str:
         with self._lock:
             self._tell(self._follower.end(headers.timer_ns(), driving.FOLLOWER_CANCELLED))
+        if not self._cancel_pub.get_num_connections():
+            raise VsxError(
+                f"the base stops, but no move_base hears {topics.MOVE_BASE_CANCEL} to end its goal; try again"
+            )
+        self._cancel_pub.publish(GoalID())
         return "stopped"
 
     def _control(self) -> None:
