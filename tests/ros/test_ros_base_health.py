@@ -1,6 +1,8 @@
 """Whether the readings of a base still come, whatever its driver says."""
 
+import threading
 import time
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,16 +15,45 @@ import rospy
 from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, BatteryReading, Hazard, LinkStatus, OdometryReading
 from vsx_hw.safety import Decision, SpeedLimits, Supervisor
+from vsx_ros.ros import base_health
 from vsx_ros.ros.base_health import BaseHealth
 
 CONNECTED = LinkStatus(True, "connected", "mine", {})
 MS = 1_000_000
 
 
-class Rig:
-    """A BaseHealth on a clock of its own. told: (connected, message) of the link."""
+class Driver:
+    """says: its status. hung: names of its calls that hang until it is let go. driven: what the wheels were told."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self) -> None:
+        self.says, self.hung, self.let_go = CONNECTED, frozenset[str](), threading.Event()
+        self.driven: list[tuple[float, float]] = []
+
+    def _begin(self, call: str) -> None:
+        if call in self.hung:
+            self.let_go.wait()
+
+    def status(self) -> LinkStatus:
+        self._begin("status")
+        return self.says
+
+    def drive(self, v_m_s: float, omega_rad_s: float, until_ns: int | None = None) -> None:
+        self._begin("drive")
+        self.driven.append((v_m_s, omega_rad_s))
+
+
+@pytest.fixture
+def driver() -> Iterator[Driver]:
+    driver = Driver()
+    yield driver
+    driver.let_go.set()
+
+
+class Rig:
+    """A BaseHealth on a clock of its own, which asks a driver. told: (connected, message) of the link."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, driver: Driver) -> None:
+        self.driver = driver
         self.now_ns = 10**12
         self.told: list[tuple[bool, str]] = []
         self.supervisor = Supervisor(SpeedLimits())
@@ -39,22 +70,25 @@ class Rig:
         reading = BaseReading(self.now_ns, odometry, Hazard.NONE, BatteryReading(12.0, 1.0, False, "full"))
         self.health.heard(reading, Decision(0.0, 0.0, "", ""))
 
-    def serve(self, seconds: float, status: LinkStatus = CONNECTED, readings: bool = True) -> None:
+    def serve(self, seconds: float, readings: bool = True) -> None:
         for k in range(round(seconds * 50)):
             self.now_ns += 20 * MS
             if readings:
                 self.reading()
             if k % 10 == 9:
-                self.health.link(status)
+                self.health.check(self.driver)
 
 
-def test_readings_that_stay_away_are_an_error_then_the_end_of_the_node(monkeypatch: pytest.MonkeyPatch) -> None:
-    rig = Rig(monkeypatch)
+def test_readings_that_stay_away_are_an_error_then_the_end_of_the_node(
+    monkeypatch: pytest.MonkeyPatch, driver: Driver
+) -> None:
+    rig = Rig(monkeypatch, driver)
     rig.serve(3.0)
     assert rig.told == [(True, "connected")] * 15
     assert rig.health.report() is not None
     rig.serve(0.4, readings=False)
     assert rig.told[-1] == (True, "connected")
+    assert rig.driver.driven == []
     rig.supervisor.command("teleop", 0.1, 0.0, rig.now_ns)
     rig.serve(0.2, readings=False)
     assert rig.told[-1] == (
@@ -62,12 +96,13 @@ def test_readings_that_stay_away_are_an_error_then_the_end_of_the_node(monkeypat
     )  # fmt: skip
     assert rig.supervisor.decide(rig.now_ns, Hazard.NONE).v_m_s == 0.0, "a late reading must not obey an old command"
     assert rig.health.report() is None
+    assert rig.driver.driven == [(0.0, 0.0)]
     with pytest.raises(DeviceError, match=r"^mine: no reading for 2\.6 s though the driver says 'connected'; the node"):
         rig.serve(3.0, readings=False)
 
 
-def test_readings_that_come_again_are_well(monkeypatch: pytest.MonkeyPatch) -> None:
-    rig = Rig(monkeypatch)
+def test_readings_that_come_again_are_well(monkeypatch: pytest.MonkeyPatch, driver: Driver) -> None:
+    rig = Rig(monkeypatch, driver)
     for _ in range(3):
         rig.serve(2.0, readings=False)
         assert rig.health.silence
@@ -75,19 +110,32 @@ def test_readings_that_come_again_are_well(monkeypatch: pytest.MonkeyPatch) -> N
         assert (rig.told[-1], rig.health.silence) == ((True, "connected"), "")
 
 
-def test_a_process_that_was_halted_is_not_ended_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    rig = Rig(monkeypatch)
+def test_a_process_that_was_halted_is_not_ended_for_it(monkeypatch: pytest.MonkeyPatch, driver: Driver) -> None:
+    rig = Rig(monkeypatch, driver)
     rig.serve(1.0)
     rig.now_ns += 60_000 * MS
-    rig.health.link(CONNECTED)
+    rig.health.check(rig.driver)
     assert not rig.told[-1][0]
     rig.serve(1.0)
     assert rig.told[-1][0]
 
 
-def test_a_base_that_is_away_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    rig = Rig(monkeypatch)
+def test_a_base_that_is_away_is_waited_for(monkeypatch: pytest.MonkeyPatch, driver: Driver) -> None:
+    rig = Rig(monkeypatch, driver)
     rig.serve(1.0)
-    rig.serve(60.0, LinkStatus(False, "unplugged", "mine", {}), readings=False)
+    rig.driver.says = LinkStatus(False, "unplugged", "mine", {})
+    rig.serve(60.0, readings=False)
     assert rig.told[-1] == (False, "unplugged")
     assert not rig.health.silence
+
+
+@pytest.mark.parametrize("hung", [{"drive"}, {"status", "drive"}])
+def test_a_driver_that_hangs_in_its_calls_ends_the_node_too(
+    hung: set[str], monkeypatch: pytest.MonkeyPatch, driver: Driver
+) -> None:
+    monkeypatch.setattr(base_health, "_ANSWER_S", 0.01)
+    rig = Rig(monkeypatch, driver)
+    rig.serve(1.0)
+    driver.hung = frozenset(hung)
+    with pytest.raises(DeviceError, match=r"^mine: no reading for 2\.6 s though the driver says 'connected'; the node"):
+        rig.serve(3.0, readings=False)

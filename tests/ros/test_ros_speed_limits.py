@@ -1,6 +1,7 @@
 """The base never cuts what the follower may command, unless somebody says so, and then it says so, too."""
 
 import math
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -87,3 +88,17 @@ def test_the_watchdogs_are_let_go_only_once_the_wheels_surely_stand(stands: bool
 def test_a_base_at_a_port_takes_no_words_behind_a_colon() -> None:
     with pytest.raises(ConfigError, match="'kobuki:left': give kobuki, "):
         base_driver(BaseSettings("kobuki:left", "/dev/null"), Listeners(print, print, print))
+
+
+def test_a_driver_that_hangs_at_the_end_is_left_to_the_watchdogs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mobile_base, "_CLOSE_S", 0.05, raising=False)
+    released: list[bool] = []
+    let_go = threading.Event()
+    node = SimpleNamespace(
+        _driver=SimpleNamespace(close=lambda: not let_go.wait(5.0)),
+        _watchdogs=SimpleNamespace(release=lambda: released.append(True)),
+        _health=SimpleNamespace(silence=""),
+    )
+    mobile_base.MobileBaseNode.close(node)  # type: ignore[arg-type]  # a bare one
+    let_go.set()
+    assert released == []

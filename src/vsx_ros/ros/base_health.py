@@ -11,8 +11,11 @@ from vsx_hw.base_driver import SILENT_NS
 from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, LinkStatus
 from vsx_hw.safety import Decision, Supervisor
+from vsx_ros.ros.base_drivers import Base
+from vsx_ros.ros.calls import NoAnswer, within
 from vsx_ros.ros.logs import ERROR, OK, WARN, Diagnostics
 
+_ANSWER_S = 0.1  # a driver answers at once
 LATE_NS = 500_000_000  # the drivers here call themselves connected for no longer without a reading
 _BATTERY_LEVELS = {"low": WARN, "critical": ERROR}
 
@@ -25,7 +28,7 @@ class BaseHealth:
         self._diagnostics, self._supervisor = diagnostics, supervisor
         self._latest: tuple[BaseReading, Decision] | None = None
         self._heard_ns = self._late_since_ns = 0
-        self._connected = False
+        self._connected, self._status = False, LinkStatus(False, "the driver has not answered yet", "", {})
         self._troubles: tuple[str, ...] = ()
         self._doubt = self.silence = ""
 
@@ -37,9 +40,18 @@ class BaseHealth:
             self._doubt = doubt
             rospy.logwarn("odometry: %s", doubt or "all sensors agree again")
 
-    def link(self, status: LinkStatus) -> None:
-        """Report the link; called a few times a second. Late readings set ``silence`` and make old commands invalid.
-        Raises DeviceError, which ends the node, if they stay away: the driver's thread is dead or hangs."""
+    def check(self, driver: Base) -> None:
+        """Report the link; called a few times a second. Late readings set ``silence``, make old commands invalid and
+        let the wheels stand. Raises DeviceError, which ends the node, if they stay away: the driver's thread is dead or
+        hangs. If it hangs inside a lock that these calls need, too, what it said last counts."""
+        with contextlib.suppress(NoAnswer):
+            self._status = within(_ANSWER_S, driver.status, "the driver")
+        self._link(self._status)
+        if self.silence:
+            with contextlib.suppress(NoAnswer):
+                within(_ANSWER_S, lambda: driver.drive(0.0, 0.0), "the driver")
+
+    def _link(self, status: LinkStatus) -> None:
         now_ns = time.monotonic_ns()
         self._heard_ns = self._heard_ns or now_ns
         silent_ns = now_ns - self._heard_ns

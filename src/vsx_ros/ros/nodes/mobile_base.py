@@ -24,6 +24,7 @@ Parameters: ~robot_type (auto: whichever answers; kobuki, create, create2; ros o
     ~estopped is where this node stores the emergency stop."""
 
 import time
+from contextlib import suppress
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -31,7 +32,7 @@ from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
 
 from vsx_hw.readings import BaseReading, Hazard
 from vsx_ros.config import Config
-from vsx_ros.ros import headers, logs, node, threads, topics
+from vsx_ros.ros import calls, headers, logs, node, threads, topics
 from vsx_ros.ros.base_drivers import Listeners, base_driver, base_settings, base_watchdogs, supervisor, wait_for_base
 from vsx_ros.ros.base_health import BaseHealth, tell_systemd
 from vsx_ros.ros.base_messages import BaseTopics
@@ -40,6 +41,7 @@ from vsx_ros.ros.logs import Diagnostics
 from vsx_ros.ros.master_watch import master_watch
 
 LINK_PERIOD_S = 0.2  # a silent base must be noticed within a second
+_CLOSE_S = 3.5  # our own drivers answer within 3
 _UNGUARDED = "a watchdog of the wheels does not answer; a new one starts"
 
 
@@ -64,7 +66,7 @@ class MobileBaseNode:
         self._driver.start()
         tell_systemd("READY=1")
         threads.every(1.0, "health", self._report)
-        threads.every(LINK_PERIOD_S, "link", self._check_link)
+        threads.every(LINK_PERIOD_S, "link", lambda: self._health.check(self._driver))
 
     def _on_command(self, msg: Twist, source: str) -> None:
         accepted = self._supervisor.command(source, msg.linear.x, msg.angular.z, time.monotonic_ns())
@@ -98,11 +100,6 @@ class MobileBaseNode:
         self._driver.reset_odometry()
         return "odometry starts at the origin"
 
-    def _check_link(self) -> None:
-        self._health.link(self._driver.status())
-        if self._health.silence:
-            self._driver.drive(0.0, 0.0)
-
     def _report(self) -> None:
         """Report battery and health; called once a second."""
         self._watchdogs.revive()
@@ -110,9 +107,11 @@ class MobileBaseNode:
             self._topics.tell_battery(reading)
 
     def close(self) -> None:
-        """Stop the wheels. If that fails, or a silent driver claims it, the watchdogs do it after this process."""
-        if self._driver.close() and not self._health.silence:
-            self._watchdogs.release()
+        """Stop the wheels. If that fails or hangs, or a silent driver claims it, the watchdogs do it once this process
+        has ended."""
+        with suppress(calls.NoAnswer):
+            if calls.within(_CLOSE_S, self._driver.close, "the driver") and not self._health.silence:
+                self._watchdogs.release()
 
 
 def main() -> None:
