@@ -196,34 +196,50 @@ def test_a_node_ends_in_the_middle_of_a_question_to_the_master(stack: Stack) -> 
 
 
 _STUCK = """
-import threading
-import rospy
-from vsx_ros.ros import node
-rospy.signal_shutdown = lambda reason: threading.Event().wait()
+import sys, threading, time
+import rospy, rospy.core
+from vsx_ros.ros import node, threads
+def hang(*_):
+    threading.Event().wait()
 class Open:
     def close(self):
-        print("closed", flush=True)
+        print("closes", flush=True)
+        if "close" in sys.argv:
+            hang()
+def fail():
+    while not rospy.core._client_shutdown_hooks:
+        time.sleep(0.01)
+    raise ZeroDivisionError
 def build(config):
+    if "rospy" in sys.argv:
+        rospy.signal_shutdown = hang
+    if "hook" in sys.argv:
+        rospy.core.add_preshutdown_hook(hang)
+    if "thread" in sys.argv:
+        threads.worker("sums", fail)
     return Open()
-node._STUCK_S = 0.5
+node._STUCK_S, node._LONGEST_S = 0.5, 2.0
 node.run("stuck", build)
 """
 
 
-def test_a_node_ends_though_rospy_hangs(stack: Stack) -> None:
+@pytest.mark.parametrize("hangs", [("rospy",), ("close",), ("rospy", "close"), ("hook",)], ids=" and ".join)
+@pytest.mark.parametrize("told", ["signal", "thread"])
+def test_a_node_ends_whatever_hangs_in_its_shutdown(stack: Stack, told: str, hangs: tuple[str, ...]) -> None:
     with subprocess.Popen(
-        [sys.executable, "-c", _STUCK, "__name:=stuck"],
+        [sys.executable, "-c", _STUCK, told, *hangs, "__name:=stuck"],
         env=stack.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as node:  # fmt: skip
         assert node.stdout is not None
         assert node.stderr is not None
         try:
-            while "ready" not in node.stdout.readline():
+            while told == "signal" and "ready" not in node.stdout.readline():
                 assert node.poll() is None
-            node.terminate()
-            assert node.stdout.read() == "closed\n"
-            assert "ROS does not end this node" in node.stderr.read()
+            if told == "signal":
+                node.terminate()
             assert node.wait(PATIENCE_S) == 1
+            assert "closes" in node.stdout.read()
+            assert "hangs; it ends by itself" in node.stderr.read()
         finally:
             node.kill()
 

@@ -17,13 +17,14 @@ from vsx_hw.errors import DeviceError
 from vsx_ros.config import Config, from_dict
 from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.registry import load_plugins
-from vsx_ros.ros import headers, logs, threads
+from vsx_ros.ros import calls, headers, logs, threads
 from vsx_ros.ros.master_watch import master_watch
 from vsx_ros.runs import memory
 
 _LOOK_S = 0.05  # rospy.spin would sleep for half a second
 _LET_GO_S = 5.0  # for a thread to finish after the node
-_STUCK_S = 10.0  # from a signal until rospy closes the node
+_STUCK_S = 10.0  # from what ends the node until rospy closes it
+_LONGEST_S = 60.0  # until it has ended; on a busy machine vslam needs seconds to write results
 
 DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"  # Environment variable: a node started by a run ends when the run is killed
 PARAMETERS_SET = "live_run/parameters_set"  # Parameter: the run has set all nodes' parameters at this master
@@ -73,18 +74,40 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
 
     rospy.on_shutdown(close)
     rospy.loginfo("%s: ready", rospy.get_name())
-    trimmed_s = time.monotonic()
-    while not rospy.is_shutdown():
-        if told.waited_s() > _STUCK_S and unclosed.acquire(blocking=False):
-            _end_alone(name, node)
-        time.sleep(_LOOK_S)
-        if time.monotonic() - trimmed_s > memory.TRIM_EVERY_S:
-            memory.trim()
-            trimmed_s = time.monotonic()
+    _wait_for_end(name, told.came, node, unclosed)
     told.let_go()
-    close()
+    calls.within(_LONGEST_S, close, name)
     if (code := threads.exit_code()) != 0:
         sys.exit(code)
+
+
+def _wait_for_end(name: str, told: threading.Event, node: Node, unclosed: threading.Lock) -> None:
+    """Wait until ROS has shut down. If that hangs after a signal, a failed thread or its own begin, end the process
+    without rospy and its locks: after _STUCK_S if ``close`` has not begun, after _LONGEST_S whatever hangs."""
+    going_s = trimmed_s = time.monotonic()
+    while not rospy.is_shutdown():
+        time.sleep(_LOOK_S)
+        now_s = time.monotonic()
+        if not (told.is_set() or threads.exit_code() or threads.is_ending()):
+            going_s = now_s
+        if now_s - going_s > _STUCK_S and unclosed.acquire(blocking=False):
+            _end_alone(name, node.close)
+        if now_s - going_s > _LONGEST_S:
+            _end_alone(name, lambda: None)
+        if now_s - trimmed_s > memory.TRIM_EVERY_S:
+            memory.trim()
+            trimmed_s = now_s
+
+
+def _end_alone(name: str, close: Callable[[], None]) -> NoReturn:
+    def end() -> None:
+        sys.stderr.write(f"{name}: its shutdown hangs; it ends by itself\n")
+        close()
+
+    try:
+        calls.within(_LONGEST_S - _STUCK_S, end, name)
+    finally:
+        os._exit(threads.exit_code() or 1)
 
 
 def _start(name: str, build: Callable[[Config], Node]) -> Node:
@@ -119,39 +142,25 @@ class _EndingSignals:
     the handler waits for the lock of that call forever."""
 
     def __init__(self) -> None:
-        self._came_s: float | None = None
+        self.came = threading.Event()
         heard, told = os.pipe()
         os.set_blocking(told, False)
         signal.set_wakeup_fd(told)
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) is not signal.SIG_IGN:
-                signal.signal(number, self._on_signal)
+                signal.signal(number, lambda *_: None)
         self._thread = threading.Thread(target=self._shut_down, args=(heard,), name="signals", daemon=True)
         self._thread.start()
 
-    def _on_signal(self, *_: object) -> None:
-        self._came_s = self._came_s or time.monotonic()
-
     def _shut_down(self, heard: int) -> None:
-        rospy.signal_shutdown(signal.Signals(os.read(heard, 1)[0]).name)
-
-    def waited_s(self) -> float:
-        """For how long a signal has been waiting for the node to end [s]; 0 without one."""
-        return 0.0 if self._came_s is None else time.monotonic() - self._came_s
+        number = os.read(heard, 1)[0]
+        self.came.set()
+        rospy.signal_shutdown(signal.Signals(number).name)
 
     def let_go(self) -> None:
         """Wait for the end if a signal came."""
-        if self._came_s is not None:
+        if self.came.is_set():
             self._thread.join(_LET_GO_S)
-
-
-def _end_alone(name: str, node: Node) -> NoReturn:
-    """End a node whose shutdown does not begin, without rospy and its locks."""
-    sys.stderr.write(f"{name}: ROS does not end this node; it closes and ends by itself\n")
-    try:
-        node.close()
-    finally:
-        os._exit(1)
 
 
 def configuration() -> Config:
