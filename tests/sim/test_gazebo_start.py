@@ -6,9 +6,13 @@ import pytest
 from gazebo_files import FLOOR, box_model, walls_of_room, write_world
 
 from vsx_ros.errors import ConfigError
-from vsx_ros.runs.world import open_world
+from vsx_ros.occupancy.grid import FREE
+from vsx_ros.runs.world import open_world, save_world
 from vsx_ros.sim.gazebo_world import load_gazebo
+from vsx_ros.sim.movers import movers_of
+from vsx_ros.sim.truth import checked_start, ground_truth_grid
 from vsx_ros.sim.world import Start
+from vsx_ros.sim.world_file import load_world, with_hard_things
 
 BED, TABLE = box_model("bed", "-1.5 0 0.25 0 0 0", "1.6 2 0.5"), box_model("table", "1.2 1 0.3 0 0 0", "1 0.8 0.6")
 BLOCK = box_model("block", "16 0 1.5 0 0 0", "14 14 3")
@@ -52,3 +56,20 @@ def test_a_start_off_the_floor_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no floor at 3.45"):
         load_gazebo(file, [], Start(x=3.45, y=2.0, theta_rad=0.0))
     assert load_gazebo(file, [], Start(x=2.5, y=2.0, theta_rad=0.0)).start.x == 2.5
+
+
+def test_on_an_open_floor_a_robot_may_start_away_from_all_things(tmp_path: Path) -> None:
+    slab = box_model("slab", "0 0 -0.05 0 0 0", "6 6 0.1")
+    world = open_world(str(write_world(tmp_path, slab, box_model("box", "2 2 0.5 0 0 0", "1 1 1"))), 1)
+    chosen = load_gazebo(world.file, []).start
+    assert not (1.0 <= chosen.x <= 3.0 and 1.0 <= chosen.y <= 3.0)
+    for start in (chosen, world.start, Start(x=-2.5, y=-2.5, theta_rad=0.0)):
+        save_world(world.starting_at(start), tmp_path / "world.yaml")
+        again = load_world(tmp_path / "world.yaml")
+        assert again.start == start
+        assert ground_truth_grid(again, 0.05, 0.0, 0.45).value_at(start.x, start.y) == FREE
+        movers = movers_of(with_hard_things(again, {"chairs": 1, "people": 1}, "t"), 1)
+        assert movers
+    for x, y in ((-3.5, 0.0), (1e5, 0.0), (1e300, 1e300), (float("nan"), 0.0)):
+        with pytest.raises(ConfigError, match="it starts at|no floor at"):
+            checked_start(world.starting_at(Start(x=x, y=y, theta_rad=0.0)), "w")

@@ -10,8 +10,8 @@ from vsx_ros.sim.gazebo.assemble import Parts, assemble
 from vsx_ros.sim.gazebo.budget import Budget
 from vsx_ros.sim.gazebo.paths import ModelFolders
 from vsx_ros.sim.gazebo.sdf import read_layout
-from vsx_ros.sim.mesh_world import MeshWorld, floor_height, ground_bounds
-from vsx_ros.sim.truth import MAX_AREA_M2, TOUCHING_M, checked_start, middle_of_largest_room
+from vsx_ros.sim.mesh_world import MAX_AREA_M2, MeshWorld, floor_height, ground_bounds
+from vsx_ros.sim.truth import TOUCHING_M, checked_start, middle_of_largest_room
 from vsx_ros.sim.world import Start
 
 SUFFIXES = ".world", ".sdf"
@@ -41,9 +41,9 @@ def load_gazebo(path: Path, folders: Sequence[Path], start: Start | None = None)
         name=path.stem,
         file=path,
         folders=search.folders,
-        start=start or Start(x=0.0, y=0.0, theta_rad=0.0),
+        start=start or Start(x=bounds[0], y=bounds[1], theta_rad=0.0),
         floor_z_m=floor_z_m,
-        bounds=bounds,
+        obstacle_bounds=bounds,
         parts=_lowered(parts, floor_z_m),
         lamps=[lamp._replace(position=lamp.position - np.array([0.0, 0.0, floor_z_m])) for lamp in layout.lamps],
         ambient=layout.ambient,

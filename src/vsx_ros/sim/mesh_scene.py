@@ -75,7 +75,7 @@ def _holes(seen: Seen) -> tuple[NDArray[np.uint8], Int32Array]:
 
 def _lattice(world: MeshWorld) -> tuple[FloatArray, tuple[int, int, int]]:
     """Origin and spacing (4,) and shape (Z, Y, X) of the light's nodes: from below the floor to above the ceiling."""
-    x0, y0, x1, y1 = world.bounds
+    x0, y0, x1, y1 = world.obstacle_bounds
     tops = world.parts.seen.corners[..., 2]
     top = float(np.clip(np.percentile(tops, 99.0) if tops.size else 2.0, 1.5, ABOVE_M)) + 0.3
     size = np.array([x1 - x0, y1 - y0, top + 0.3])

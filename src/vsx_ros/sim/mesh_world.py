@@ -24,21 +24,22 @@ _STEEP = 0.98  # z of a level triangle's normal, at least
 _ROUND_M = 0.001  # of segments, to drop doubles
 RICH, SIGHT_MOST_M, SIGHT_HIGH_M = 30.0, 3.0, 2.0  # deviation of a texture; size and height of a thing to look at
 _INSIDE_HEIGHTS = 5  # of the slice, at which a closed solid is looked for
+MAX_AREA_M2 = 40_000.0  # limits the memory: 16 million cells of 5 cm
 AROUND_M = 0.5  # ground around the obstacles that belongs to the world
 
 
 @dataclass(frozen=True, eq=False)
 class MeshWorld:
     """file, folders: what it was read from, and where its models are looked for. floor_z_m: height of the floor in the
-    file; everything here is lower by it. bounds: x_min, y_min, x_max, y_max of what a robot can touch [m]. hard:
-    amounts of ``HARD_THINGS`` by name."""
+    file; everything here is lower by it. obstacle_bounds: x_min, y_min, x_max, y_max of what a robot can touch [m].
+    hard: amounts of ``HARD_THINGS`` by name."""
 
     name: str
     file: Path
     folders: tuple[Path, ...]
     start: Start
     floor_z_m: float
-    bounds: tuple[float, float, float, float]
+    obstacle_bounds: tuple[float, float, float, float]
     parts: Parts
     lamps: list[Lamp]
     ambient: float
@@ -49,6 +50,14 @@ class MeshWorld:
     def start_pose(self) -> SE2:
         """T_world_base at the beginning."""
         return SE2(self.start.x, self.start.y, self.start.theta_rad)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """x_min, y_min, x_max, y_max [m] of obstacles and start, which may be away from them on an open floor; of the
+        obstacles alone if that is too large."""
+        (x0, y0, x1, y1), (x, y) = self.obstacle_bounds, (self.start.x, self.start.y)
+        x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x), max(y1, y)
+        return (x0, y0, x1, y1) if (x1 - x0) * (y1 - y0) <= MAX_AREA_M2 else self.obstacle_bounds
 
     @property
     def sights(self) -> list[Point]:

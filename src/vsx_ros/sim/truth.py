@@ -23,7 +23,6 @@ BAND_M = 0.6  # height of what the base can touch
 ROOM_M2 = 1.0  # for the robot's centre; less is a pocket between things
 ROBOT_RADIUS_M, TOUCHING_M = 0.18, 0.15  # for the check of a start; where a run may have ended, at something
 _SOLID = "a wall or a thing"  # of a building, where things have no names
-MAX_AREA_M2 = 40_000.0  # limits the memory: 16 million cells of 5 cm
 
 
 def _solid_grid(world: EmulatedWorld, resolution: float, z_min: float, z_max: float) -> OccupancyGrid:

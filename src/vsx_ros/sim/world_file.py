@@ -15,8 +15,8 @@ from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.gazebo_world import gazebo_files, load_gazebo
 from vsx_ros.sim.hard_surfaces import changed
 from vsx_ros.sim.hard_things import HARD_THINGS, checked_things
-from vsx_ros.sim.mesh_world import MeshWorld
-from vsx_ros.sim.truth import MAX_AREA_M2, TOUCHING_M, checked_start
+from vsx_ros.sim.mesh_world import MAX_AREA_M2, MeshWorld
+from vsx_ros.sim.truth import TOUCHING_M, checked_start
 from vsx_ros.sim.world import Box, Outline, Poster, Start, Table, Wall, World
 
 T = TypeVar("T")
