@@ -116,6 +116,11 @@ def test_people_and_chairs_keep_out_of_the_solids(tmp_path: Path) -> None:
     assert gap_to_walls(walls, track[::5].reshape(-1, 2)).min() > PERSON_RADIUS_M - 0.02
 
 
+def test_where_no_robot_fits_with_its_clearance_there_are_no_chairs_and_people(tmp_path: Path) -> None:
+    narrow = load_gazebo(write_world(tmp_path, FLOOR, walls_of_room(4.0, 0.5)), [], Start(x=0.0, y=0.0, theta_rad=0.0))
+    assert movers_of(with_hard_things(narrow, {"people": 2, "chairs": 2}, "t"), 1) == []
+
+
 def test_a_robot_meets_people_in_a_gazebo_world_and_the_truth_has_none() -> None:
     plain, world = (open_world(str(ROOM), 1, hard=words) for words in ([], ["people=1"]))
     robot = EmulatedRobot(world, 1)

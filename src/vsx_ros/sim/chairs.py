@@ -81,7 +81,7 @@ def chairs(world: EmulatedWorld, number: int, rng: np.random.Generator) -> list[
     found = []
     for k in range(number):
         places: list[FloatArray] = []
-        for _ in range(_TRIES):
+        for _ in range(_TRIES if len(free) else 0):
             x, y = free[int(rng.integers(len(free)))].tolist()
             if len(places) < PLACES and min(math.hypot(x - px, y - py) for px, py in taken) > _APART_M:
                 taken.append((x, y))
