@@ -140,6 +140,20 @@ def test_a_state_places_links_lamps_and_nested_models_in_the_world(tmp_path: Pat
     assert not layout.remarks
 
 
+def test_what_a_link_holds_moves_with_its_saved_link_whatever_frame_it_names(tmp_path: Path) -> None:
+    shape = f'<collision name="c"><pose{{}}>0 0 1 0 0 0</pose>{BOX}</collision>'
+    lamp = '<light name="a" type="point"><pose relative_to="other">0 0 2 0 0 0</pose></light>'
+    named = "".join(shape.format(f' relative_to="{name}"') for name in ("l", "other", "__model__"))
+    model = f"""<model name="m"><link name="l"><pose>1 0 0 0 0 0</pose>{shape.format("")}{named}{lamp}</link>
+      {link("other", ">0 3 0 0 0 0")}</model>"""
+    state = f"""<state><model name="m"><pose>2 2 0 0 0 0</pose>
+      <link name="l"><pose>-2 2 0 0 0 {QUARTER}</pose></link></model></state>"""
+    layout = layout_of(tmp_path, model, state)
+    found = [shape.T_world[:3, 3].round(9).tolist() for shape in layout.shapes]
+    assert found == [[-2, 2, 1], [-2, 2, 1], [-5, 1, 1], [-2, 1, 1], [2, 5, 0]]
+    assert layout.lamps[0].position.tolist() == pytest.approx([-5.0, 1.0, 2.0])
+
+
 def test_what_of_a_state_is_not_applied_is_told(tmp_path: Path) -> None:
     state = """<state><insertions><model name="x"/></insertions><deletions/>
       <model name="m"><scale>0 1 1</scale></model></state>"""

@@ -176,14 +176,13 @@ class _Reader:
         own = link.get("name", "link")
         name = model.prefix + own
         T_model_link = model.scope.place(link, name)
-        T_saved = model.saved.part("link", own).pose(name)
-        if T_saved is not None:
-            T_model_link = geometry.inverse(model.T_world) @ T_saved
+        T_saved = model.saved.part("link", own).pose(name)  # moves all that the link holds, whatever frame it names
+        T_world_model = model.T_world if T_saved is None else T_saved @ geometry.inverse(T_model_link)
         for child in link:
             if child.tag not in ("visual", "collision", "light"):
                 continue
             where = name if child.tag == "light" else f"{child.tag} {name}/{child.get('name', '')}"
-            T_world = model.T_world @ model.scope.place(child, where, T_model_link)
+            T_world = T_world_model @ model.scope.place(child, where, T_model_link)
             if child.tag == "light":
                 self._lamp(child, T_world, name)
             else:
