@@ -192,6 +192,32 @@ def test_the_way_out_of_a_zone_is_measured_past_obstacles() -> None:
     assert KeepOut(grid, BODY_M).entered(along((0.2, 0.0), (-2.0, 0.0))) is None
 
 
+def room(door_y_m: float = 0.5) -> OccupancyGrid:
+    """Walls at |x| = 2 m and |y| = 2 m, with a door in the one ahead."""
+    cells, x, y = np.zeros(FLOOR.shape, np.int8), *FLOOR.centres(np.argwhere(FLOOR.data == 0)).T
+    walls = (np.maximum(abs(x), abs(y)) > 2.0) & (np.maximum(abs(x), abs(y)) < 2.1) & ~((x > 0.0) & (abs(y) < door_y_m))
+    cells.flat[walls] = 100
+    return replace(FLOOR, data=cells)
+
+
+DOOR = Zone("door", ZoneKind.WALL, ((2.15, -0.7), (2.15, 0.7)))
+LANDING = square(0.8, x=2.75)._replace(name="landing")
+
+
+@pytest.mark.parametrize("beyond", [None, DOOR, LANDING], ids=["shut", "wall", "no-go"])
+@pytest.mark.parametrize("x", [1.5, 0.5])
+def test_in_a_zone_without_a_way_out_the_base_stays_where_it_is(beyond: Zone | None, x: float) -> None:
+    closed = [square(1.95)] + [beyond] * (beyond is not None)
+    keep_out = KeepOut(with_zones(room(0.5 if beyond else 0.0), closed, MARGIN_M, BODY_M), BODY_M)
+    for way in (along((x, 0.0), (x - 1.0, 0.0)), along((x, 0.0), (x, 1.0)), along((x, 0.0), (x + 0.2, 0.0))):
+        entry = keep_out.entered(way)
+        assert entry is not None
+        assert entry.ahead_m <= 0.17
+    assert keep_out.entered(along((x, 0.0), (x - 0.05, 0.0), (x, 0.05))) is None
+    out = KeepOut(with_zones(room(), [square(1.95)], MARGIN_M, BODY_M), BODY_M)
+    assert out.entered(along((x, 0.0), (2.5, 0.0))) is None, "through an open door it leaves"
+
+
 def camera(x: float, y: float, heading: float) -> SE3:
     c, s = math.cos(heading), math.sin(heading)
     return SE3(np.array([[s, 0.0, c], [-c, 0.0, s], [0.0, -1.0, 0.0]]), np.array([x, y, 0.3]))

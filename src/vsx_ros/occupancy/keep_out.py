@@ -66,8 +66,8 @@ class KeepOut:
         """Where on a way (N, 2) [m] the body reaches into a zone; None if it never does.
 
         A body that starts in a zone may leave it: at most 10 cm farther from the way out, within 2 m and twice that
-        way. Once outside, it stays outside. All other zones stay closed; from the margin of one it comes no nearer to
-        it than the margin allows."""
+        way; without a way out it stays within 10 cm. Once outside, it stays outside. All other zones stay closed; from
+        the margin of one it comes no nearer to it than the margin allows."""
         positions, grid = np.asarray(positions, float).reshape(-1, 2), self._grid
         if self._field is None or not len(positions) or not isinstance(grid, ZonedGrid):
             return None
@@ -109,8 +109,9 @@ def _lengths(positions: Points2) -> FloatArray:
 
 
 def _way_out(grid: ZonedGrid, opened: OccupancyGrid, x: float, y: float) -> tuple[BoolArray, float]:
-    """(H, W) cells from where the way out of the zones is at most 10 cm longer than from a place [m], all if there is
-    none; and its length from the place. It leads past obstacles, and past the zones that ``opened`` keeps closed."""
+    """(H, W) cells from where the way out of the zones is at most 10 cm longer than from a place [m], and its length
+    from there; without a way out, those within 10 cm of the place, and 0. It leads past obstacles, and past the zones
+    that ``opened`` keeps closed."""
     closed = opened.zones.closed if isinstance(opened, ZonedGrid) else np.zeros(grid.shape, np.bool_)
     ground = ((grid.data != OCCUPIED) & ~closed).astype(np.uint8)
     row, column = grid.cells(np.array([[x, y]]))[0].tolist()
@@ -119,8 +120,10 @@ def _way_out(grid: ZonedGrid, opened: OccupancyGrid, x: float, y: float) -> tupl
     while not reached[row, column]:
         grown = cv2.dilate(reached, _STEPS[step % 2]) & ground
         if step % 2 == 0 and np.array_equal(grown, reached):
-            return np.ones(grid.shape, np.bool_), 0.0
-        reached, step = grown, step + 1
+            reached, step = np.zeros_like(ground), 0
+            reached[row, column] = 1
+        else:
+            reached, step = grown, step + 1
     for more in range(round(_DEEPER_M / grid.resolution)):
         reached = cv2.dilate(reached, _STEPS[(step + more) % 2]) & ground
     return reached > 0, step * grid.resolution
