@@ -83,6 +83,8 @@ class KeepOut:
         cells, late = grid.cells(positions[leaving]), _LEAVE_M + 2.0 * (out_m + self._radius_m)
         wrong[leaving] = _lengths(positions[leaving]) > late
         wrong[leaving] |= ~way_out[tuple(np.clip(cells, 0, np.array(grid.shape) - 1).T)]
+        if out_m == 0.0:  # the centre stands outside, or there is no way out
+            wrong[leaving] |= clearance[leaving] < clearance[0] - _DEEPER_M
         beside = others.clearance(positions)
         closed = beside < need
         from_margin = _until_right(closed)
