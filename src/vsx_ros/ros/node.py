@@ -1,5 +1,7 @@
 """A node from start to end: configuration, signals, exit codes."""
 
+from __future__ import annotations
+
 import ctypes
 import os
 import signal
@@ -74,21 +76,21 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
 
     rospy.on_shutdown(close)
     rospy.loginfo("%s: ready", rospy.get_name())
-    _wait_for_end(name, told.came, node, unclosed)
+    _wait_for_end(name, told, node, unclosed)
     told.let_go()
     calls.within(_LONGEST_S, close, name)
     if (code := threads.exit_code()) != 0:
         sys.exit(code)
 
 
-def _wait_for_end(name: str, told: threading.Event, node: Node, unclosed: threading.Lock) -> None:
+def _wait_for_end(name: str, told: _EndingSignals, node: Node, unclosed: threading.Lock) -> None:
     """Wait until ROS has shut down. If that hangs after a signal, a failed thread or its own begin, end the process
     without rospy and its locks: after _STUCK_S if ``close`` has not begun, after _LONGEST_S whatever hangs."""
     going_s = trimmed_s = time.monotonic()
     while not rospy.is_shutdown():
         time.sleep(_LOOK_S)
         now_s = time.monotonic()
-        if not (told.is_set() or threads.exit_code() or threads.is_ending()):
+        if not (told.came or threads.exit_code() or threads.is_ending()):
             going_s = now_s
         if now_s - going_s > _STUCK_S and unclosed.acquire(blocking=False):
             _end_alone(name, node.close)
@@ -142,24 +144,27 @@ class _EndingSignals:
     the handler waits for the lock of that call forever."""
 
     def __init__(self) -> None:
-        self.came = threading.Event()
+        self.came = False
         heard, told = os.pipe()
         os.set_blocking(told, False)
         signal.set_wakeup_fd(told)
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) is not signal.SIG_IGN:
-                signal.signal(number, lambda *_: None)
+                signal.signal(number, self._on_signal)
         self._thread = threading.Thread(target=self._shut_down, args=(heard,), name="signals", daemon=True)
         self._thread.start()
 
+    def _on_signal(self, *_: object) -> None:
+        self.came = True
+
     def _shut_down(self, heard: int) -> None:
         number = os.read(heard, 1)[0]
-        self.came.set()
+        self.came = True
         rospy.signal_shutdown(signal.Signals(number).name)
 
     def let_go(self) -> None:
         """Wait for the end if a signal came."""
-        if self.came.is_set():
+        if self.came:
             self._thread.join(_LET_GO_S)
 
 
