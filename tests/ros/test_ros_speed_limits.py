@@ -11,9 +11,21 @@ pytest.importorskip("rospy")
 import rospy
 
 from vsx_hw.safety import SpeedLimits
+from vsx_hw.watchdog import StopBytes
 from vsx_ros.config import Config, LimitsConfig
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros.base_drivers import BaseSettings, Listeners, base_driver, base_settings, speed_limits, supervisor
+from vsx_ros.ros import base_drivers
+from vsx_ros.ros.base_drivers import (
+    BASES,
+    BaseEntry,
+    BaseSettings,
+    Listeners,
+    base_driver,
+    base_settings,
+    base_watchdogs,
+    speed_limits,
+    supervisor,
+)
 from vsx_ros.ros.nodes import mobile_base
 
 
@@ -102,3 +114,12 @@ def test_a_driver_that_hangs_at_the_end_is_left_to_the_watchdogs(monkeypatch: py
     mobile_base.MobileBaseNode.close(node)  # type: ignore[arg-type]  # a bare one
     let_go.set()
     assert released == []
+
+
+@pytest.mark.parametrize("baud", [(), (-9600,)])
+def test_stop_bytes_without_a_baud_rate_are_refused(baud: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 0 baud the watchdogs would hang up instead of stopping the base."""
+    monkeypatch.setattr(base_drivers, "Watchdogs", lambda *_: pytest.fail("a watchdog starts"))
+    monkeypatch.setitem(BASES, "mine", BaseEntry(print, StopBytes(b"halt", b"farewell"), *baud))  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="'mine' has stop bytes and the baud rate"):
+        base_watchdogs(BaseSettings("mine", "/dev/null"))

@@ -109,11 +109,15 @@ BASES: Registry[BaseEntry] = Registry(
 
 
 def _entry(robot_type: str) -> BaseEntry:
-    """Raises ConfigError for an unknown kind, and for words after the colon of one at a port."""
+    """Raises ConfigError for an unknown kind, for words after the colon of one at a port, and for stop bytes that
+    nobody could send for want of a baud rate."""
     kind, colon, _ = robot_type.partition(":")
-    if colon and BASES[kind].stop is not None:
+    entry = BASES[kind]
+    if colon and entry.stop is not None:
         raise ConfigError(f"~robot_type {robot_type!r}: give {kind}, and its port as ~port")
-    return BASES[kind]
+    if entry.stop is not None and entry.baud <= 0:
+        raise ConfigError(f"the base {kind!r} has stop bytes and the baud rate {entry.baud}; give that of its port")
+    return entry
 
 
 def base_driver(settings: BaseSettings, hears: Listeners) -> Base:
