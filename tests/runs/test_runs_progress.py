@@ -13,15 +13,17 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.map_file import map_png
 from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
+from vsx_ros.robot import Odometry
 from vsx_ros.runs import progress
 from vsx_ros.runs.folder import FrameRecord, RunFolder
 from vsx_ros.runs.interrupted import REASON
-from vsx_ros.runs.journal import Journal, MapLine, PictureLine
+from vsx_ros.runs.journal import FrameLine, Journal, MapLine, PictureLine
 from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.moments import map_line, preview
 from vsx_ros.runs.report import report_data, write_report
 from vsx_ros.runs.world import open_world, save_world
 from vsx_ros.sim.truth import ground_truth_grid
+from vsx_ros.slam.state import TrackingResult, TrackingState
 
 SECOND = 1_000_000_000
 BEGAN = 1_700_000_000 * SECOND
@@ -53,6 +55,11 @@ def ended_run(
     Journal(folder.moments, lines).close()
     folder.write_summary(Summary(frames=len(way), stop_reason="explored").as_dict())
     return folder
+
+
+def frame_line(second: float, x_m: float, epoch: int) -> FrameLine:
+    tracked = TrackingResult(stamp(second), TrackingState.GOOD, SE3.identity())
+    return FrameLine.of(tracked, Odometry(stamp(second), SE2(x_m), odom_epoch=epoch), 5.0, None)
 
 
 def table(folder: RunFolder) -> dict[str, list[str]]:
@@ -121,14 +128,39 @@ def test_what_cannot_be_compared_is_left_out(tmp_path: Path) -> None:
     assert set(table(folder)["coverage_correct"]) == {""}
 
 
-@pytest.mark.parametrize("lacks", ["odometry", "maps"])
-def test_without_metres_or_maps_there_is_no_table(tmp_path: Path, lacks: str) -> None:
+def test_without_metres_there_is_no_table(tmp_path: Path) -> None:
     folder = ended_run(tmp_path, {2.0: known(10)}, STRAIGHT)
     table(folder)
-    (folder.moments if lacks == "maps" else folder.path / "odometry.txt").unlink()
+    (folder.path / "odometry.txt").unlink()
     page = write_report(folder)
     assert not (folder.path / "progress.csv").exists(), "not even an old one"
     assert "<h2>Known area" not in page.read_text()
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_a_run_whose_maps_are_gone_makes_no_table_but_keeps_the_one_it_has(tmp_path: Path, damaged: bool) -> None:
+    folder = ended_run(tmp_path, {2.0: known(10)}, STRAIGHT)
+    before = table(folder)
+    if damaged:
+        folder.moments.write_text("no moment\n")
+    else:
+        folder.moments.unlink()
+    assert table(folder) == before
+    assert "<h2>Known area" not in (folder.path / "report.html").read_text()
+    (folder.path / "progress.csv").unlink()
+    write_report(folder)
+    assert not (folder.path / "progress.csv").exists()
+
+
+@pytest.mark.parametrize("ended", [True, False])
+def test_a_way_that_no_image_saw_counts_and_a_restart_of_the_odometry_does_not(tmp_path: Path, ended: bool) -> None:
+    """Seven metres without the camera, then counting anew from beside the place, which is no step of the base."""
+    way = {0.0: 0.0, 1.0: 0.2, 2.0: 0.4, 40.0: 7.4, 41.0: 7.6, 42.0: 7.3, 43.0: 7.5}
+    folder = ended_run(tmp_path, {0.5: known(10), 42.5: known(60)}, way)
+    Journal(folder.journal, [frame_line(at, x, epoch=int(at > 41.0)) for at, x in way.items()]).close()
+    if not ended:
+        (folder.path / "summary.json").unlink()
+    assert report_data(folder).progress[-1].driven_m == pytest.approx(7.8)
 
 
 def test_a_run_that_goes_on_shows_its_curves_and_writes_no_table(tmp_path: Path) -> None:

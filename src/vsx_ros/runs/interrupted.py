@@ -1,6 +1,6 @@
 """What is known of a run that was killed, or that still runs: its journals hold what its results would."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from vsx_ros.config import Config
@@ -11,7 +11,7 @@ from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.limits import DAMAGE
 from vsx_ros.runs.folder import FrameRecord, RunFolder
-from vsx_ros.runs.journal import ClockLine, FrameLine, Line, RunEvent, TruthLine, read_journal, unflat
+from vsx_ros.runs.journal import ClockLine, FrameLine, Line, RunEvent, TruthLine, odom_epochs, read_journal, unflat
 from vsx_ros.runs.record import RunRecord, counts_all
 
 REASON = "the run has not come to its end: it still runs, or it was killed; vsx explore --resume goes on with it"
@@ -20,7 +20,7 @@ _FACTS = "world", "seed", "planner"
 
 class KnownRun(NamedTuple):
     """As in the files of a finished run: summary.json, events.jsonl, frames.csv, trajectory.txt, groundtruth.txt,
-    odometry.txt; with odometry its map is level."""
+    odometry.txt; with odometry its map is level. odom_epochs: by stamp, as far as the journal knows them."""
 
     summary: dict[str, Any]
     events: list[RunEvent]
@@ -28,6 +28,7 @@ class KnownRun(NamedTuple):
     estimate: Sequence[StampedPose]
     truth: list[StampedPose]
     odometry: Sequence[StampedPose]
+    odom_epochs: Mapping[int, int]
 
 
 def unfinished(folder: RunFolder) -> KnownRun | None:
@@ -62,6 +63,7 @@ def _known(lines: list[Line], config: Config, facts: dict[str, Any]) -> KnownRun
     return KnownRun(
         summary=summary.as_dict(), events=sorted(record.told(), key=lambda event: event.stamp_ns),
         frames=record.frame_records(), estimate=record.estimate(), truth=truth, odometry=odometry,
+        odom_epochs=odom_epochs(lines),
     )  # fmt: skip
 
 

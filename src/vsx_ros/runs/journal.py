@@ -174,6 +174,12 @@ def read_journal(path: Path, most: int = LOG_BYTES, remedy: str = "start a new r
         return [_checked(_DECODE.decode(line)) for line in lines]
 
 
+def odom_epochs(lines: Iterable[Line]) -> dict[int, int]:
+    """The odometry's epoch, by the stamp of each frame that has odometry."""
+    frames = (line for line in lines if isinstance(line, FrameLine))
+    return {frame.stamp_ns: frame.odom_epoch for frame in frames if frame.T_odom_base is not None}
+
+
 def last_driven(path: Path) -> FrameLine | None:
     """The newest frame that has odometry, of a journal that is being written; None if its last lines hold none."""
     with suppress(OSError), path.open("rb") as file:

@@ -2,7 +2,7 @@
 report. It is made from the maps of the moments, so a run that keeps none has none."""
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -40,7 +40,7 @@ def progress_of(
         return []
     known, shares = [line.stamp_ns for line in maps], _shares(maps, judge)
     at = sorted({min(stamps), max(stamps), *known, *(picture.stamp_ns for picture in moments.pictures)})
-    readings, driven_m = _driven(run.odometry)
+    readings, driven_m = _driven(run.odometry, run.odom_epochs)
     rows = []
     for stamp_ns, lasted_s in zip(at, elapsed_s(at, parts([*stamps, *at])).tolist(), strict=True):
         newest, reading = bisect_right(known, stamp_ns) - 1, bisect_right(readings, stamp_ns) - 1
@@ -76,15 +76,17 @@ def write_progress(folder: RunFolder, rows: Sequence[ProgressRow]) -> None:
     write_text(path, csv_text(_COLUMNS, [(format_stamp(row.stamp_ns), *row[1:]) for row in rows]))
 
 
-def _driven(odometry: Sequence[StampedPose]) -> tuple[list[int], list[float]]:
-    """Stamps [ns] by time, and the way driven until each [m]. Where the odometry restarted, a new stretch begins."""
-    driven, epoch, ways = DrivenDistance(), 0, list[tuple[int, float]]()
-    before = odometry[0].T
-    for stamp_ns, T_odom_base in odometry:
-        jumped = np.linalg.norm(T_odom_base.translation - before.translation) > BETWEEN_FRAMES_M
-        epoch, before = epoch + int(jumped), T_odom_base
-        driven.add(Odometry(stamp_ns, T_odom_base.to_se2(), odom_epoch=epoch))
-        ways.append((stamp_ns, driven.distance_m))
+def _driven(odometry: Sequence[StampedPose], epochs: Mapping[int, int]) -> tuple[list[int], list[float]]:
+    """Stamps [ns] by time, and the way driven until each [m]. Where the odometry restarted, a new stretch begins: by
+    its epochs; where they are unknown, at a step that no base drives between two frames."""
+    driven, stretch, ways = DrivenDistance(), 0, list[tuple[int, float]]()
+    before = odometry[0]
+    for now in odometry:
+        known = {epochs.get(pose.stamp_ns) for pose in (before, now)}
+        far = bool(np.linalg.norm(now.T.translation - before.T.translation) > BETWEEN_FRAMES_M)
+        stretch, before = stretch + int(far if None in known else len(known) > 1), now
+        driven.add(Odometry(now.stamp_ns, now.T.to_se2(), odom_epoch=stretch))
+        ways.append((now.stamp_ns, driven.distance_m))
     stamps, metres = zip(*sorted(ways), strict=True)
     return list(stamps), np.maximum.accumulate(metres).tolist()
 

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from vsx_ros.occupancy.grid import MAX_CELLS
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.goals import goals_of
 from vsx_ros.runs.interrupted import REASON, KnownRun, unfinished
-from vsx_ros.runs.journal import MapLine, RunEvent
+from vsx_ros.runs.journal import Line, MapLine, RunEvent, odom_epochs, read_journal
 from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.moments import REMEDY, Moments
 from vsx_ros.runs.parameters import commented_yaml
@@ -38,10 +39,10 @@ EXIT_CODES = dict.fromkeys(Outcome, FAILED) | _OTHERS  # For each outcome of an 
 
 
 def write_report(folder: RunFolder, judge: MapJudge | None = None) -> Path:
-    """Write report.html of a run, and when the run has ended, progress.csv, whose curves it shows; returns the path of
-    the report. judge: that of the run, which would else be made again."""
+    """Write report.html of a run, and when the run has ended, progress.csv, whose curves it shows, unless its maps are
+    gone; returns the path of the report. judge: that of the run, which would else be made again."""
     path, data = folder.path / "report.html", report_data(folder, judge)
-    if data.summary.get("stop_reason") != REASON:
+    if data.maps and data.summary.get("stop_reason") != REASON:
         write_progress(folder, data.progress)
     write_text(path, render(data))
     return path
@@ -85,10 +86,13 @@ def report_data(folder: RunFolder, judge: MapJudge | None = None) -> ReportData:
 
 def _finished(folder: RunFolder) -> KnownRun:
     """What the files of a finished run know."""
+    lines: list[Line] = []
+    with suppress(InputError):  # the results need no journal
+        lines = read_journal(folder.journal)
     return KnownRun(
         summary=checked_summary(folder.read_summary(), str(folder.path)), events=folder.read_events(),
         frames=folder.read_frames(), estimate=folder.read_poses("trajectory"), truth=folder.read_poses("groundtruth"),
-        odometry=folder.read_poses("odometry"),
+        odometry=folder.read_poses("odometry"), odom_epochs=odom_epochs(lines),
     )  # fmt: skip
 
 
