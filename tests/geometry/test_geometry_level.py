@@ -43,6 +43,12 @@ def test_what_is_carried_or_flies_is_told_with_its_tilt_and_height() -> None:
     assert "69 of 100 poses are none of wheels on a floor (up to 0 deg of tilt, 1.0 m up or down)" in refusal(rises)
 
 
+@pytest.mark.filterwarnings("error")
+def test_poses_beyond_all_numbers_are_looked_at_without_a_warning() -> None:
+    assert refusal([pose(x) for x in (1e308, -1e308) * 10]) == ""
+    assert "19 of 20 poses" in refusal([pose(0.0, z) for z in (1e308, *[-1e308] * 19)])
+
+
 @pytest.mark.parametrize("tilt_deg", [-180.0, -20.0, 16.0, 90.0])
 def test_a_tilted_pose_is_refused_by_its_tilt(tilt_deg: float) -> None:
     for level_deg in (-14.0, 0.0, 14.0):

@@ -1,6 +1,7 @@
 """Whether poses can be those of a base on wheels: level, but for ramps."""
 
 import math
+from operator import sub
 
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se3 import SE3
@@ -33,7 +34,7 @@ class LevelWatch:
     def see(self, T_odom_base: SE3) -> None:
         """The next pose."""
         self._first = self._first or T_odom_base
-        x, y, z = (T_odom_base.translation - self._first.translation).tolist()
+        x, y, z = map(sub, T_odom_base.translation.tolist(), self._first.translation.tolist())
         self._farthest_m = max(self._farthest_m, math.hypot(x, y))
         tilted, rise_m = _tilt(T_odom_base), abs(z)
         self._most_tilt, self._most_rise_m = max(self._most_tilt, tilted), max(self._most_rise_m, rise_m)
