@@ -119,6 +119,17 @@ def test_an_interruption_takes_no_colours() -> None:
     assert "the way from 0 s to 198 s" in map_picture(data)
 
 
+def test_goals_and_the_way_count_the_same_time_from_the_first_event_without_interruptions() -> None:
+    way = [StampedPose((k + 90_000 * (k >= 100)) * SECOND, SE3.identity()) for k in range(200)]
+    frames = [(pose.stamp_ns, "good", 9, 9, False, 5.0, None) for pose in way]
+    goals = [goal(1.0, 1.0, 50), goal(1.0, 2.0, 90_100), goal(1.0, 3.0, 90_150)]
+    data = run(room(8.0, 6.0), estimate=way, frames=frames, goals=goals, events=[(-3 * SECOND, "mission", "a", "b")])
+    assert "the way from 3 s to 201 s" in map_picture(data)
+    titles = [group.find("title").text for group in drawing(data).iter("g") if group.get("class") == "goal"]
+    assert [title.partition(":")[0] for title in titles] == ["1 at 53.0 s", "2 at 102.0 s", "3 at 152.0 s"]
+    assert re.findall(r"<td>([0-9.]+ s)</td>", goal_table(data)) == ["53.0 s", "102.0 s", "152.0 s"]
+
+
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_hardly_a_way_is_drawn_too(n: int) -> None:
     assert len(colours(drawing(run(room(8.0, 6.0), n)))) == n

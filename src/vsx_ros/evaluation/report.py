@@ -113,11 +113,11 @@ def known_area(data: ReportData) -> str:
 def goal_table(data: ReportData) -> str:
     """The views driven to, by their numbers on the map, and why each was left."""
     rows = []
-    for number, goal in enumerate(data.goals[:_MAX_EVENTS], start=1):
+    lasted = data.lasted_s(goal.stamp_ns for goal in data.goals).tolist()
+    for number, (goal, at_s) in enumerate(zip(data.goals[:_MAX_EVENTS], lasted), start=1):
         why = f"<details><summary>{html.escape(goal.words)}</summary>{html.escape(goal.figures)}</details>"
         left = f'<div class="left">left: {html.escape(goal.left)}</div>' if goal.left else ""
-        at = f"{(goal.stamp_ns - data.began_ns) * 1e-9:.1f} s"
-        rows.append(f"<tr><td>{number}</td><td>{at}</td><td>{why}{left}</td></tr>")
+        rows.append(f"<tr><td>{number}</td><td>{at_s:.1f} s</td><td>{why}{left}</td></tr>")
     head = "".join(f"<th>{name}</th>" for name in ("goal", "at", "why it was chosen and left"))
     return f'<table class="goals"><tr>{head}</tr>{"".join(rows)}</table>{_left_out(data.goals)}' if rows else ""
 

@@ -11,7 +11,6 @@ from vsx_ros.arrays import FloatArray, Points2, Points3
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation import svg
 from vsx_ros.evaluation.report_data import ReportData
-from vsx_ros.evaluation.run_time import elapsed_s, parts
 from vsx_ros.evaluation.sheet import Sheet, window_around, window_of
 from vsx_ros.evaluation.trajectory import align, associate
 
@@ -60,7 +59,7 @@ def map_picture(data: ReportData) -> str:
     corners = [] if data.grid is None else [corner.tolist() for corner in window_of(data.grid)]
     inner = np.percentile(dots, [1, 99], axis=0).tolist() if len(dots) else []
     sheet = Sheet.fitting(window_around([corners, inner, way.tolist(), truth.tolist()]), svg.WIDTH)
-    lasted = _lasted_s(data)
+    lasted = data.lasted_s(pose.stamp_ns for pose in data.estimate)
     drawn = [
         sheet.begin("map from above", "map run"), sheet.ground(data.grid) if data.grid is not None else "",
         _lines(sheet), sheet.dots(dots), sheet.way("truth", truth.tolist()), _coloured(sheet, way, lasted),
@@ -80,12 +79,6 @@ def _truth_in_map(data: ReportData) -> Points3:
     estimate, truth = (np.array([T.translation for T in poses]) for poses in zip(*pairs))
     alignment = align(truth, estimate, "yaw" if data.world_is_level else "sim3")
     return alignment.apply(np.array([pose.T.translation for pose in data.truth]))
-
-
-def _lasted_s(data: ReportData) -> FloatArray:
-    """(N,) how long the run had lasted at each pose of the estimate [s]."""
-    stamps = [pose.stamp_ns for pose in data.estimate]
-    return elapsed_s(stamps, parts([*stamps, *(frame[0] for frame in data.frames)]))
 
 
 def _legend(data: ReportData, lasted: FloatArray, *, has_truth: bool) -> str:
@@ -166,12 +159,13 @@ def _labels(sheet: Sheet, is_level: bool) -> str:
 def _goals(sheet: Sheet, data: ReportData) -> str:
     """Each goal on the sheet: a dot, where it looks, and its number beside it."""
     width, height = sheet.size
+    lasted = data.lasted_s(goal.stamp_ns for goal in data.goals).tolist()
     numbered = [(k, goal, sheet.at((goal.pose.x, goal.pose.y))) for k, goal in enumerate(data.goals, start=1)]
     shown = [(k, goal, at) for k, goal, at in numbered if 0.0 <= at[0] <= width and 0.0 <= at[1] <= height]
     labels = _beside([at for _, _, at in shown], [_DIGIT_PX * len(str(k)) for k, _, _ in shown])
     drawn = []
     for (number, goal, (x, y)), label in zip(shown, labels, strict=True):
-        at = f"{number} at {1e-9 * (goal.stamp_ns - data.began_ns):.1f} s: {goal.words}"
+        at = f"{number} at {lasted[number - 1]:.1f} s: {goal.words}"
         looks = x + _LOOK_PX * math.cos(goal.pose.theta), y - _LOOK_PX * math.sin(goal.pose.theta)
         text = "" if label is None else f'<text x="{label[0]:.1f}" y="{label[1]:.1f}">{number}</text>'
         drawn.append(
