@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.errors import InputError
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.distance import clearance_field
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -103,6 +104,29 @@ def test_a_wall_closes_a_line_and_only_here_closes_the_rest() -> None:
     assert KeepOut(here, BODY_M).zone_at(0.0, 0.0) == ""
     open_m2 = here.drivable.sum() * CELL_M**2
     assert 2.8**2 < open_m2 < 3.0**2 + 1.5 * 2.0
+
+
+@pytest.mark.parametrize("overlap_m", [0.0, 0.005, 0.05, 0.1, 0.3])
+@pytest.mark.parametrize("turned_rad", [0.0, 0.4])
+def test_zones_to_stay_in_add_up_where_they_touch(overlap_m: float, turned_rad: float) -> None:
+    turn, seam = SE2(0.0, 0.0, turned_rad), overlap_m / 2.0
+    boxes = [square(1.5, ZoneKind.ONLY, x=1.5 - seam), square(1.5, ZoneKind.ONLY, x=seam - 1.5)._replace(name="b")]
+    zones = [zone._replace(points=tuple(map(tuple, (turn @ np.array(zone.points)).tolist()))) for zone in boxes]
+    grid = zoned(*zones)
+    keep_out, y = KeepOut(grid, BODY_M), 1.5 - BODY_M - 0.25
+    for way in (along((-1.0, -y), (0.0, -y), (0.0, y), (1.0, y)), along((-2.0, 0.3), (2.0, -0.3))):
+        assert keep_out.entered(turn @ way) is None
+        assert not any(entered(zones, *place, BODY_M) for place in (turn @ way).tolist())
+    assert keep_out.entered(turn @ along((0.0, 0.0), (0.0, 1.5))) is not None
+    assert grid.opened_at(0.0, 0.0) is grid, "no zone holds the body"
+    rim = turn @ np.column_stack([np.linspace(-3.2, 3.2, 500), np.full(500, 1.5 - MARGIN_M)])
+    assert grid.zones.closed[tuple(grid.cells(np.vstack([rim, -rim])).T)].all()
+
+
+def test_a_gap_between_zones_to_stay_in_stays_closed() -> None:
+    grid = zoned(square(1.5, ZoneKind.ONLY, x=1.52), square(1.5, ZoneKind.ONLY, x=-1.52)._replace(name="b"))
+    assert grid.zones.closed[:, 78:82].all()
+    assert KeepOut(grid, BODY_M).zone_at(0.0, 0.0) == OUTSIDE
 
 
 def test_a_slow_zone_slows_where_the_body_reaches_into_it() -> None:

@@ -18,6 +18,7 @@ from vsx_ros.occupancy.grid import FREE, OccupancyGrid
 from vsx_ros.occupancy.zones import Zone, ZoneKind, closings, reaches_into
 
 _SUBPIXEL_BITS = 8  # OpenCV's fixed point
+_PARTS = 3  # of a cell's side, where zones meet; an odd number, so that one is in the middle
 
 
 class ZoneCells(NamedTuple):
@@ -110,6 +111,8 @@ def _closed_by(grid: OccupancyGrid, closing: tuple[Zone, ...], margin_m: float) 
         cells = _near(grid, zone, margin_m)
         return cells | _inside(grid, zone) if zone.kind is ZoneKind.NO_GO else cells
     allowed = [_inside(grid, zone) & ~_near(grid, zone, margin_m) for zone in closing]
+    if len(closing) > 1:
+        allowed.append(_inside_together(grid, closing, margin_m))
     return np.asarray(~np.logical_or.reduce(allowed))
 
 
@@ -119,6 +122,23 @@ def _inside(grid: OccupancyGrid, zone: Zone) -> BoolArray:
     corners = (np.array(zone.points) - [grid.origin_x, grid.origin_y]) / grid.resolution - 0.5
     cv2.fillPoly(mask, [np.rint(corners * (1 << _SUBPIXEL_BITS)).astype(np.int32)], 1, cv2.LINE_8, _SUBPIXEL_BITS)
     return mask > 0
+
+
+def _inside_together(grid: OccupancyGrid, zones: tuple[Zone, ...], margin_m: float) -> BoolArray:
+    """(H, W) cells farther than margin_m from the ground outside the union of polygons. A gap between two that is
+    narrower than two parts of a cell may count as none: corners drawn by hand, or moved with the map, hardly meet."""
+    beyond = math.ceil(margin_m / grid.resolution) + 2
+    fine = OccupancyGrid(
+        data=np.zeros(_PARTS * (np.array(grid.shape) + 2 * beyond), np.int8), resolution=grid.resolution / _PARTS,
+        origin_x=grid.origin_x - beyond * grid.resolution, origin_y=grid.origin_y - beyond * grid.resolution,
+    )  # fmt: skip
+    inside = np.zeros(fine.shape, np.bool_)
+    for zone in zones:
+        inside |= _inside(fine, zone)
+    reach = math.ceil((margin_m + math.sqrt(0.5) * grid.resolution) / fine.resolution) + 2
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    middles = slice(_PARTS * beyond + _PARTS // 2, -_PARTS * beyond, _PARTS)
+    return np.asarray(cv2.erode(inside.astype(np.uint8), disc)[middles, middles] > 0)
 
 
 def _near(grid: OccupancyGrid, zone: Zone, margin_m: float) -> BoolArray:

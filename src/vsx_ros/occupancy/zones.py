@@ -26,6 +26,7 @@ OUTSIDE = "only here"  # what the ground outside all zones of the kind ONLY is c
 _LEAST_M2 = 0.01  # a smaller zone is a slip of the hand
 _SLOW_M_S = (0.03, 0.7)  # what the bases can drive
 _RIM = np.array([(math.cos(0.25 * k), math.sin(0.25 * k)) for k in range(26)] + [(0.0, 0.0)])  # and middle of a body
+_ROUNDING_M = 1e-3  # so that two polygons with a common edge have no gap
 _EVERY = -1.0  # spacing of anchored corners [m]: no corner is left out
 
 
@@ -129,7 +130,7 @@ def reaches_into(closing: tuple[Zone, ...], x: float, y: float, radius_m: float)
     if closing[0].kind is not ZoneKind.ONLY:
         return _depth(closing[0], x, y) > -radius_m
     rim = np.array([x, y]) + radius_m * _RIM
-    return not all(any(_depth(zone, *place) >= 0.0 for zone in closing) for place in rim.tolist())
+    return not all(any(_depth(zone, *place) > -_ROUNDING_M for zone in closing) for place in rim.tolist())
 
 
 def entered(zones: Sequence[Zone], x: float, y: float, radius_m: float) -> tuple[str, ...]:
