@@ -114,6 +114,7 @@ def test_emulated_the_share_is_that_of_the_summary(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(progress, "_MOST_JUDGED", 1)
     assert table(folder)["coverage_correct"][1] == "", "of many maps some are compared"
     assert numbers(table(folder)["coverage_correct"][2:]) == pytest.approx([shares[1]] * 2, abs=1e-5)
+    (folder.path / "progress.csv").unlink()
     folder.write_config(config, ["vsx", "explore"], seed=1, load_map="lab.vsxmap")
     assert set(table(folder)["coverage_correct"]) == {""}, "the place of a loaded map in the world is unknown"
 
@@ -124,7 +125,16 @@ def test_what_cannot_be_compared_is_left_out(tmp_path: Path) -> None:
     line = map_line(stamp(2.0), known(10), map_png(known(10))[:40])
     Journal(folder.moments, [line]).close()
     assert table(folder)["coverage_correct"] == ["0", "", ""]
+
+
+def test_the_shares_of_a_run_stay_when_files_of_its_world_are_gone(tmp_path: Path) -> None:
+    folder = ended_run(tmp_path, {2.0: known(10)}, STRAIGHT)
+    save_world(open_world("lab", 3), folder.path / "world.yaml")
+    told = table(folder)
+    assert "" not in told["coverage_correct"]
     (folder.path / "world.yaml").write_text("{}")
+    assert table(folder) == told
+    (folder.path / "progress.csv").unlink()
     assert set(table(folder)["coverage_correct"]) == {""}
 
 

@@ -1,6 +1,7 @@
 """How far a run had come at each moment: known area and correct share over time and metres, for progress.csv and the
 report. It is made from the maps of the moments, so a run that keeps none has none."""
 
+import csv
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 
@@ -68,11 +69,16 @@ def judge_of(folder: RunFolder, config: Config, load_map: object) -> MapJudge | 
 
 
 def write_progress(folder: RunFolder, rows: Sequence[ProgressRow]) -> None:
-    """progress.csv; an old one goes if there are no rows."""
+    """progress.csv; an old one goes if there are no rows, and stays if only it has correct shares, because files of the
+    world are gone."""
     path = folder.path / "progress.csv"
     if not rows:
         path.unlink(missing_ok=True)
         return
+    if all(row.coverage_correct is None for row in rows) and path.exists():
+        before = csv.DictReader(path.read_text(encoding="utf-8").splitlines())
+        if any(row.get("coverage_correct") for row in before):
+            return
     write_text(path, csv_text(_COLUMNS, [(format_stamp(row.stamp_ns), *row[1:]) for row in rows]))
 
 
