@@ -1,17 +1,22 @@
 """What a mission does about zones: it looks into them but does not drive there, leaves one drawn around it and says so,
 and explores only where it is told."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import RankingInput, rank_views
+from vsx_ros.exploration.view_selector import ViewSelector
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.keep_out import KeepOut
 from vsx_ros.occupancy.zoned_grid import with_zones
 from vsx_ros.occupancy.zones import Zone, ZoneKind
+from vsx_ros.planning.planner import Planner
 from vsx_ros.robot import OperatorHold
 from vsx_ros.slam.state import TrackingState
 
@@ -152,6 +157,17 @@ def test_without_a_way_out_it_waits_and_says_so_once() -> None:
     assert {decision.action for decision in later} == {Action.WAIT}
     reasons = [event.reason for event in mission.drain_events()]
     assert sum("no way leads out" in reason for reason in reasons) == 1
+
+
+def test_the_way_out_is_found_though_more_ground_is_nearer_behind_a_wall() -> None:
+    cells = floor().data.copy()
+    cells[:, 118:120], cells[20:100, 120:158] = OCCUPIED, FREE  # a wall 1.9 m ahead, and the next room
+    grid = with_zones(replace(floor(), data=cells), [box(-1.0, -2.0, 1.9, 2.0)], MARGIN_M, BODY_M, version=1)
+    ways = Planner(CONFIG.planner, CONFIG.robot)
+    selector = ViewSelector(CONFIG, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
+    out = selector.exit_pose(0, grid, SE2(1.5, 0.0, math.pi))
+    assert out is not None
+    assert out.x < -1.0 - BODY_M
 
 
 def test_a_goal_that_a_zone_covers_is_left_without_blame() -> None:

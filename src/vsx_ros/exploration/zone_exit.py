@@ -8,11 +8,12 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.exploration.utility import TravelCostsFrom, traversable_cells
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.occupancy.distance import clearance_field, travel_distance
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.keep_out import KeepOut
 from vsx_ros.occupancy.zoned_grid import ZonedGrid
 
-_PLACES, _HEADINGS = 400, 16  # nearest places, and headings at each
+_PLACES, _HEADINGS = 400, 16  # places with the shortest ways, and headings at each
 _STRIDE = 2  # cells between places
 
 
@@ -47,12 +48,14 @@ def exit_pose(
     room = room[(room % _STRIDE == 0).all(axis=1)]
     if not len(room):
         return None
-    places = grid.centres(room)
-    order = np.argsort(np.hypot(*(places - [T_map_base.x, T_map_base.y]).T), kind="stable")[:_PLACES]
+    places, here = grid.centres(room), (T_map_base.x, T_map_base.y)
+    opened = grid.opened_at(*here)
+    way_m = travel_distance(clearance_field(opened, grid.resolution), here)[1:-1, 1:-1][tuple(room.T)]
+    order = np.lexsort((np.hypot(*(places - here).T), way_m))[:_PLACES]
     places = np.repeat(places[order], _HEADINGS, axis=0)
     headings = np.tile(T_map_base.theta + np.arange(_HEADINGS) * (2.0 * math.pi / _HEADINGS), len(order))
     poses = np.column_stack([places, headings])
-    costs = travel_costs(T_map_base, grid.opened_at(T_map_base.x, T_map_base.y))(poses)
+    costs = travel_costs(T_map_base, opened)(poses)
     costs = np.where(failed(poses), math.inf, costs)
     best = int(np.argmin(costs))
     return SE2(*poses[best].tolist()) if math.isfinite(costs[best]) else None
