@@ -129,6 +129,15 @@ def test_a_gap_between_zones_to_stay_in_stays_closed() -> None:
     assert KeepOut(grid, BODY_M).zone_at(0.0, 0.0) == OUTSIDE
 
 
+def test_where_zones_to_stay_in_meet_the_way_out_of_another_does_not_leave_them() -> None:
+    """The body reaches into a gap of 16 mm between them, which is none on the grid."""
+    beside = square(1.5, ZoneKind.ONLY, x=1.508), square(1.5, ZoneKind.ONLY, x=-1.508)._replace(name="b")
+    assert KeepOut(zoned(*beside), BODY_M).zone_at(0.0, 0.0) == ""
+    opened = KeepOut(zoned(*beside, square(0.5)).opened_at(0.0, 0.0), BODY_M)
+    assert opened.zone_at(0.0, 0.0) == ""
+    assert opened.zone_at(0.0, 1.6) == OUTSIDE
+
+
 def test_a_slow_zone_slows_where_the_body_reaches_into_it() -> None:
     grid = zoned(square(1.0, ZoneKind.SLOW, 0.1), square(3.0, ZoneKind.SLOW, 0.2)._replace(name="large"))
     assert grid.drivable.all()

@@ -59,9 +59,10 @@ class ZonedGrid(OccupancyGrid):
     def opened_at(self, x: float, y: float) -> OccupancyGrid:
         """The same without the zones that a body at a place [m] reaches into, or whose margin holds its centre; the
         others stay closed, also those that touch one of these."""
-        here, entered = self.around(x, y, 0.0), set[Zone]()
+        here, body, entered = self.around(x, y, 0.0), self.around(x, y, self.radius_m), set[Zone]()
         for closing in closings(self.drawn):
-            if reaches_into(closing, x, y, self.radius_m) or _closed_by(here, closing, self.margin_m).any():
+            reached = body if reaches_into(closing, x, y, self.radius_m) else here
+            if _closed_by(reached, closing, self.margin_m).any():
                 entered.update(closing)
         if not entered:
             return self
