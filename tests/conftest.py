@@ -14,9 +14,10 @@ import vsx_ros  # noqa: F401  # before any test imports cv2, which reads its lim
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-# No test may fail because the machine is busy.
-hypothesis.settings.register_profile("unhurried", deadline=None)
-hypothesis.settings.load_profile("unhurried")
+# No test may fail because the machine is busy, or by chance: --hypothesis-profile=exploring draws other examples.
+hypothesis.settings.register_profile("exploring", deadline=None)
+hypothesis.settings.register_profile("repeating", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("repeating")
 
 
 @pytest.fixture(scope="module")

@@ -175,7 +175,7 @@ def check_calibration(camera: PinholeCamera, T_base_cam: SE3 | None) -> None:
             f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the image of "
             f"{camera.width}x{camera.height}: {again}"
         )
-    u, v = np.linspace(0.0, camera.width - 1.0, 9), np.linspace(0.0, camera.height - 1.0, 9)
+    u, v = ((np.arange(16) + 0.5) * size / 16 - 0.5 for size in (camera.width, camera.height))
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     # The outermost pixels of a real lens may lie outside the valid range of its model; most of the image may not.
     if not usable(kernel_camera(camera), pixels).mean() > 0.5:
