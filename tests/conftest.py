@@ -14,6 +14,13 @@ import vsx_ros  # noqa: F401  # before any test imports cv2, which reads its lim
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """Programs that a test starts ignore SIGTERM when an earlier test has left it ignored, and never end."""
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
 # No test may fail because the machine is busy, or by chance: --hypothesis-profile=exploring draws other examples.
 hypothesis.settings.register_profile("exploring", deadline=None)
 hypothesis.settings.register_profile("repeating", deadline=None, derandomize=True)

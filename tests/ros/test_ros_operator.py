@@ -195,6 +195,35 @@ def test_a_node_ends_in_the_middle_of_a_question_to_the_master(stack: Stack) -> 
             node.kill()
 
 
+_READY = """
+from vsx_ros.ros import node
+class Open:
+    def close(self):
+        print("closed", flush=True)
+node.run("ready", lambda config: Open())
+"""
+
+
+def test_a_node_ends_though_its_parent_ignored_the_signal(stack: Stack) -> None:
+    before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        child = subprocess.Popen(
+            [sys.executable, "-c", _READY, "__name:=ready"], env=stack.environment, stdout=subprocess.PIPE, text=True
+        )
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    with child as node:
+        assert node.stdout is not None
+        try:
+            while "ready" not in node.stdout.readline():
+                assert node.poll() is None
+            node.terminate()
+            assert node.stdout.read() == "closed\n"
+            assert node.wait(PATIENCE_S) == 0
+        finally:
+            node.kill()
+
+
 _STUCK = """
 import sys, threading, time
 import rospy, rospy.core

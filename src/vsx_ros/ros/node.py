@@ -149,7 +149,8 @@ class _EndingSignals:
         os.set_blocking(told, False)
         signal.set_wakeup_fd(told)
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            if signal.getsignal(number) is not signal.SIG_IGN:
+            # Shells and nohup let what they start ignore the other two; a node must always be told to end by SIGTERM.
+            if number == signal.SIGTERM or signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, self._on_signal)
         self._thread = threading.Thread(target=self._shut_down, args=(heard,), name="signals", daemon=True)
         self._thread.start()
