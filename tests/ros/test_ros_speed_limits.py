@@ -117,9 +117,11 @@ def test_a_driver_that_hangs_at_the_end_is_left_to_the_watchdogs(monkeypatch: py
 
 
 @pytest.mark.parametrize("baud", [(), (-9600,)])
-def test_stop_bytes_without_a_baud_rate_are_refused(baud: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stop_bytes_without_a_baud_rate_are_refused(
+    baud: tuple[()] | tuple[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """At 0 baud the watchdogs would hang up instead of stopping the base."""
     monkeypatch.setattr(base_drivers, "Watchdogs", lambda *_: pytest.fail("a watchdog starts"))
-    monkeypatch.setitem(BASES, "mine", BaseEntry(print, StopBytes(b"halt", b"farewell"), *baud))  # type: ignore[arg-type]
+    monkeypatch.setitem(BASES, "mine", BaseEntry(print, StopBytes(b"halt", b"farewell"), *baud))
     with pytest.raises(ConfigError, match="'mine' has stop bytes and the baud rate"):
         base_watchdogs(BaseSettings("mine", "/dev/null"))

@@ -37,7 +37,9 @@ class Planner:
         self._config, self._robot = config, robot
         preferred_m = max(config.clearance_m, config.preferred_clearance_m)
         half_m = 0.5 * (preferred_m + config.clearance_m)  # through a narrow gap rather in its middle
-        self._wider = [msgspec.structs.replace(config, clearance_m=wider_m) for wider_m in (preferred_m, half_m)]
+        self._wide, self._half = (
+            msgspec.structs.replace(config, clearance_m=wider_m) for wider_m in (preferred_m, half_m)
+        )
 
     def plan(
         self, start: SE2, goal: SE2, grid: OccupancyGrid, rng: np.random.Generator, visibility: Visibility | None = None
@@ -58,10 +60,13 @@ class Planner:
         if same_pose(start, goal):
             nothing = certified(start, goal, (), "start and goal are the same")
             return Plan(goal, corridor.measured(nothing), "fov")
-        widths = (build_corridor(grid, start, goal, wider, self._robot, corridor.clearance) for wider in self._wider)
-        corridors = [wide for wide in widths if isinstance(wide, Corridor)] + [corridor]
-        plan = self._at_once(start, goal, corridors[0], grid, visibility)
-        return self._chosen(start, goal, corridors, grid, rng, visibility) if plan is None else plan
+        wide = build_corridor(grid, start, goal, self._wide, self._robot, corridor.clearance)
+        plan = self._at_once(start, goal, wide, grid, visibility) if isinstance(wide, Corridor) else None
+        if plan is not None:
+            return plan
+        half = build_corridor(grid, start, goal, self._half, self._robot, corridor.clearance)
+        corridors = [width for width in (wide, half, corridor) if isinstance(width, Corridor)]
+        return self._chosen(start, goal, corridors, grid, rng, visibility)
 
     def _chosen(
         self, start: SE2, goal: SE2, corridors: list[Corridor], grid: OccupancyGrid, rng: np.random.Generator,
