@@ -51,10 +51,10 @@ odom_pub = rospy.Publisher("/robot/odom", Odometry, queue_size=5)
 image_pub = rospy.Publisher("/cam/image_raw/compressed", CompressedImage, queue_size=1)
 info_pub = rospy.Publisher("/cam/camera_info", CameraInfo, queue_size=1)
 teleop = rospy.Publisher("/cmd_vel_mux/input/teleop", Twist, queue_size=1)
-commanding = [0.0]
+commanding, over = [0.0], threading.Event()
 def drive():
     x, k, rng = 0.0, 0, np.random.default_rng(0)
-    while True:
+    while not over.is_set():
         now = rospy.Time.now()
         x += 0.05 * speed[0]
         reading = Odometry(child_frame_id="base_link")
@@ -76,7 +76,8 @@ def drive():
             command.linear.x = commanding[0]
             teleop.publish(command)
         rospy.rostime.wallsleep(0.05)
-threading.Thread(target=drive, daemon=True).start()
+driving = threading.Thread(target=drive, daemon=True)
+driving.start()
 def wait(condition, what):
     for _ in range(8000):
         if condition():
@@ -92,6 +93,8 @@ rospy.ServiceProxy("/mobile_base/estop", SetBool)(False)
 wait(lambda: told[-1] == 0.1, "the base to drive again")
 commanding[0] = 0.0
 wait(lambda: told[-1] == 0.0, "silence to stop it")
+over.set()
+driving.join()  # Python would end it within OpenCV, which aborts
 print(json.dumps({"frame": ours[-1][0], "image": images[-1], "most": max(told)}))
 """
 

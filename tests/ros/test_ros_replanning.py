@@ -165,9 +165,9 @@ def test_a_base_without_images_for_a_moment_waits_on_its_path_and_drives_on(stac
         silent_ns = time.time_ns()
         try:
             stack.wait(lambda before=before: drive.since(before, "stale"), "the follower to miss the camera", 2.0)
-            stack.wait(lambda: not stack.plant.moving, "the wheels to stop", STOP_WITHIN_S)
+            stack.wait(lambda: not stack.plant.moving, "the wheels to stop", images.stop_within_s)
             last_s, stopped_s = images.last_s(last_s, silent_ns), stack.plant.stopped_s
-            assert stopped_s - last_s < STOP_WITHIN_S + stack.lateness.between(last_s, stopped_s)
+            assert stopped_s - last_s < images.stop_within_s + stack.lateness.between(last_s, stopped_s)
         finally:
             stack._camera.send_signal(signal.SIGCONT)
         waiting = drive.since(before, "stale")

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
-STOP_WITHIN_S = 0.5
 STALE_S = 5.0
 """After so long without a word the aggregator of ROS calls a task stale."""
 SECONDS = 8  # of health that is told once a second
@@ -103,7 +102,7 @@ def test_a_silent_camera_stops_the_robot_and_its_images_bring_it_back(stack: Sta
         time.sleep(2.5)
         assert not stack.plant.moving, "no images and the robot drives on"
         last_s, stopped_s = images.last_s(last_s, silent_ns), stack.plant.stopped_s
-        assert stopped_s - last_s < STOP_WITHIN_S + stack.lateness.between(last_s, stopped_s)
+        assert stopped_s - last_s < images.stop_within_s + stack.lateness.between(last_s, stopped_s)
         stack.wait(lambda: diagnostics.latest("camera: stream").level == DiagnosticStatus.ERROR, "the complaint", 3.0)
         assert diagnostics.latest("camera: stream").message == "no images"
         said = rospy.wait_for_message(f"/{topics.SLAM_STATE}", DiagnosticStatus, 5.0)
