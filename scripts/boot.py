@@ -37,3 +37,4 @@ def into(module: str) -> None:
     except KeyboardInterrupt:  # before main() was there to answer it
         print("vsx: stopped by the operator", file=sys.stderr)
         sys.exit(4)
+    importlib.import_module("vsx_ros.runs.process").leave(0)

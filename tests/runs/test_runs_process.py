@@ -9,6 +9,7 @@ import pytest
 from waiting import PATIENCE_S
 
 FULL = "/dev/full"
+CHECKOUT = Path(__file__).resolve().parents[2]
 TALKER = """
 import logging, sys, traceback
 from vsx_ros.runs import process
@@ -77,3 +78,33 @@ def test_a_command_whose_words_a_full_disk_did_not_take_says_so_and_fails() -> N
 def test_a_mistake_that_nobody_can_be_told_has_its_exit_code() -> None:
     with Path(FULL).open("w") as full:
         assert python("-m", "vsx_ros.cli.main", "world", "moon", stdout=full, stderr=full).returncode == 1
+
+
+BUSY = """
+import atexit, threading
+import cv2, numpy as np
+
+def encode():
+    image = np.zeros((240, 320, 3), np.uint8)
+    while True:
+        cv2.imencode(".png", image)
+
+def main():
+    threading.Thread(target=encode, daemon=True).start()
+    threading.Timer(0.2, print, ["waited for"]).start()
+    atexit.register(print, "last")
+    print("done")
+"""
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        "import busy; from vsx_ros.runs import process; busy.main(); process.leave(0)",
+        f"import sys; sys.path.append({str(CHECKOUT / 'scripts')!r}); import boot; boot.into('busy')",
+    ],
+)
+def test_a_thread_that_is_in_opencv_at_the_end_changes_no_exit_code(tmp_path: Path, entry: str) -> None:
+    (tmp_path / "busy.py").write_text(BUSY)
+    ended = python("-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); {entry}", stdout=subprocess.PIPE)
+    assert (ended.returncode, ended.stdout.split("\n")) == (0, ["done", "waited for", "last", ""])

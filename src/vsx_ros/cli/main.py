@@ -149,7 +149,7 @@ def main() -> NoReturn:
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     process.never_fail()
-    sys.exit(execute(sys.argv[1:]))
+    process.leave(execute(sys.argv[1:]))
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from pathlib import Path
 import msgspec
 
 from vsx_ros.ros.environment import THREADS
-from vsx_ros.runs.process import STOPPED
+from vsx_ros.runs.process import DONE, STOPPED, leave
 
 NODES = "mobile_base", "camera", "emulator", "vslam", "move_base", "follower", "explore", "dock", "dashboard"
 _ANSWER_S = 30.0  # for the server's imports; a copy takes milliseconds
@@ -177,7 +177,8 @@ def become(request: Request) -> None:
     try:
         importlib.import_module(_module(Path(request.command[0]).name)).main()
     except KeyboardInterrupt:  # before the node was there to answer it
-        sys.exit(STOPPED)
+        leave(STOPPED)
+    leave(DONE)
 
 
 def _set_title(title: bytes) -> None:

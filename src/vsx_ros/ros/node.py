@@ -21,7 +21,7 @@ from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.registry import load_plugins
 from vsx_ros.ros import calls, headers, logs, threads
 from vsx_ros.ros.master_watch import master_watch
-from vsx_ros.runs import memory
+from vsx_ros.runs import memory, process
 
 _LOOK_S = 0.05  # rospy.spin would sleep for half a second
 _LET_GO_S = 5.0  # for a thread to finish after the node
@@ -80,7 +80,7 @@ def run(name: str, build: Callable[[Config], Node]) -> None:
     told.let_go()
     calls.within(_LONGEST_S, close, name)
     if (code := threads.exit_code()) != 0:
-        sys.exit(code)
+        process.leave(code)
 
 
 def _wait_for_end(name: str, told: _EndingSignals, node: Node, unclosed: threading.Lock) -> None:

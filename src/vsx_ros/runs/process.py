@@ -7,6 +7,7 @@ callbacks and services."""
 
 from __future__ import annotations
 
+import atexit
 import errno
 import io
 import logging
@@ -18,8 +19,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, TextIO
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, NoReturn, TextIO
 
 from vsx_ros.errors import disk_trouble
 
@@ -167,3 +168,15 @@ def ended(code: int) -> int:
     error.filename = "standard output"
     sys.stderr.write(f"vsx: {disk_trouble(error) or error}\n")
     return code or FAILED
+
+
+def leave(code: int) -> NoReturn:
+    """End the process with this exit code, like ``sys.exit`` in the main thread, but leave daemon threads as they are.
+    Python would unwind one that comes back from OpenCV, and C++ answers that with an abort: SIGABRT, whatever the
+    code."""
+    threading._shutdown()  # type: ignore[attr-defined]  # waits for all other threads
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)
