@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, Situation
@@ -159,9 +160,11 @@ def test_without_a_way_out_it_waits_and_says_so_once() -> None:
     assert sum("no way leads out" in reason for reason in reasons) == 1
 
 
-def test_the_way_out_is_found_though_more_ground_is_nearer_behind_a_wall() -> None:
+@pytest.mark.parametrize("gap_cells", [0, 1, 2, 4])
+def test_the_way_out_is_found_though_more_ground_is_nearer_behind_a_wall(gap_cells: int) -> None:
     cells = floor().data.copy()
     cells[:, 118:120], cells[20:100, 120:158] = OCCUPIED, FREE  # a wall 1.9 m ahead, and the next room
+    cells[58 : 58 + gap_cells, 118:120] = FREE  # narrower than the body
     grid = with_zones(replace(floor(), data=cells), [box(-1.0, -2.0, 1.9, 2.0)], MARGIN_M, BODY_M, version=1)
     ways = Planner(CONFIG.planner, CONFIG.robot)
     selector = ViewSelector(CONFIG, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))

@@ -8,13 +8,11 @@ import numpy as np
 from vsx_ros.arrays import BoolArray, FloatArray
 from vsx_ros.exploration.utility import TravelCostsFrom, traversable_cells
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.occupancy.distance import clearance_field, travel_distance
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.keep_out import KeepOut
 from vsx_ros.occupancy.zoned_grid import ZonedGrid
 
-_PLACES, _HEADINGS = 400, 16  # places with the shortest ways, and headings at each
-_STRIDE = 2  # cells between places
+_STRIDE, _HEADINGS = 2, 16  # cells between places, and headings at each
 
 
 class ZoneWatch:
@@ -48,14 +46,10 @@ def exit_pose(
     room = room[(room % _STRIDE == 0).all(axis=1)]
     if not len(room):
         return None
-    places, here = grid.centres(room), (T_map_base.x, T_map_base.y)
-    opened = grid.opened_at(*here)
-    way_m = travel_distance(clearance_field(opened, grid.resolution), here)[1:-1, 1:-1][tuple(room.T)]
-    order = np.lexsort((np.hypot(*(places - here).T), way_m))[:_PLACES]
-    places = np.repeat(places[order], _HEADINGS, axis=0)
-    headings = np.tile(T_map_base.theta + np.arange(_HEADINGS) * (2.0 * math.pi / _HEADINGS), len(order))
+    places = np.repeat(grid.centres(room), _HEADINGS, axis=0)
+    headings = np.tile(T_map_base.theta + np.arange(_HEADINGS) * (2.0 * math.pi / _HEADINGS), len(room))
     poses = np.column_stack([places, headings])
-    costs = travel_costs(T_map_base, opened)(poses)
+    costs = travel_costs(T_map_base, grid.opened_at(T_map_base.x, T_map_base.y))(poses)
     costs = np.where(failed(poses), math.inf, costs)
     best = int(np.argmin(costs))
     return SE2(*poses[best].tolist()) if math.isfinite(costs[best]) else None
