@@ -12,8 +12,8 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.distance import clearance_field
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.keep_out import KeepOut
-from vsx_ros.occupancy.zoned_grid import ZonedGrid, speed_limits, with_zones
-from vsx_ros.occupancy.zones import OUTSIDE, AnchoredZones, Zone, ZoneKind, entered, zone_of
+from vsx_ros.occupancy.zoned_grid import ZonedGrid, entered, speed_limits, with_zones
+from vsx_ros.occupancy.zones import OUTSIDE, AnchoredZones, Zone, ZoneKind, zone_of
 
 BODY_M, MARGIN_M, CELL_M = 0.18, 0.05, 0.05
 DIAGONAL_M = math.sqrt(0.5) * CELL_M
@@ -116,7 +116,7 @@ def test_zones_to_stay_in_add_up_where_they_touch(overlap_m: float, turned_rad: 
     keep_out, y = KeepOut(grid, BODY_M), 1.5 - BODY_M - 0.25
     for way in (along((-1.0, -y), (0.0, -y), (0.0, y), (1.0, y)), along((-2.0, 0.3), (2.0, -0.3))):
         assert keep_out.entered(turn @ way) is None
-        assert not any(entered(zones, *place, BODY_M) for place in (turn @ way).tolist())
+        assert not any(entered(zones, *place, BODY_M, CELL_M) for place in (turn @ way).tolist())
     assert keep_out.entered(turn @ along((0.0, 0.0), (0.0, 1.5))) is not None
     assert grid.opened_at(0.0, 0.0) is grid, "no zone holds the body"
     rim = turn @ np.column_stack([np.linspace(-3.2, 3.2, 500), np.full(500, 1.5 - MARGIN_M)])
@@ -129,13 +129,32 @@ def test_a_gap_between_zones_to_stay_in_stays_closed() -> None:
     assert KeepOut(grid, BODY_M).zone_at(0.0, 0.0) == OUTSIDE
 
 
-def test_where_zones_to_stay_in_meet_the_way_out_of_another_does_not_leave_them() -> None:
-    """The body reaches into a gap of 16 mm between them, which is none on the grid."""
-    beside = square(1.5, ZoneKind.ONLY, x=1.508), square(1.5, ZoneKind.ONLY, x=-1.508)._replace(name="b")
+@pytest.mark.parametrize("gap_m", [0.0, 0.003, 0.008, 0.016])
+def test_where_zones_to_stay_in_meet_the_way_out_of_another_does_not_leave_them(gap_m: float) -> None:
+    """The body reaches into a gap between them, which is none on the grid."""
+    x = 1.5 + 0.5 * gap_m
+    beside = square(1.5, ZoneKind.ONLY, x=x), square(1.5, ZoneKind.ONLY, x=-x)._replace(name="b")
+    for place in ((0.0, 0.0), (0.0, 1.5 - BODY_M - MARGIN_M), (0.15, -1.2)):
+        assert entered(beside, *place, BODY_M, CELL_M) == ()
+    assert entered(beside, 0.0, 1.5 - BODY_M + 0.01, BODY_M, CELL_M) == (OUTSIDE,)
     assert KeepOut(zoned(*beside), BODY_M).zone_at(0.0, 0.0) == ""
-    opened = KeepOut(zoned(*beside, square(0.5)).opened_at(0.0, 0.0), BODY_M)
-    assert opened.zone_at(0.0, 0.0) == ""
-    assert opened.zone_at(0.0, 1.6) == OUTSIDE
+    for y in (0.0, 1.5 - BODY_M - MARGIN_M):
+        opened = KeepOut(zoned(*beside, square(1.2)).opened_at(0.0, y), BODY_M)
+        assert opened.zone_at(0.0, 0.0) == ""
+        assert opened.zone_at(0.0, 1.6) == OUTSIDE
+
+
+@pytest.mark.parametrize("turned_rad", [0.0, 0.4])
+@pytest.mark.parametrize("gap_m", [0.008, 0.016, 0.025, 0.04])
+def test_a_gap_between_zones_to_stay_in_is_entered_where_the_grid_has_one(gap_m: float, turned_rad: float) -> None:
+    turn, x = SE2(0.013, 0.021, turned_rad), 1.5 + 0.5 * gap_m
+    boxes = square(1.5, ZoneKind.ONLY, x=x), square(1.5, ZoneKind.ONLY, x=-x)._replace(name="b")
+    zones = [zone._replace(points=tuple(map(tuple, (turn @ np.array(zone.points)).tolist()))) for zone in boxes]
+    closed = zoned(*zones, margin_m=0.0).zones.closed
+    for y in np.linspace(-1.2, 1.2, 49).tolist():
+        place = turn @ np.array([[0.0, y]])
+        in_gap = bool(closed[tuple(FLOOR.cells(place)[0])])
+        assert entered(zones, *place[0].tolist(), 0.0, CELL_M) == ((OUTSIDE,) if in_gap else ())
 
 
 def test_a_slow_zone_slows_where_the_body_reaches_into_it() -> None:
@@ -306,16 +325,16 @@ def test_numbers_that_no_float_holds_are_refused(points: list[list[int]], v_m_s:
 def test_a_body_is_in_a_zone_as_soon_as_it_reaches_into_it() -> None:
     rug, slow = square(0.5), square(3.0, ZoneKind.SLOW, 0.1)
     for x, inside in ((0.0, True), (0.5 + BODY_M - 0.01, True), (0.5 + BODY_M + 0.01, False)):
-        assert entered([rug, slow], x, 0.0, BODY_M) == (("no-go",) if inside else ())
+        assert entered([rug, slow], x, 0.0, BODY_M, CELL_M) == (("no-go",) if inside else ())
     line = Zone("door", ZoneKind.WALL, ((1.0, -1.0), (1.0, 1.0), (2.0, 1.0)))
     for x, y, touched in ((1.0 - BODY_M + 0.01, 0.0, True), (1.5, 1.0 + BODY_M + 0.01, False), (1.5, 0.0, False)):
-        assert entered([line], x, y, BODY_M) == (("door",) if touched else ())
+        assert entered([line], x, y, BODY_M, CELL_M) == (("door",) if touched else ())
     allowed = [square(1.0, ZoneKind.ONLY), square(1.0, ZoneKind.ONLY, x=3.0)]
     for x, outside in ((0.0, False), (3.0, False), (1.0 - BODY_M - 0.01, False), (1.0 - BODY_M + 0.01, True)):
-        assert entered(allowed, x, 0.0, BODY_M) == ((OUTSIDE,) if outside else ())
+        assert entered(allowed, x, 0.0, BODY_M, CELL_M) == ((OUTSIDE,) if outside else ())
     overlapping = [square(1.0, ZoneKind.ONLY), square(1.0, ZoneKind.ONLY, x=1.8)]
-    assert entered(overlapping, 0.9, 0.0, BODY_M) == (), "in neither wholly, in both together"
-    assert entered(overlapping, 0.9, 1.0, BODY_M) == (OUTSIDE,)
+    assert entered(overlapping, 0.9, 0.0, BODY_M, CELL_M) == (), "in neither wholly, in both together"
+    assert entered(overlapping, 0.9, 1.0, BODY_M, CELL_M) == (OUTSIDE,)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -326,5 +345,5 @@ def test_a_body_is_in_a_zone_where_the_grid_says_so(seed: int) -> None:
     keep_out = KeepOut(zoned(zone), BODY_M)
     for x, y in rng.uniform(-3.5, 3.5, (200, 2)).tolist():
         for radius_m, least in ((BODY_M - 2.0 * DIAGONAL_M, True), (BODY_M + 2.0 * DIAGONAL_M, False)):
-            if bool(entered([zone], x, y, radius_m)) is least:
+            if bool(entered([zone], x, y, radius_m, CELL_M)) is least:
                 assert bool(keep_out.zone_at(x, y)) is least

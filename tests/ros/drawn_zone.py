@@ -11,9 +11,10 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from served_page import window_place
 from waiting import PATIENCE_S, wait_for
 
-from vsx_ros.config import RobotConfig
+from vsx_ros.config import Config
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.occupancy.zones import Zone, entered
+from vsx_ros.occupancy.zoned_grid import entered
+from vsx_ros.occupancy.zones import Zone
 from vsx_ros.ros import convert, topics
 from vsx_ros.ros.emulated_base import BodyState
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 _FROM_M, _AT_LEAST_M = 1.3, 0.9  # the zone's middle ahead of the base's, as it is begun and as it is saved
 _STOP_M = 0.25  # in which the robot stops, with the time until it knows of the zone
 _SQUARE_M = 0.25 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+_CELL_M, _BODY_M = Config().ground_map.resolution_m, Config().robot.radius_m
 _KEPT = 2000  # newest true poses
 
 
@@ -53,7 +55,7 @@ class TrueOutline:
         if self._zone:
             self.driven_m += state.path_length_m - self._states[-1].path_length_m
             pose = state.T_world_base
-            self.entered += bool(entered(self._zone, pose.x, pose.y, RobotConfig().radius_m))
+            self.entered += bool(entered(self._zone, pose.x, pose.y, _BODY_M, _CELL_M))
         self._states = [*self._states[-_KEPT:], state]
 
 
@@ -80,7 +82,7 @@ def draw_across_the_plan(browser: Chromium, stack: Stack) -> bool:
     browser.wait("$('said').textContent.startsWith('Zone ') && draft === null")
     x, y = browser.evaluate("known.pose.slice(0, 2)")
     to_edge_m = np.hypot(place[0] - x, place[1] - y) + _SQUARE_M.min()
-    if to_edge_m > RobotConfig().radius_m + _STOP_M:
+    if to_edge_m > _BODY_M + _STOP_M:
         return True
     browser.wait("known.zones.zones.length === 1")
     remove = "document.querySelector('#zones button')?.click(), known.zones.zones.length === 0"

@@ -27,7 +27,8 @@ from served_page import window_place
 from std_msgs.msg import String
 from waiting import PATIENCE_S, wait_for
 
-from vsx_ros.occupancy.zones import ZoneKind, entered
+from vsx_ros.occupancy.zoned_grid import entered
+from vsx_ros.occupancy.zones import ZoneKind
 from vsx_ros.ros import launch, topics
 from vsx_ros.ros.dashboard.server import TOKEN_HEADER
 from vsx_ros.ros.nodes.dashboard import TOKEN
@@ -246,7 +247,7 @@ def test_a_zone_drawn_across_the_way_is_kept_out_of_and_a_room_is_named(
             assert "is called 'study'" in vsx(stack, "room", "name", "den", "study")
             assert "study" in [room["name"] for room in json.loads(latched(topics.ROOMS).data)["rooms"]]
             stack.wait(lambda: outline.driven_m > 1.5, "the drive to go on beside the zone")
-            assert not entered([zone], *browser.evaluate("known.plan[known.plan.length - 1]"), 0.0)
+            assert not entered([zone], *browser.evaluate("known.plan[known.plan.length - 1]"), 0.0, 0.05)
             assert outline.entered == 0
         finally:
             outline.end()

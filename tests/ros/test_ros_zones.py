@@ -113,7 +113,7 @@ def test_who_enters_a_zone_is_warned_once_and_status_says_where_the_robot_is(
     warned: list[str] = []
     monkeypatch.setattr(rospy, "logwarn", lambda form, *words: warned.append(form % words))
     ground, base, nothing = MappedGround(Config()), [SE2(-1.0, 0.5, 0.0)], snapshot(Map().view())
-    zones = ZoneServer(ground, lambda: nothing, lambda: base[-1], 0.18)
+    zones = ZoneServer(ground, lambda: nothing, lambda: base[-1], Config())
     rooms = RoomServer(Config(), kept=tmp_path / "map.yaml")
     ground.zones.add(RUG)
     for x in (-1.0, -0.3, -0.1, 0.2, 0.3, 1.5, 0.5, 6.0):

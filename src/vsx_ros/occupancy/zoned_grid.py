@@ -15,9 +15,8 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, Points2
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
-from vsx_ros.occupancy.zones import Zone, ZoneKind, closings, reaches_into
+from vsx_ros.occupancy.zones import OUTSIDE, Zone, ZoneKind, closings, depth_m, outside_of
 
-_SUBPIXEL_BITS = 8  # OpenCV's fixed point
 _PARTS = 3  # of a cell's side, where zones meet; an odd number, so that one is in the middle
 
 
@@ -59,18 +58,17 @@ class ZonedGrid(OccupancyGrid):
     def opened_at(self, x: float, y: float) -> OccupancyGrid:
         """The same without the zones that a body at a place [m] reaches into, or whose margin holds its centre; the
         others stay closed, also those that touch one of these."""
-        here, body, entered = self.around(x, y, 0.0), self.around(x, y, self.radius_m), set[Zone]()
+        here, reached = self.around(x, y, 0.0), set[Zone]()
         for closing in closings(self.drawn):
-            reached = body if reaches_into(closing, x, y, self.radius_m) else here
-            if _closed_by(reached, closing, self.margin_m).any():
-                entered.update(closing)
-        if not entered:
+            if _reaches_into(self, closing, x, y, self.radius_m) or _closed_by(here, closing, self.margin_m).any():
+                reached.update(closing)
+        if not reached:
             return self
         ground = OccupancyGrid(
             data=self.data, resolution=self.resolution, origin_x=self.origin_x, origin_y=self.origin_y,
             probability=self.probability,
         )  # fmt: skip
-        left = [zone for zone in self.drawn if zone not in entered]
+        left = [zone for zone in self.drawn if zone not in reached]
         return with_zones(ground, left, self.margin_m, self.radius_m, self.zones.version)
 
     def _fields_of(self, rows: slice, columns: slice) -> dict[str, Any]:
@@ -117,17 +115,47 @@ def _closed_by(grid: OccupancyGrid, closing: tuple[Zone, ...], margin_m: float) 
     return np.asarray(~np.logical_or.reduce(allowed))
 
 
+def entered(zones: Sequence[Zone], x: float, y: float, radius_m: float, cell_m: float) -> tuple[str, ...]:
+    """The names of the closed zones that a round body at x, y [m] reaches into, and "only here" if it reaches out of
+    all zones of the kind ONLY. cell_m: size of the cells of its map, which begins whole cells from the origin."""
+    (row, column), last = (np.floor((np.array([y, x]) + way_m) / cell_m).astype(int) for way_m in (-radius_m, radius_m))
+    body = OccupancyGrid(
+        data=np.zeros(last - (row, column) + 1, np.int8), resolution=cell_m,
+        origin_x=float(column * cell_m), origin_y=float(row * cell_m),
+    )  # fmt: skip
+    reached = [closing[0] for closing in closings(zones) if _reaches_into(body, closing, x, y, radius_m)]
+    return tuple(OUTSIDE if zone.kind is ZoneKind.ONLY else zone.name for zone in reached)
+
+
+def _reaches_into(grid: OccupancyGrid, closing: tuple[Zone, ...], x: float, y: float, radius_m: float) -> bool:
+    """Whether a round body at x, y [m] reaches into the ground that one of the ``closings`` closes. What the grid takes
+    for no gap between zones to stay in is none."""
+    if closing[0].kind is not ZoneKind.ONLY:
+        return depth_m(closing[0], x, y) > -radius_m
+    body, outside = grid.around(x, y, radius_m), outside_of(closing, x, y, radius_m)
+    cells = body.cells(outside)
+    if not len(cells) or not body.contains(cells).all():
+        return len(cells) > 0
+    return bool(_closed_by(body, closing, 0.0)[tuple(cells.T)].any())
+
+
 def _inside(grid: OccupancyGrid, zone: Zone) -> BoolArray:
-    """(H, W) cells with their centre in the polygon or on its border."""
-    mask = np.zeros(grid.shape, np.uint8)
-    corners = (np.array(zone.points) - [grid.origin_x, grid.origin_y]) / grid.resolution - 0.5
-    cv2.fillPoly(mask, [np.rint(corners * (1 << _SUBPIXEL_BITS)).astype(np.int32)], 1, cv2.LINE_8, _SUBPIXEL_BITS)
-    return mask > 0
+    """(H, W) cells with their centre in the polygon."""
+    borders = np.zeros((grid.shape[0], grid.shape[1] + 1), np.bool_)  # left of each cell, and right of the last
+    y = grid.origin_y + (np.arange(grid.shape[0]) + 0.5) * grid.resolution
+    corners = np.array(zone.points)
+    for a, b in zip(corners, np.roll(corners, -1, axis=0)):
+        rows = np.flatnonzero((a[1] > y) != (b[1] > y))
+        x = a[0] + (y[rows] - a[1]) * (b[0] - a[0]) / (b[1] - a[1])
+        columns = np.ceil((x - grid.origin_x) / grid.resolution - 0.5)
+        borders[rows, np.clip(columns, 0, grid.shape[1]).astype(np.int64)] ^= True
+    return np.logical_xor.accumulate(borders[:, :-1], axis=1)
 
 
 def _inside_together(grid: OccupancyGrid, zones: tuple[Zone, ...], margin_m: float) -> BoolArray:
     """(H, W) cells farther than margin_m from the ground outside the union of polygons. A gap between two that is
-    narrower than two parts of a cell may count as none: corners drawn by hand, or moved with the map, hardly meet."""
+    narrower than two parts of a cell may count as none, and one narrower than a part does: corners drawn by hand, or
+    moved with the map, hardly meet."""
     beyond = math.ceil(margin_m / grid.resolution) + 2
     fine = OccupancyGrid(
         data=np.zeros(_PARTS * (np.array(grid.shape) + 2 * beyond), np.int8), resolution=grid.resolution / _PARTS,
@@ -135,7 +163,7 @@ def _inside_together(grid: OccupancyGrid, zones: tuple[Zone, ...], margin_m: flo
     )  # fmt: skip
     inside = np.zeros(fine.shape, np.bool_)
     for zone in zones:
-        inside |= _inside(fine, zone)
+        inside |= _inside(fine, zone) | _around_border(fine, zone, 0.5 * fine.resolution)
     reach = math.ceil((margin_m + math.sqrt(0.5) * grid.resolution) / fine.resolution) + 2
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     middles = slice(_PARTS * beyond + _PARTS // 2, -_PARTS * beyond, _PARTS)
@@ -144,19 +172,23 @@ def _inside_together(grid: OccupancyGrid, zones: tuple[Zone, ...], margin_m: flo
 
 def _near(grid: OccupancyGrid, zone: Zone, margin_m: float) -> BoolArray:
     """(H, W) cells that have a point within margin_m of the line or the border."""
+    return _around_border(grid, zone, margin_m + math.sqrt(0.5) * grid.resolution)
+
+
+def _around_border(grid: OccupancyGrid, zone: Zone, reach_m: float) -> BoolArray:
+    """(H, W) cells with their centre within reach_m of the line or the border."""
     mask = np.zeros(grid.shape, np.bool_)
-    reach = margin_m + math.sqrt(0.5) * grid.resolution
     corners = np.array(zone.points)
     ends = corners[1:] if zone.kind is ZoneKind.WALL else np.roll(corners, -1, axis=0)
     for a, b in zip(corners, ends):
-        low, high = grid.cells(np.array([np.minimum(a, b) - reach, np.maximum(a, b) + reach]))
+        low, high = grid.cells(np.array([np.minimum(a, b) - reach_m, np.maximum(a, b) + reach_m]))
         low, high = np.maximum(low, 0), np.minimum(high + 1, grid.shape)
         if (low >= high).any():
             continue
         rows, columns = (np.arange(low[k], high[k]) for k in (0, 1))
         x = grid.origin_x + (columns + 0.5) * grid.resolution
         y = grid.origin_y + (rows + 0.5) * grid.resolution
-        mask[low[0] : high[0], low[1] : high[1]] |= _to_segment(x[None, :], y[:, None], a, b) <= reach
+        mask[low[0] : high[0], low[1] : high[1]] |= _to_segment(x[None, :], y[:, None], a, b) <= reach_m
     return mask
 
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import IntArray
+from vsx_ros.arrays import IntArray, Points2
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
@@ -125,27 +125,19 @@ def closings(zones: Sequence[Zone]) -> list[tuple[Zone, ...]]:
     return [(zone,) for zone in zones if zone.kind in (ZoneKind.NO_GO, ZoneKind.WALL)] + [allowed] * bool(allowed)
 
 
-def reaches_into(closing: tuple[Zone, ...], x: float, y: float, radius_m: float) -> bool:
-    """Whether a round body at x, y [m] reaches into the ground that one of the ``closings`` closes."""
-    if closing[0].kind is not ZoneKind.ONLY:
-        return _depth(closing[0], x, y) > -radius_m
+def outside_of(allowed: Sequence[Zone], x: float, y: float, radius_m: float) -> Points2:
+    """(N, 2) places [m] on the rim, and in the middle, of a round body at x, y [m] that lie in none of the polygons."""
     rim = np.array([x, y]) + radius_m * _RIM
-    return not all(any(_depth(zone, *place) > -_ROUNDING_M for zone in closing) for place in rim.tolist())
+    inside = [any(depth_m(zone, *place) > -_ROUNDING_M for zone in allowed) for place in rim.tolist()]
+    return rim[np.logical_not(inside)]
 
 
-def entered(zones: Sequence[Zone], x: float, y: float, radius_m: float) -> tuple[str, ...]:
-    """The names of the closed zones that a round body at x, y [m] reaches into, and "only here" if it reaches out of
-    all zones of the kind ONLY."""
-    reached = [closing[0] for closing in closings(zones) if reaches_into(closing, x, y, radius_m)]
-    return tuple(OUTSIDE if zone.kind is ZoneKind.ONLY else zone.name for zone in reached)
-
-
-def _depth(zone: Zone, x: float, y: float) -> float:
+def depth_m(zone: Zone, x: float, y: float) -> float:
     """How far a place lies inside a polygon [m]; outside, and beside a line, negative."""
     line = zone.kind is ZoneKind.WALL
     corners = np.array([*zone.points, *zone.points[-2:0:-1]] if line else zone.points) - [x, y]
-    depth_m = float(cv2.pointPolygonTest(corners.astype(np.float32), (0.0, 0.0), True))
-    return -abs(depth_m) if line else depth_m
+    inside_m = float(cv2.pointPolygonTest(corners.astype(np.float32), (0.0, 0.0), True))
+    return -abs(inside_m) if line else inside_m
 
 
 class AnchoredZones:

@@ -78,9 +78,7 @@ class SlamMaps:
         self._path_pub = rospy.Publisher(topics.SLAM_PATH, PathMsg, queue_size=1, latch=True)
         rospy.Service(topics.STATIC_MAP, GetMap, lambda _: GetMapResponse(self._message))
         self._dock = DockMemory(session)
-        self._zones = ZoneServer(
-            session.ground, self._snapshot, lambda: session.where.T_map_base, config.robot.radius_m
-        )
+        self._zones = ZoneServer(session.ground, self._snapshot, lambda: session.where.T_map_base, config)
         self._rooms = RoomServer(config, continued, kept)
         self.driven = session.ground.state()
         self._mapping = threads.every(_PERIOD_S, "ground map", self._map)

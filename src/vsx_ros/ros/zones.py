@@ -15,8 +15,8 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.limits import json_tree
 from vsx_ros.occupancy.grid import OccupancyGrid
-from vsx_ros.occupancy.zoned_grid import with_zones
-from vsx_ros.occupancy.zones import MAX_ZONES, Zone, ZoneKind, entered, zone_of
+from vsx_ros.occupancy.zoned_grid import entered, with_zones
+from vsx_ros.occupancy.zones import MAX_ZONES, Zone, ZoneKind, zone_of
 from vsx_ros.ros import convert, headers, topics
 from vsx_ros.ros.callbacks import json_object, offer_text, subscribe
 from vsx_ros.ros.outlines import Outline, outline_markers
@@ -38,12 +38,12 @@ class ZoneServer:
     lock: guards the ground's zones; hold it around everything that reads or moves them."""
 
     def __init__(
-        self, ground: MappedGround, snapshot: Callable[[], MapSnapshot], base: Callable[[], SE2 | None], radius_m: float
+        self, ground: MappedGround, snapshot: Callable[[], MapSnapshot], base: Callable[[], SE2 | None], config: Config
     ) -> None:
-        """snapshot: of the present map. base: T_map_base; None while unknown. radius_m: of the body."""
+        """snapshot: of the present map. base: T_map_base; None while unknown."""
         self.lock = threading.RLock()
         self._ground, self._snapshot, self._base = ground, snapshot, base
-        self._told, self._radius_m = "", radius_m
+        self._told, self._radius_m, self._cell_m = "", config.robot.radius_m, config.ground_map.resolution_m
         self._entered: tuple[str, ...] = ()
         self._zones_pub = rospy.Publisher(topics.ZONES, String, queue_size=1, latch=True)
         self._markers_pub = rospy.Publisher(topics.ZONE_MARKERS, MarkerArray, queue_size=1, latch=True)
@@ -56,7 +56,7 @@ class ZoneServer:
         with self.lock:
             zones, version = self._ground.zones_in(snapshot), self._ground.zones.version
             if (base := self._base()) is not None:
-                now = entered(zones, base.x, base.y, self._radius_m)
+                now = entered(zones, base.x, base.y, self._radius_m, self._cell_m)
                 for name in sorted(set(now) - set(self._entered)):
                     rospy.logwarn("the robot reaches into the zone %r", name)
                 self._entered = now
