@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -127,6 +128,25 @@ def test_a_gap_between_zones_to_stay_in_stays_closed() -> None:
     grid = zoned(square(1.5, ZoneKind.ONLY, x=1.52), square(1.5, ZoneKind.ONLY, x=-1.52)._replace(name="b"))
     assert grid.zones.closed[:, 78:82].all()
     assert KeepOut(grid, BODY_M).zone_at(0.0, 0.0) == OUTSIDE
+
+
+@pytest.mark.parametrize(("apart_m", "most_m2"), [(4.0, 4.0), (3.0, 9.0), (9.0, 0.0)], ids=["touch", "lap", "apart"])
+def test_zones_to_stay_in_are_joined_only_where_they_meet(
+    apart_m: float, most_m2: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a map of 100 m, whose cells are a hundred times as many."""
+    eroded_m2, erode = [0.0], cv2.erode
+
+    def counted(cells: np.ndarray, disc: np.ndarray) -> np.ndarray:
+        eroded_m2.append(cells.size * (CELL_M / 3.0) ** 2)
+        return erode(cells, disc)
+
+    monkeypatch.setattr(cv2, "erode", counted)
+    hall = OccupancyGrid(np.zeros((2000, 2000), np.int8), CELL_M, -50.0, -50.0)
+    beside = [square(2.0, ZoneKind.ONLY, x=30.0), square(2.0, ZoneKind.ONLY, x=30.0 + apart_m)._replace(name="b")]
+    grid = with_zones(hall, beside, MARGIN_M, BODY_M)
+    assert sum(eroded_m2) <= most_m2
+    assert (KeepOut(grid, BODY_M).zone_at(30.0 + apart_m / 2.0, 0.0) == "") is (apart_m <= 4.0)
 
 
 @pytest.mark.parametrize("gap_m", [0.0, 0.003, 0.008, 0.016])

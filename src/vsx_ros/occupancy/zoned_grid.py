@@ -5,6 +5,7 @@ may look into a closed zone."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -153,21 +154,42 @@ def _inside(grid: OccupancyGrid, zone: Zone) -> BoolArray:
 
 
 def _inside_together(grid: OccupancyGrid, zones: tuple[Zone, ...], margin_m: float) -> BoolArray:
-    """(H, W) cells farther than margin_m from the ground outside the union of polygons. A gap between two that is
-    narrower than two parts of a cell may count as none, and one narrower than a part does: corners drawn by hand, or
-    moved with the map, hardly meet."""
-    beyond = math.ceil(margin_m / grid.resolution) + 2
+    """(H, W) cells near two polygons that are farther than margin_m from the ground outside the union of all. A gap
+    between two that is narrower than two parts of a cell may count as none, and one narrower than a part does: corners
+    drawn by hand, or moved with the map, hardly meet."""
+    part_m = grid.resolution / _PARTS
+    reach = math.ceil((margin_m + math.sqrt(0.5) * grid.resolution) / part_m) + 2
+    beyond = math.ceil((reach + 1) / _PARTS)
+    rows, columns = _meeting(grid, zones, beyond * grid.resolution)
+    shape = np.array([rows.stop - rows.start, columns.stop - columns.start])
+    together = np.zeros(grid.shape, np.bool_)
+    if not shape.all():
+        return together
     fine = OccupancyGrid(
-        data=np.zeros(_PARTS * (np.array(grid.shape) + 2 * beyond), np.int8), resolution=grid.resolution / _PARTS,
-        origin_x=grid.origin_x - beyond * grid.resolution, origin_y=grid.origin_y - beyond * grid.resolution,
+        data=np.zeros(_PARTS * (shape + 2 * beyond), np.int8), resolution=part_m,
+        origin_x=grid.origin_x + (columns.start - beyond) * grid.resolution,
+        origin_y=grid.origin_y + (rows.start - beyond) * grid.resolution,
     )  # fmt: skip
     inside = np.zeros(fine.shape, np.bool_)
     for zone in zones:
-        inside |= _inside(fine, zone) | _around_border(fine, zone, 0.5 * fine.resolution)
-    reach = math.ceil((margin_m + math.sqrt(0.5) * grid.resolution) / fine.resolution) + 2
+        inside |= _inside(fine, zone) | _around_border(fine, zone, 0.5 * part_m)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     middles = slice(_PARTS * beyond + _PARTS // 2, -_PARTS * beyond, _PARTS)
-    return np.asarray(cv2.erode(inside.astype(np.uint8), disc)[middles, middles] > 0)
+    together[rows, columns] = cv2.erode(inside.astype(np.uint8), disc)[middles, middles] > 0
+    return together
+
+
+def _meeting(grid: OccupancyGrid, zones: tuple[Zone, ...], reach_m: float) -> tuple[slice, slice]:
+    """Rows and columns of the grid that hold all its cells within reach_m of the boxes around two polygons."""
+    corners = [np.array(zone.points) for zone in zones]
+    boxes = [(points.min(axis=0) - reach_m, points.max(axis=0) + reach_m) for points in corners]
+    pairs = [(np.maximum(a, c), np.minimum(b, d)) for (a, b), (c, d) in itertools.combinations(boxes, 2)]
+    meeting = np.array([pair for pair in pairs if (pair[0] <= pair[1]).all()]).reshape(-1, 2, 2)
+    if not len(meeting):
+        return slice(0, 0), slice(0, 0)
+    first, last = grid.cells(np.array([meeting[:, 0].min(axis=0), meeting[:, 1].max(axis=0)]))
+    (top, left), (bottom, right) = np.clip([first, last + 1], 0, grid.shape).tolist()
+    return slice(top, bottom), slice(left, right)
 
 
 def _near(grid: OccupancyGrid, zone: Zone, margin_m: float) -> BoolArray:
