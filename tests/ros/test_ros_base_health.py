@@ -23,9 +23,11 @@ MS = 1_000_000
 
 
 class Driver:
-    """says: its status. hung: names of its calls that hang until it is let go. driven: what the wheels were told."""
+    """says: its status, which takes status_s and was asked for so many times. hung: names of its calls that hang until
+    it is let go. driven: what the wheels were told."""
 
     def __init__(self) -> None:
+        self.status_s, self.asked = 0.0, 0
         self.says, self.hung, self.let_go = CONNECTED, frozenset[str](), threading.Event()
         self.driven: list[tuple[float, float]] = []
 
@@ -34,7 +36,9 @@ class Driver:
             self.let_go.wait()
 
     def status(self) -> LinkStatus:
+        self.asked += 1
         self._begin("status")
+        self.let_go.wait(self.status_s)
         return self.says
 
     def drive(self, v_m_s: float, omega_rad_s: float, until_ns: int | None = None) -> None:
@@ -139,3 +143,61 @@ def test_a_driver_that_hangs_in_its_calls_ends_the_node_too(
     driver.hung = frozenset(hung)
     with pytest.raises(DeviceError, match=r"^mine: no reading for 2\.6 s though the driver says 'connected'; the node"):
         rig.serve(3.0, readings=False)
+
+
+def test_a_driver_whose_status_takes_longer_is_watched_and_heard_too(
+    monkeypatch: pytest.MonkeyPatch, driver: Driver
+) -> None:
+    monkeypatch.setattr(base_health, "_ANSWER_S", 0.02)
+    rig = Rig(monkeypatch, driver)
+    driver.status_s = 0.03
+    rig.serve(3.0)
+    assert rig.told[-1][0]
+    assert rig.health.report() is not None
+    rig.serve(0.8, readings=False)
+    assert rig.health.silence
+    with pytest.raises(DeviceError, match=r"^(mine|the base): no reading for .* s though the driver says 'connected"):
+        rig.serve(3.0, readings=False)
+
+
+def test_what_a_slow_driver_says_is_reported_later(monkeypatch: pytest.MonkeyPatch, driver: Driver) -> None:
+    monkeypatch.setattr(base_health, "_ANSWER_S", 0.01)
+    rig = Rig(monkeypatch, driver)
+    driver.says, driver.hung = LinkStatus(False, "unplugged", "mine", {}), frozenset({"status"})
+    rig.serve(0.4, readings=False)
+    assert rig.told == [(False, "the driver has not answered yet")] * 2
+    driver.let_go.set()
+    monkeypatch.setattr(base_health, "_ANSWER_S", 30.0)
+    rig.serve(0.2, readings=False)
+    assert rig.told[-1] == (False, "unplugged")
+    assert driver.asked == 1
+
+
+@pytest.mark.parametrize("said_before", [None, LinkStatus(False, "connecting", "mine", {})])
+def test_a_status_that_hangs_is_not_asked_again_and_readings_speak_for_it(
+    said_before: LinkStatus | None, monkeypatch: pytest.MonkeyPatch, driver: Driver
+) -> None:
+    rig = Rig(monkeypatch, driver)
+    monkeypatch.setattr(base_health, "_ANSWER_S", 30.0)
+    if said_before is not None:
+        driver.says = said_before
+        rig.serve(1.0, readings=False)
+    monkeypatch.setattr(base_health, "_ANSWER_S", 0.01)
+    driver.hung, driver.asked = frozenset({"status"}), 0
+    rig.serve(1.0)
+    assert rig.told[-1] == (True, "connected; its status is awaited")
+    assert rig.health.report() is not None
+    with pytest.raises(DeviceError, match=r"no reading for 2\.6 s"):
+        rig.serve(3.0, readings=False)
+    assert driver.asked == 1
+
+
+def test_a_base_whose_driver_has_told_nothing_at_all_is_waited_for(
+    monkeypatch: pytest.MonkeyPatch, driver: Driver
+) -> None:
+    monkeypatch.setattr(base_health, "_ANSWER_S", 0.01)
+    rig = Rig(monkeypatch, driver)
+    driver.hung = frozenset({"status"})
+    rig.serve(10.0, readings=False)
+    assert rig.told[-1] == (False, "the driver has not answered yet")
+    assert not rig.health.silence

@@ -39,7 +39,8 @@ class Base(Protocol):
         """Reset the pose to the origin. Raises DeviceError if the base cannot do this."""
 
     def status(self) -> LinkStatus:
-        """Health for diagnostics."""
+        """Health for diagnostics, asked a few times a second on other threads, never twice at once. It may take its
+        time: what it said last counts meanwhile."""
 
     def close(self) -> bool:
         """Stop the wheels and release the device; whether the wheels surely stand."""

@@ -4,6 +4,7 @@ import contextlib
 import os
 import socket
 import time
+from concurrent import futures
 
 import rospy
 
@@ -12,10 +13,10 @@ from vsx_hw.errors import DeviceError
 from vsx_hw.readings import BaseReading, LinkStatus
 from vsx_hw.safety import Decision, Supervisor
 from vsx_ros.ros.base_drivers import Base
-from vsx_ros.ros.calls import NoAnswer, within
+from vsx_ros.ros.calls import NoAnswer, begin, within
 from vsx_ros.ros.logs import ERROR, OK, WARN, Diagnostics
 
-_ANSWER_S = 0.1  # a driver answers at once
+_ANSWER_S = 0.1  # the answer of a slower driver is taken by a later check
 LATE_NS = 500_000_000  # the drivers here call themselves connected for no longer without a reading
 _BATTERY_LEVELS = {"low": WARN, "critical": ERROR}
 
@@ -28,13 +29,15 @@ class BaseHealth:
         self._diagnostics, self._supervisor = diagnostics, supervisor
         self._latest: tuple[BaseReading, Decision] | None = None
         self._heard_ns = self._late_since_ns = 0
-        self._connected, self._status = False, LinkStatus(False, "the driver has not answered yet", "", {})
+        self._connected, self._status = False, LinkStatus(False, "the driver has not answered yet", "the base", {})
+        self._asked: futures.Future[LinkStatus] | None = None
+        self._asked_ns, self._heard_since_answer = 0, False
         self._troubles: tuple[str, ...] = ()
         self._doubt = self.silence = ""
 
     def heard(self, reading: BaseReading, decision: Decision) -> None:
         """A reading was answered with this decision; any thread. Logs which sensor the others contradict."""
-        self._latest, self._heard_ns = (reading, decision), time.monotonic_ns()
+        self._latest, self._heard_ns, self._heard_since_answer = (reading, decision), time.monotonic_ns(), True
         doubt = reading.odometry.doubt
         if doubt != self._doubt:
             self._doubt = doubt
@@ -43,13 +46,23 @@ class BaseHealth:
     def check(self, driver: Base) -> None:
         """Report the link; called a few times a second. Late readings set ``silence``, make old commands invalid and
         let the wheels stand. Raises DeviceError, which ends the node, if they stay away: the driver's thread is dead or
-        hangs. If it hangs inside a lock that these calls need, too, what it said last counts."""
-        with contextlib.suppress(NoAnswer):
-            self._status = within(_ANSWER_S, driver.status, "the driver")
+        hangs, maybe inside a lock that these calls need, too."""
+        self._ask(driver)
         self._link(self._status)
         if self.silence:
             with contextlib.suppress(NoAnswer):
                 within(_ANSWER_S, lambda: driver.drive(0.0, 0.0), "the driver")
+
+    def _ask(self, driver: Base) -> None:
+        """Take what the driver says, or will say to the one call that is under way. Until then what it said last
+        counts; but if it is late, and sends readings, it is connected."""
+        if self._asked is None:
+            self._asked, self._asked_ns = begin(driver.status, "the driver"), time.monotonic_ns()
+        if futures.wait([self._asked], _ANSWER_S).done:
+            answer, self._asked, self._heard_since_answer = self._asked, None, False
+            self._status = answer.result()
+        elif self._heard_since_answer and not self._status.connected and time.monotonic_ns() - self._asked_ns > LATE_NS:
+            self._status = self._status._replace(connected=True, message="connected; its status is awaited")
 
     def _link(self, status: LinkStatus) -> None:
         now_ns = time.monotonic_ns()

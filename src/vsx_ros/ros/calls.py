@@ -47,8 +47,8 @@ def bound_master_calls() -> None:
     xmlrpc.client.Transport = TimeoutTransport  # type: ignore[misc]  # default of ServerProxy
 
 
-def within(seconds: float, ask: Callable[[], Answer], whom: str) -> Answer:
-    """Returns or raises what ``ask`` does. Raises NoAnswer if it takes longer; ``ask`` then continues on its thread."""
+def begin(ask: Callable[[], Answer], whom: str) -> futures.Future[Answer]:
+    """Ask on a thread of its own, which lasts until ``ask`` ends; what it returns or raises comes in the future."""
     answer: futures.Future[Answer] = futures.Future()
 
     def call() -> None:
@@ -58,6 +58,12 @@ def within(seconds: float, ask: Callable[[], Answer], whom: str) -> Answer:
             answer.set_exception(error)
 
     threading.Thread(target=call, name=f"asks {whom}", daemon=True).start()
+    return answer
+
+
+def within(seconds: float, ask: Callable[[], Answer], whom: str) -> Answer:
+    """Returns or raises what ``ask`` does. Raises NoAnswer if it takes longer; ``ask`` then continues on its thread."""
+    answer = begin(ask, whom)
     if not futures.wait([answer], seconds).done:
         raise NoAnswer(f"{whom} did not answer in {seconds:g} s")
     return answer.result()
