@@ -235,6 +235,8 @@ class Open:
         print("closes", flush=True)
         if "close" in sys.argv:
             hang()
+        if "full disk" in sys.argv:
+            raise OSError("disk full")
 def fail():
     while not rospy.core._client_shutdown_hooks:
         time.sleep(0.01)
@@ -252,9 +254,20 @@ node.run("stuck", build)
 """
 
 
-@pytest.mark.parametrize("hangs", [("rospy",), ("close",), ("rospy", "close"), ("hook",)], ids=" and ".join)
+@pytest.mark.parametrize(
+    ("hangs", "failure"),
+    [
+        (("rospy",), ""),
+        (("close",), ""),
+        (("rospy", "close"), "NoAnswer('stuck did not answer in 1.5 s')"),
+        (("rospy", "full disk"), "OSError('disk full')"),
+        (("hook",), ""),
+    ],
+)
 @pytest.mark.parametrize("told", ["signal", "thread"])
-def test_a_node_ends_whatever_hangs_in_its_shutdown(stack: Stack, told: str, hangs: tuple[str, ...]) -> None:
+def test_a_node_ends_whatever_hangs_in_its_shutdown(
+    stack: Stack, told: str, hangs: tuple[str, ...], failure: str
+) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", _STUCK, told, *hangs, "__name:=stuck"],
         env=stack.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -268,7 +281,10 @@ def test_a_node_ends_whatever_hangs_in_its_shutdown(stack: Stack, told: str, han
                 node.terminate()
             assert node.wait(PATIENCE_S) == 1
             assert "closes" in node.stdout.read()
-            assert "hangs; it ends by itself" in node.stderr.read()
+            said = node.stderr.read()
+            assert "hangs; it ends by itself" in said
+            failures = [line for line in said.splitlines() if "closing failed" in line]
+            assert failures == ([f"stuck: its closing failed: {failure}"] if failure else [])
         finally:
             node.kill()
 

@@ -108,6 +108,8 @@ def _end_alone(name: str, close: Callable[[], None]) -> NoReturn:
 
     try:
         calls.within(_LONGEST_S - _STUCK_S, end, name)
+    except BaseException as error:
+        sys.stderr.write(f"{name}: its closing failed: {error!r}\n")
     finally:
         os._exit(threads.exit_code() or 1)
 
