@@ -157,6 +157,19 @@ def test_a_base_that_cannot_leave_its_dock_gives_up():
         docking.step(now_ns, seen(docked=True))
     assert docking.state is DockingState.FAILED
     assert "took too long" in docking.reason
+    assert docking.in_vain
+
+
+def test_a_way_off_the_dock_that_others_have_ended_was_not_in_vain():
+    docking = Docking(DockingConfig(), 0)
+    docking.undock(0)
+    docking.step(1, seen(docked=True))
+    docking.cancel(2, "the operator holds the wheels")
+    assert (docking.state, docking.in_vain) == (DockingState.FAILED, False)
+    docking.undock(3)
+    docking.step(4, seen(docked=True))
+    docking.step(5, seen(docked=True, odometry=Odometry(5, SE2(), odom_epoch=1)))
+    assert (docking.state, docking.in_vain) == (DockingState.FAILED, False)
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,9 @@ from vsx_ros.config import Config, DockingConfig
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.dock_light import DOCK_LIGHTS
+from vsx_ros.navigation.docking import Docking
 from vsx_ros.navigation.docking_state import DockingState
+from vsx_ros.navigation.energy import ChargeKeeper
 from vsx_ros.robot import MAP_FRAME, STOP, VelocityCommand
 from vsx_ros.ros import (
     base_messages,
@@ -40,6 +42,7 @@ from vsx_ros.ros import (
     threads,
     topics,
 )
+from vsx_ros.ros.dock_claims import DockClaims
 from vsx_ros.ros.nodes import dock
 from vsx_ros.slam.state import TrackingState
 
@@ -163,7 +166,7 @@ class WiredRobot(DockingRobot):
         end_ns = self.now_ns + round(seconds * 1e9)
         while self.states_seen[-1:] != [state]:
             assert self.now_ns < end_ns, f"waited for {state}: {self.states_seen}, {self.wires.status()}"
-            self.wait(0.1)
+            self.wait(1e-9 * CONTROL_NS)
 
 
 @pytest.fixture
@@ -397,6 +400,104 @@ def test_a_goal_that_comes_while_the_contact_flickers_leads_off_the_dock_when_it
     assert (wires.status()["state"], wires.status()["docked"]) == ("docked", False)
     robot.plant.at_dock = place
     robot.until("undocked", 20.0)
+
+
+@pytest.mark.parametrize("state", list(DockingState))
+def test_the_dock_holds_the_wheels_while_it_moves_the_base_and_while_that_stands_on_it(wires, state):
+    docking, claims = Docking(DockingConfig(), 0), DockClaims(ChargeKeeper(DockingConfig()))
+    docking.state = state
+    rests_off_it = state in (DockingState.IDLE, DockingState.UNDOCKED, DockingState.FAILED)
+    assert claims.holds(docking, docked=False) == (not rests_off_it and state is not DockingState.APPROACHING)
+    assert claims.holds(docking, docked=True) == (state is not DockingState.APPROACHING)
+
+
+def docked_by_hand(wires: Wires, monkeypatch: pytest.MonkeyPatch) -> WiredRobot:
+    """A base on its dock under a node that has just begun, without an exploration."""
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    robot.wait(0.5)
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.until("docked", 90.0)
+    wires.silent = True
+    robot.wait(4.0)
+    robot.node = dock.DockNode(Config(docking=DockingConfig(return_to_charge=False)))
+    robot.until("idle", 0.5)
+    robot.wait(0.5)
+    return robot
+
+
+def test_a_goal_is_held_until_it_has_led_a_base_that_was_docked_by_hand_off_its_dock(wires, monkeypatch):
+    robot, told = docked_by_hand(wires, monkeypatch), []
+    assert (wires.status()["state"], wires.status()["docked"], wires.status()["holds"]) == ("idle", True, True)
+    wires._hear(topics.DOCK_STATUS, lambda msg: told.append(json.loads(msg.data)))
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "teleop", "since_ns": 5}))
+    goal_comes(wires, RVIZ)
+    robot.wait(0.5)
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    robot.until("undocking", 0.5)
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "teleop", "since_ns": 6}))
+    robot.until("failed", 0.5)
+    robot.wait(1.5)
+    assert wires.status()["docked"]
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    robot.until("undocked", 20.0)
+    assert {status["holds"] for status in told if status["state"] != "undocked"} == {True}
+    assert not wires.status()["holds"]
+
+
+@pytest.mark.parametrize("state", ["starting", "mapping", "recovering"])
+def test_an_exploration_that_drives_leaves_the_dock_first_and_again_after_held_wheels(wires, monkeypatch, state):
+    robot = docked_by_hand(wires, monkeypatch)
+    wires.say(topics.EXPLORE_STATUS, json.dumps({"state": state, "paused_by": []}))
+    robot.until("undocking", 1.5)
+    assert wires.paused
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "teleop", "since_ns": 5}))
+    robot.until("failed", 0.5)
+    wires.say(topics.EXPLORE_STATUS, json.dumps({"state": "held", "paused_by": []}))
+    robot.wait(2.5)
+    assert (wires.status()["state"], wires.status()["docked"]) == ("failed", True)
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    wires.silent = False
+    wires.explore(paused=False)
+    robot.until("undocked", 20.0)
+    robot.wait(2.5)
+    assert (wires.status()["state"], wires.status()["holds"], wires.paused) == ("undocked", False, False)
+
+
+def test_a_paused_exploration_does_not_lead_the_base_off_its_dock(wires, monkeypatch):
+    robot = docked_by_hand(wires, monkeypatch)
+    wires.say(topics.EXPLORE_STATUS, json.dumps({"state": "paused", "paused_by": ["the operator"]}))
+    robot.wait(2.5)
+    assert (wires.status()["state"], wires.status()["docked"]) == ("idle", True)
+
+
+def test_a_base_whose_contacts_do_not_open_drives_back_once_and_explores_on(wires, monkeypatch):
+    robot = docked_by_hand(wires, monkeypatch)
+    wires.silent = False
+    wires.explore(paused=False)
+    say = wires.say
+    monkeypatch.setattr(wires, "say", lambda topic, msg: say(topic, Bool(True) if topic == topics.DOCKED else msg))
+    robot.until("failed", 20.0)
+    assert "the contacts still touch" in wires.status()["reason"]
+    robot.wait(4.0)
+    assert (wires.status()["state"], wires.status()["holds"], wires.paused) == ("failed", False, False)
+    assert robot.states_seen.count("undocking") == 1
+
+
+def test_a_contact_on_the_way_of_a_goal_does_not_hold_it_for_ever(wires, monkeypatch):
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    robot.wait(0.5)
+    goal_comes(wires, RVIZ)
+    wires.silent = True
+    wires.say(topics.EXPLORE_STATUS, json.dumps({"state": "user goal", "paused_by": []}))
+    robot.wait(0.1)
+    say = wires.say
+    monkeypatch.setattr(wires, "say", lambda topic, msg: say(topic, Bool(True) if topic == topics.DOCKED else msg))
+    robot.wait(0.5)
+    assert (wires.status()["state"], wires.status()["docked"], wires.status()["holds"]) == ("idle", True, False)
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "teleop", "since_ns": 5}))
+    robot.wait(0.1)
+    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    robot.until("undocking", 0.2)
 
 
 def restarted(robot: WiredRobot) -> None:

@@ -15,7 +15,6 @@ from wires import BEGIN_NS, OverError, Wires
 from vsx_ros.config import Config
 from vsx_ros.control.trajectory_tracker import FollowStatus
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.navigation.docking_state import DockingState
 from vsx_ros.navigation.follower import FollowerReport, decode_report
 from vsx_ros.planning.path import certified
 from vsx_ros.planning.pieces import arc_piece
@@ -79,42 +78,38 @@ def test_a_message_without_points_stops_at_once_and_a_deceleration_on_the_way(wi
     assert report(wires).stop is None
 
 
-def dock_says(wires: Wires, state: DockingState) -> None:
-    wires.say(topics.DOCK_STATUS, String(json.dumps({"state": state.value, "reason": "for some reason"})))
+def dock_says(wires: Wires, holds: bool, reason: str = "for some reason") -> None:
+    wires.say(topics.DOCK_STATUS, String(json.dumps({"state": "any", "holds": holds, "reason": reason})))
 
 
-@pytest.mark.parametrize("state", [state for state in DockingState if state.holds])
-def test_while_the_dock_has_the_wheels_nobody_else_drives(wires: Wires, state: DockingState) -> None:
-    dock_says(wires, state)
+@pytest.mark.parametrize(("reason", "words"), [("for some reason",) * 2, ("", "the base stands on it")])
+def test_while_the_dock_has_the_wheels_nobody_else_drives(wires: Wires, reason: str, words: str) -> None:
+    dock_says(wires, True, reason)
     wires.go_on(0.5)
     assert report(wires).status is FollowStatus.HELD
-    assert report(wires).reason == "the dock has the wheels: for some reason"
+    assert report(wires).reason == f"the dock has the wheels: {words}"
     wires.told.clear()
-    wires.at_each_step = lambda: dock_says(wires, state)
+    wires.at_each_step = lambda: dock_says(wires, True)
     wires.say(topics.TRAJECTORY, driving.trajectory_msg(WAY, topics.MAP_FRAME, wires.base.now_ns))
     wires.go_on(5.0)
     assert wires.told == [], "not even zeros"
 
 
-@pytest.mark.parametrize("state", [state for state in DockingState if not state.holds])
-def test_at_rest_off_its_dock_and_on_its_way_the_dock_leaves_the_wheels_to_navigation(
-    wires: Wires, state: DockingState
-) -> None:
-    dock_says(wires, state)
+def test_a_dock_that_holds_nothing_leaves_the_wheels_to_navigation(wires: Wires) -> None:
+    dock_says(wires, False)
     wires.go_on(0.5)
     assert report(wires).status is FollowStatus.FOLLOWING
 
 
 def test_a_dock_that_has_ended_holds_nobody(wires: Wires) -> None:
-    dock_says(wires, DockingState.CREEPING)
+    dock_says(wires, True)
     wires.go_on(2.5)
     assert report(wires).status is FollowStatus.HELD
     wires.go_on(1.0)
     assert report(wires).status is FollowStatus.IDLE
 
 
-@pytest.mark.parametrize("state", [DockingState.DOCKED, DockingState.UNDOCKING])
-def test_a_goal_waits_until_the_base_has_left_its_dock(monkeypatch: pytest.MonkeyPatch, state: DockingState) -> None:
+def test_a_goal_waits_until_the_base_has_left_its_dock(monkeypatch: pytest.MonkeyPatch) -> None:
     """Planned on the dock, right before a wall, it may be refused."""
     wires, waited_m = Wires(monkeypatch), list[float]()
     FollowerNode(Config())
@@ -124,7 +119,7 @@ def test_a_goal_waits_until_the_base_has_left_its_dock(monkeypatch: pytest.Monke
 
     def leave() -> None:
         leaves = wires.base.now_ns < BEGIN_NS + 6 * 10**9
-        dock_says(wires, state if leaves else DockingState.UNDOCKED)
+        dock_says(wires, leaves)
         waited_m.extend([wires.base.pose.x] * leaves)
 
     wires.at_each_step, wires.until_ns = leave, BEGIN_NS + 25 * 10**9

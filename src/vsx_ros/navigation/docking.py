@@ -42,39 +42,38 @@ _BY_LIGHT = DockingState.SEARCHING, DockingState.ALIGNING, DockingState.CREEPING
 
 
 class Docking:
-    """One attempt at a time; not thread-safe. reason: of the present state, in words. tries: that did not succeed."""
+    """One attempt at a time; not thread-safe. reason: of the present state, in words. tries: that did not succeed.
+    in_vain: leaving the dock has failed by itself: the contacts touched still, or the base did not move."""
 
     def __init__(self, config: DockingConfig, seed: int) -> None:
-        self._config, self._rng = config, np.random.default_rng(seed)
-        self._light = dock_light("kobuki")
+        self._config, self._rng, self._light = config, np.random.default_rng(seed), dock_light("kobuki")
         self._filter = DockFilter(self._light, self._rng)
-        self.state, self.reason, self.tries = DockingState.IDLE, "", 0
+        self.state, self.reason, self.tries, self.in_vain = DockingState.IDLE, "", 0, False
         self._T_map_dock = self._given_for = SE2()  # now, and when the goal was given
         self._around_rad, self._left_rad = 0.0, list[float]()  # direction of the goal from the dock; still to be tried
-        self._prior = SE2(), 0.0, 0.0
-        self._turn_rad, self._since_ns, self._entered, self._epoch = 0.0, 0, True, 0
+        self._prior, self._turn_rad, self._entered, self._epoch = (SE2(), 0.0, 0.0), 0.0, True, 0
         # T_odom_base where the state began, where the base moved last, and where it drove ahead last.
         self._begun = self._moved = self._ahead = SE2()
         self._look, self._alignments, self._faces, self._reached = LookAround(0.0, 0.0), 0, False, False
-        self._lit_ns = self._moved_ns = self._steady_ns = 0
+        self._since_ns = self._lit_ns = self._moved_ns = self._steady_ns = 0
 
     def dock(self, now_ns: int, kind: str, T_map_dock: SE2) -> None:
         """Dock a base of this kind; the dock was last here. Raises ConfigError for a base without a known dock."""
         self._light = dock_light(kind)
         self._filter = DockFilter(self._light, self._rng)
-        self._T_map_dock, self.tries, self._reached = T_map_dock, 0, False
+        self._T_map_dock, self.tries, self._reached, self.in_vain = T_map_dock, 0, False, False
         self._left_rad = [0.0, _AROUND_RAD, -_AROUND_RAD]
         self._enter(now_ns, DockingState.APPROACHING, "driving to the dock")
 
     def undock(self, now_ns: int, turn_rad: float = 0.0) -> None:
         """Leave the dock backwards, then turn on the spot by this angle."""
-        self._turn_rad = turn_rad
+        self._turn_rad, self.in_vain = turn_rad, False
         self._enter(now_ns, DockingState.UNDOCKING, "leaving the dock backwards")
 
     def cancel(self, now_ns: int, reason: str) -> None:
         """Stand, and give up."""
         if not self.state.rests:
-            self._fail(now_ns, reason)
+            self._enter(now_ns, DockingState.FAILED, reason)
 
     def notice_taken_off(self, now_ns: int, docked: bool) -> bool:
         """Become idle when somebody has taken a docked base off its dock, and say so. docked: the contacts touch."""
@@ -97,7 +96,7 @@ class Docking:
         if begins:
             self._begin(now_ns, seen)
         if seen.odometry.odom_epoch != self._epoch:
-            return self._fail(now_ns, "the base has restarted its odometry")
+            return self._enter(now_ns, DockingState.FAILED, "the base has restarted its odometry")
         if self.state in _BY_LIGHT and seen.sight is not None:
             self._filter.add(seen.odometry.T_odom_base, seen.sight)
             self._lit_ns = now_ns if any(seen.sight) else self._lit_ns
@@ -247,4 +246,5 @@ class Docking:
         return self._enter(now_ns, DockingState.UNDOCKED, "off the dock")
 
     def _fail(self, now_ns: int, reason: str) -> DockingAct:
+        self.in_vain = self.state is DockingState.UNDOCKING
         return self._enter(now_ns, DockingState.FAILED, reason)

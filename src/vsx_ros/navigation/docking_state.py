@@ -31,7 +31,7 @@ class DockingState(Enum):
 
     @property
     def holds(self) -> bool:
-        """Whether nobody else may move the base: docking itself does, or it stands on its dock and must leave first."""
+        """Whether nobody else may move the base: docking itself does, or it charges, also while a contact flickers."""
         return self is DockingState.DOCKED or not (self.rests or self is DockingState.APPROACHING)
 
 

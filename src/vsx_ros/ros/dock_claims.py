@@ -1,4 +1,4 @@
-"""Who else wants the base while it docks or charges."""
+"""Who else wants the base while it docks, charges, or stands on its dock."""
 
 import rospy
 
@@ -7,6 +7,12 @@ from vsx_ros.navigation.docking_state import DockingState
 from vsx_ros.navigation.energy import ChargeKeeper
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros.situation import hear_user_goals
+
+
+def stands_on_dock(docking: Docking, docked: bool) -> bool:
+    """Whether the base rests on a dock that it can leave, and does not charge there by ``docking``: it was there when
+    the node began, was put there, or was kept from leaving. docked: whether the contacts touch."""
+    return docked and docking.state.rests and docking.state is not DockingState.DOCKED and not docking.in_vain
 
 
 class DockClaims:
@@ -19,10 +25,12 @@ class DockClaims:
 
     def heed(self, now_ns: int, docking: Docking, hold: OperatorHold | None, docked: bool) -> None:
         """docked: whether the contacts touch. A goal counts once, when it comes: the next docking is newer than it. If
-        held wheels ended the way off the dock, it counts again. While a contact flickers it has not come yet."""
+        the wheels were held on the way off the dock, or meanwhile put the base there, it counts again. While a contact
+        flickers it has not come yet."""
         goal, flickers = self._goals.current, docking.state is DockingState.DOCKED and not docked
         if hold is not None:
-            self._heeded = "" if docking.state is DockingState.UNDOCKING else self._heeded
+            again = docking.state is DockingState.UNDOCKING or stands_on_dock(docking, docked)
+            self._heeded = "" if again else self._heeded
             docking.cancel(now_ns, hold.words())
         elif goal is not None and goal.identity != self._heeded and not flickers:
             self._heeded = goal.identity
@@ -34,3 +42,10 @@ class DockClaims:
             docking.cancel(now_ns, f"{goal.client} has sent a goal to move_base")
             if docked:
                 docking.undock(now_ns)
+
+    def holds(self, docking: Docking, docked: bool) -> bool:
+        """Whether nobody else may move the base: ``docking`` does, or the next goal is to leave the dock first. One
+        that has counted is not held again: it would wait for ever."""
+        goal = self._goals.current
+        has_counted = goal is not None and goal.identity == self._heeded
+        return docking.state.holds or (stands_on_dock(docking, docked) and not has_counted)

@@ -5,12 +5,10 @@ import time
 
 from std_msgs.msg import String
 
-from vsx_ros.navigation.docking_state import DockingState
 from vsx_ros.ros import topics
 from vsx_ros.ros.callbacks import json_object, subscribe
 
 _GONE_S = 3.0  # a node that says nothing for so long has ended: it repeats its status each second
-_HOLDS = {state.value for state in DockingState if state.holds}
 
 
 class DockHold:
@@ -21,8 +19,9 @@ class DockHold:
         subscribe(topics.DOCK_STATUS, String, self._on_status, queue_size=5, tcp_nodelay=True)
 
     def _on_status(self, msg: String) -> None:
-        told = json_object(msg, "state", "reason")
-        self._words = f"the dock has the wheels: {told['reason']}" if str(told["state"]) in _HOLDS else ""
+        told = json_object(msg, "holds", "reason")
+        why = told["reason"] or "the base stands on it"
+        self._words = f"the dock has the wheels: {why}" if told["holds"] is True else ""
         self._heard_s = time.monotonic()
 
     @property

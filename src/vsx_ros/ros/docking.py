@@ -22,6 +22,7 @@ from vsx_ros.navigation.energy import ChargeKeeper, Errand
 from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import calls, convert, headers, topics
 from vsx_ros.ros.callbacks import hear_operator_hold, subscribe
+from vsx_ros.ros.dock_claims import DockClaims, stands_on_dock
 from vsx_ros.ros.exploration_pause import ExplorationPause
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.situation import LocalizationSubscriber
@@ -163,18 +164,18 @@ class Errands:
         self._config, self._heard, self._keeper, self.pause = config, heard, keeper, ExplorationPause()
         self._way = WayToDock()
 
-    def due(self, now_ns: int, state: DockingState) -> Errand | None:
-        """What the battery wants; an exploration that begins on the dock leaves it first. state: of the docking.
+    def due(self, now_ns: int, docking: Docking) -> Errand | None:
+        """What the battery wants; an exploration that drives leaves the dock first.
 
         A restarted node lets the exploration that it finds paused go on, or docks on, as for the battery, where the
         base stands on its dock."""
         self.pause.keep()
-        heard, errand, reason = self._heard, None, ""
+        heard, state, errand, reason = self._heard, docking.state, None, ""
         if state is DockingState.DOCKED and not heard.docked:
             return None  # the contact may come back; else the docking notices that somebody has taken it off
-        if heard.docked and self.pause.starts and state is DockingState.IDLE:
+        if stands_on_dock(docking, bool(heard.docked)) and self.pause.drives and heard.hold is None:
             self.pause.begin()
-            errand, reason = Errand.UNDOCK, "the exploration begins on the dock"
+            errand, reason = Errand.UNDOCK, "the exploration drives, and the base stands on its dock"
         elif self.pause.inherited and heard.docked is False:
             self.pause.end(inherited=True)
         elif self.pause.inherited and heard.docked and heard.seat is not None and heard.kind and heard.hold is None:
@@ -198,11 +199,11 @@ class DockStatus:
         self._told, self._told_s = "", -math.inf
         self._publisher = rospy.Publisher(topics.DOCK_STATUS, String, queue_size=5, latch=True)
 
-    def publish(self, docking: Docking, heard: HeardDock, left_s: float | None) -> None:
+    def publish(self, docking: Docking, heard: HeardDock, claims: DockClaims, left_s: float | None) -> None:
         """On change of anything but the battery, and once a second."""
         known, docked = heard.seat is not None, bool(heard.docked)
         facts = {"state": docking.state.value, "reason": docking.reason, "tries": docking.tries, "docked": docked}
-        facts["known"] = known
+        facts |= {"known": known, "holds": claims.holds(docking, docked)}
         told, now_s = json.dumps(facts), time.monotonic()
         if told == self._told and now_s - self._told_s < _STATUS_S:
             return

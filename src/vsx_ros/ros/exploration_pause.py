@@ -15,6 +15,7 @@ from vsx_ros.ros.callbacks import json_object, subscribe
 
 _ANSWER_S = 5.0
 _GONE_S = 3.0  # an exploration that says nothing for so long has ended: it repeats its status each second
+_DRIVES = {state.value for state in (MissionState.STARTING, MissionState.MAPPING, MissionState.RECOVERING)}
 
 
 class ExplorationPause:
@@ -39,9 +40,9 @@ class ExplorationPause:
             self._wanted = self.inherited = self._paused
 
     @property
-    def starts(self) -> bool:
-        """Whether an exploration is about to drive ahead for its first time."""
-        return self._state == MissionState.STARTING.value
+    def drives(self) -> bool:
+        """Whether an exploration sends goals."""
+        return self._state in _DRIVES and self._is_there
 
     @property
     def _is_there(self) -> bool:
@@ -50,7 +51,7 @@ class ExplorationPause:
     def begin(self) -> None:
         """Pause. Raises InputError if the exploration is there and does not pause: two would drive at once."""
         with self._changes:
-            self.began_here = self.starts
+            self.began_here = self._state == MissionState.STARTING.value
             if self._is_there and not self._asked(topics.EXPLORE_PAUSE):
                 raise InputError("the exploration does not pause; end it with 'vsx stop', then ask again")
             self._wanted, self.inherited = True, False

@@ -3,14 +3,14 @@
 Subscribers: mobile_base/sensors/dock_ir, mobile_base/{docked,hazards,operator_hold}, battery, dock/pose,
     explore/status, odom, vslam/pose, vslam/state, move_base/{goal,status}.
 Publishers: cmd_vel_mux/input/navi (while it docks or undocks), dock/status (latched String, JSON, 1 Hz and on change:
-    state, reason, tries, docked, known: a dock; battery_left_s: until it is empty, null while unknown), /diagnostics,
-    move_base/lease.
+    state, reason, tries, docked, known: a dock; holds: nobody else may move the base; battery_left_s: until it is
+    empty, null while unknown), /diagnostics, move_base/lease.
 Services: dock/start (AddDiagnostics, a standard type that takes a text: JSON {}, or {"at": [x, y, heading]}: the pose
     in the map [m, rad] in which the base charges), dock/leave, dock/cancel (Trigger).
 Actions: client of move_base, for the way to the dock.
 Parameters: ~config (tree of 'vsx config', branch docking), ~seed (int, 0).
 
-The exploration is paused from docking to undocking; one that begins on the dock leaves it first, and so does a goal of
+The exploration is paused from docking to undocking; one that drives leaves the dock first, and so does a goal of
 somebody else. Bumpers, cliffs and emergency stop act as always; held wheels and such a goal end the docking."""
 
 import math
@@ -64,8 +64,8 @@ class DockNode:
                 self._keeper.sent = False
         return "driving to the dock"
 
-    def _leave(self) -> str:
-        if not self._heard.docked:
+    def _leave(self, errand: Errand | None = None) -> str:
+        if errand is None and not self._heard.docked:  # of an errand the exploration is paused already
             raise InputError("the base is not on its dock")
         with self._lock:  # a new exploration drives ahead
             self._docking.undock(headers.timer_ns(), math.pi if self._errands.pause.began_here else 0.0)
@@ -88,7 +88,7 @@ class DockNode:
                 self._goals.cancel()
                 self._command_pub.publish(convert.twist(STOP))
             taken = self._docking.notice_taken_off(now_ns, bool(self._heard.docked))
-            self._status.publish(self._docking, self._heard, self._keeper.meter.left_s)
+            self._status.publish(self._docking, self._heard, self._claims, self._keeper.meter.left_s)
         if taken or (ended and self._docking.state in (DockingState.UNDOCKED, DockingState.FAILED)):
             self._errands.pause.end()
 
@@ -104,8 +104,8 @@ class DockNode:
 
     def _watch(self) -> None:
         try:
-            if (errand := self._errands.due(headers.timer_ns(), self._docking.state)) is not None:
-                (self._start if errand is Errand.DOCK else self._leave)()
+            if (errand := self._errands.due(headers.timer_ns(), self._docking)) is not None:
+                _ = self._start() if errand is Errand.DOCK else self._leave(errand)
         except VsxError as error:
             rospy.logwarn("%s", error)
 

@@ -1,7 +1,7 @@
 """Node ``follower``: drives along the trajectory of move_base, 30 times a second.
 
 Subscribers: move_base/trajectory (frame map: by camera and odometry; frame odom: by odometry alone), odom, vslam/pose,
-    vslam/state, mobile_base/{hazards,operator_hold}, dock/status (while it moves or charges the base, goals wait),
+    vslam/state, mobile_base/{hazards,operator_hold}, dock/status (while it holds the base, goals wait),
     follower/lease.
 Publishers: cmd_vel_mux/input/navi, follower/status (latched String, JSON: trajectory, status, reason, frame, error,
     at_s: the current time within the trajectory, stop: while it brakes for move_base, the pose x, y, theta where it
