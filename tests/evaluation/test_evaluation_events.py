@@ -1,6 +1,7 @@
 """Events that repeat are told once, with how often."""
 
 from vsx_ros.evaluation.events import Told, collapsed, rows
+from vsx_ros.evaluation.run_time import elapsed_s, parts
 
 SECOND = 10**9
 
@@ -28,6 +29,7 @@ def test_reasons_that_say_something_else_are_not_the_same() -> None:
     assert len(collapsed(events)) == 3
 
 
-def test_a_row_counts_from_the_begin_of_the_run() -> None:
-    told = [Told((12 * SECOND, "slam", "lost", "dark"), 3, 15 * SECOND)]
-    assert rows(told, 10 * SECOND) == [["2.0 s", "slam", "lost", "dark (3 times until 5.0 s)"]]
+def test_a_row_tells_how_long_the_run_had_lasted() -> None:
+    told = [Told((12 * SECOND, "slam", "lost", "dark"), 3, 95 * SECOND)]
+    during = parts([10 * SECOND, 14 * SECOND, 90 * SECOND, 99 * SECOND])
+    assert rows(told, lambda at: elapsed_s(at, during)) == [["2.0 s", "slam", "lost", "dark (3 times until 9.0 s)"]]

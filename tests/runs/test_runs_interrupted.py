@@ -77,6 +77,12 @@ def test_the_other_journal_of_a_live_run_is_read_too(killed: RunFolder) -> None:
     assert data.summary["duration_s"] == 33.0
 
 
+def test_its_duration_leaves_out_the_time_between_two_sessions(killed: RunFolder) -> None:
+    """Of vslam alone, which has no clock of the whole run."""
+    Journal(killed.journal, [frame(k) for k in (*range(20), *range(5000, 5010))])
+    assert report_data(killed).summary["duration_s"] == pytest.approx(19.0 + 9.0)
+
+
 def test_its_map_is_the_last_one_that_was_kept(killed: RunFolder) -> None:
     grids = [OccupancyGrid(np.full((4, 5 + k), 100 * k), 0.1, 1.0, 2.0) for k in range(2)]
     Journal(killed.moments, [map_line(k * SECOND, grid, map_png(grid)) for k, grid in enumerate(grids)])

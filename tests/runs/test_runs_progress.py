@@ -17,7 +17,7 @@ from vsx_ros.robot import Odometry
 from vsx_ros.runs import progress
 from vsx_ros.runs.folder import FrameRecord, RunFolder
 from vsx_ros.runs.interrupted import REASON
-from vsx_ros.runs.journal import FrameLine, Journal, MapLine, PictureLine
+from vsx_ros.runs.journal import FrameLine, Journal, MapLine, PictureLine, RunEvent
 from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.moments import map_line, preview
 from vsx_ros.runs.report import report_data, write_report
@@ -95,6 +95,12 @@ def test_the_time_between_two_sessions_does_not_count_and_odometry_may_begin_aga
     told = table(ended_run(tmp_path, {5.0: known(10), PAUSE_S + 5.0: known(60)}, {**STRAIGHT, **again}))
     assert numbers(told["elapsed_s"]) == [0.0, 5.0, 15.0, 20.0]
     assert numbers(told["driven_m"]) == pytest.approx([0.0, 1.0, 3.0, 4.0], abs=0.021)
+
+
+def test_the_table_counts_from_the_first_event_as_the_report_does(tmp_path: Path) -> None:
+    folder = ended_run(tmp_path, {2.0: known(10)}, STRAIGHT)
+    folder.write_events([RunEvent(stamp(-3.0), "mission", "starting", "first drive")])
+    assert numbers(table(folder)["elapsed_s"]) == [3.0, 5.0, 13.0]
 
 
 def test_emulated_the_share_is_that_of_the_summary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

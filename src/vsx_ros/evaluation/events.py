@@ -1,8 +1,10 @@
-"""Events of a run for people: repeats are collapsed, and time begins with the run."""
+"""Events of a run for people: repeats are collapsed."""
 
 import re
 from collections.abc import Sequence
 from typing import NamedTuple
+
+from vsx_ros.evaluation.run_time import Clock
 
 Event = tuple[int, str, str, str]  # stamp_ns, source, state, reason
 _NUMBER = re.compile(r"-?[0-9]+([.][0-9]+)?")
@@ -35,12 +37,13 @@ def collapsed(events: Sequence[Event]) -> list[Told]:
     return told
 
 
-def rows(told: Sequence[Told], began_ns: int) -> list[list[str]]:
-    """Cells of a table: seconds since the run began, source, state, reason."""
+def rows(told: Sequence[Told], lasted_s: Clock) -> list[list[str]]:
+    """Cells of a table: how long the run had lasted, source, state, reason."""
+    first, last = lasted_s(one.event[0] for one in told), lasted_s(one.last_ns for one in told)
     cells = []
-    for (stamp_ns, *words), times, last_ns in told:
-        again = f" ({times} times until {(last_ns - began_ns) * 1e-9:.1f} s)" if times > 1 else ""
-        cells.append([f"{(stamp_ns - began_ns) * 1e-9:.1f} s", *words[:-1], words[-1] + again])
+    for ((_, *words), times, _), at_s, last_s in zip(told, first.tolist(), last.tolist(), strict=True):
+        again = f" ({times} times until {last_s:.1f} s)" if times > 1 else ""
+        cells.append([f"{at_s:.1f} s", *words[:-1], words[-1] + again])
     return cells
 
 

@@ -132,18 +132,19 @@ def timeline(data: ReportData) -> str:
     """States, share of found points, how long points are tracked and time per frame over time."""
     if not data.frames:
         return ""
-    seconds = np.array([frame[0] - data.frames[0][0] for frame in data.frames]) * 1e-9
+    seconds = data.lasted_s(frame[0] for frame in data.frames)
     ratio = np.array([frame[3] / frame[2] if frame[2] else np.nan for frame in data.frames])
     times, lives = (np.array([frame[column] for frame in data.frames], float) for column in (5, 6))  # None is NaN
-    marks = [((e[0] - data.frames[0][0]) * 1e-9, e[2], e[3]) for e in data.events if e[2] != "keyframe"]
+    told = [event for event in data.events if event[2] != "keyframe"]
+    lasted = data.lasted_s(event[0] for event in told).tolist()
     words = {state.value: state.word for state in TrackingState}
     states = [words.get(frame[1], frame[1]) for frame in data.frames]
     keys = "".join(
         f'<span class="key" style="--c:{svg.state_color(state)}">{html.escape(state)}</span>'
         for state in dict.fromkeys(states)
     )
-    inside = [mark for mark in marks if 0 <= mark[0] <= float(seconds[-1])]
-    parts = [svg.state_band(seconds, states, inside), f'<p class="legend">{keys}<span>&#9662; event</span></p>']
+    marks = [(at_s, *event[2:]) for at_s, event in zip(lasted, told, strict=True) if at_s <= float(seconds[-1])]
+    parts = [svg.state_band(seconds, states, marks), f'<p class="legend">{keys}<span>&#9662; event</span></p>']
     if np.isfinite(ratio).any():
         good, lost = f"{TrackingState.GOOD.word} above", f"{TrackingState.LOST.word} below"
         levels = [(data.good_ratio, good), (data.lost_ratio, lost)]
@@ -162,7 +163,7 @@ def timeline(data: ReportData) -> str:
 def _events(data: ReportData) -> str:
     """Their words; the figures of choices are in the table of goals."""
     told = collapsed([(*event[:3], event[3].partition(" [")[0]) for event in data.events if event[2] != "keyframe"])
-    return table(["at", "who", "state", "why"], rows(told[:_MAX_EVENTS], data.began_ns)) + _left_out(told)
+    return table(["at", "who", "state", "why"], rows(told[:_MAX_EVENTS], data.lasted_s)) + _left_out(told)
 
 
 def _left_out(rows_of: Sequence[object]) -> str:

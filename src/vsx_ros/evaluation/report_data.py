@@ -2,13 +2,14 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, Points3
 from vsx_ros.evaluation.events import Event
-from vsx_ros.evaluation.run_time import elapsed_s, parts
+from vsx_ros.evaluation.run_time import Part, elapsed_s, parts
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -79,13 +80,12 @@ class ReportData:
     progress: Sequence[ProgressRow] = ()
     goals: Sequence[Goal] = ()
 
-    @property
-    def began_ns(self) -> int:
-        """The first moment: times in the report count from here."""
-        told = [event[0] for event in self.events if event[2] != "keyframe"]
-        return min([*(frame[0] for frame in self.frames[:1]), *told], default=0)
+    @cached_property
+    def during(self) -> Sequence[Part]:
+        """The parts of the run between its interruptions."""
+        lists: list[Sequence[tuple[Any, ...]]] = [self.frames, self.estimate, self.pictures, self.maps, self.events]
+        return parts(row[0] for rows in lists for row in rows)
 
     def lasted_s(self, stamps_ns: Iterable[int]) -> FloatArray:
-        """(N,) how long the run had lasted at each stamp [s], without interruptions."""
-        seen = [*(frame[0] for frame in self.frames), *(pose.stamp_ns for pose in self.estimate)]
-        return elapsed_s(stamps_ns, parts([self.began_ns, *seen]))
+        """(N,) how long the run had lasted at each stamp [s], without interruptions: the clock of the whole report."""
+        return elapsed_s(stamps_ns, self.during)

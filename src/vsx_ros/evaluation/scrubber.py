@@ -3,16 +3,16 @@
 import json
 import math
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib import resources
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from vsx_ros.evaluation import svg
 from vsx_ros.evaluation.page import paragraph
 from vsx_ros.evaluation.report_data import ReportData
-from vsx_ros.evaluation.run_time import Part, parts
+from vsx_ros.evaluation.run_time import length_s
 from vsx_ros.evaluation.sheet import Sheet, Window, window_around, window_of
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.state import TrackingState
@@ -21,6 +21,7 @@ _STEP_S = 0.1  # between places of the robot
 _MOST_PLACES = 4000  # of a long run
 _SMALLEST_PX = 7.0  # radius of the robot
 _Pose = tuple[float, float, float]
+_Row = TypeVar("_Row", bound=tuple[Any, ...])  # begins with its stamp [ns]
 
 
 def scrubber(data: ReportData) -> str:
@@ -62,24 +63,24 @@ def _map(data: ReportData, sheet: Sheet) -> str:
 
 
 def _run(data: ReportData, sheet: Sheet, poses: dict[int, _Pose]) -> dict[str, Any]:
-    """What the page needs to know; its script says how it uses it. Times are seconds since the beginning."""
+    """What the page needs to know; its script says how it uses it. Times are seconds that the run had lasted."""
 
-    def second(stamp_ns: int) -> float:
-        return round((stamp_ns - data.began_ns) * 1e-9, 2)
+    def timed(rows: Sequence[_Row]) -> Iterator[tuple[float, _Row]]:
+        return zip(data.lasted_s(row[0] for row in rows).round(3).tolist(), rows, strict=True)
 
     maps = []
-    for seen in data.maps:
+    for second, seen in timed(data.maps):
         corner = sheet.place((seen.origin[0], seen.origin[1] + seen.size[1]))
         size = [round(metres * sheet.scale, 1) for metres in seen.size]
-        maps.append([second(seen.stamp_ns), corner, *size, round(seen.known_area_m2, 1), b64encode(seen.png).decode()])
+        maps.append([second, corner, *size, round(seen.known_area_m2, 1), b64encode(seen.png).decode()])
     told = sorted(event for event in data.events if event[2] != "keyframe")
     return {
-        "spans": [[second(begin), round((end - begin) * 1e-9, 2)] for begin, end in _spans(data)],
-        "pictures": [[second(stamp_ns), b64encode(jpeg).decode()] for stamp_ns, jpeg in data.pictures],
+        "length": round(length_s(data.during), 3),
+        "pictures": [[second, b64encode(jpeg).decode()] for second, (_, jpeg) in timed(data.pictures)],
         "maps": maps,
-        "frames": [[second(frame[0]), *_told(frame, poses.get(frame[0]), sheet)] for frame in _some_frames(data)],
-        "decisions": [[second(event[0]), *event[2:]] for event in told if event[1] == "mission"],
-        "others": [[second(event[0]), *event[1:]] for event in told if event[1] != "mission"],
+        "frames": [[at, *_told(frame, poses.get(frame[0]), sheet)] for at, frame in timed(_some_frames(data))],
+        "decisions": [[second, *event[2:]] for second, event in timed(told) if event[1] == "mission"],
+        "others": [[second, *event[1:]] for second, event in timed(told) if event[1] != "mission"],
     }
 
 
@@ -93,14 +94,8 @@ def _told(frame: tuple[Any, ...], pose: _Pose | None, sheet: Sheet) -> list[Any]
 
 def _some_frames(data: ReportData) -> list[tuple[Any, ...]]:
     """The first frame of each step."""
-    step_ns = max(1e9 * _STEP_S, sum(end - begin for begin, end in _spans(data)) / _MOST_PLACES)
+    step_ns = 1e9 * max(_STEP_S, length_s(data.during) / _MOST_PLACES)
     return list({int(frame[0] // step_ns): frame for frame in reversed(data.frames)}.values())[::-1]
-
-
-def _spans(data: ReportData) -> list[Part]:
-    """Begin and end of each part of the run between its interruptions, which the slider leaves out."""
-    stamps = [frame[0] for frame in data.frames] + [stamp_ns for stamp_ns, _ in data.pictures]
-    return parts([*stamps, *(seen.stamp_ns for seen in data.maps)])
 
 
 def _json(tree: Any) -> str:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError, explained
+from vsx_ros.evaluation.run_time import length_s, parts
 from vsx_ros.evaluation.summary import checked_summary, with_accuracy
 from vsx_ros.evaluation.trajectory import AlignmentKind
 from vsx_ros.geometry.mount import mounted
@@ -68,7 +69,7 @@ def _known(lines: list[Line], config: Config, facts: dict[str, Any]) -> KnownRun
 
 
 def _lasted_s(lines: list[Line]) -> float | None:
-    """By the clock of a live run, else by the frames."""
+    """By the clock of a live run, else by the frames, without the interruptions between them."""
     clocks = [line.elapsed_s for line in lines if isinstance(line, ClockLine)]
     stamps = [line.stamp_ns for line in lines if isinstance(line, FrameLine)]
-    return clocks[-1] if clocks else (stamps[-1] - stamps[0]) * 1e-9 if stamps else None
+    return clocks[-1] if clocks else length_s(parts(stamps)) if stamps else None

@@ -11,7 +11,7 @@ from vsx_ros.config import Config
 from vsx_ros.errors import VsxError
 from vsx_ros.evaluation.page import csv_text
 from vsx_ros.evaluation.report_data import ProgressRow
-from vsx_ros.evaluation.run_time import elapsed_s, parts
+from vsx_ros.evaluation.run_time import Clock
 from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.atomic import write_text
 from vsx_ros.io.map_file import map_of_png
@@ -31,7 +31,7 @@ _MOST_JUDGED = 300  # maps of a run, for reading one of a building takes a while
 
 
 def progress_of(
-    run: KnownRun, moments: Moments, final: OccupancyGrid | None, judge: MapJudge | None
+    run: KnownRun, moments: Moments, final: OccupancyGrid | None, judge: MapJudge | None, lasted_s: Clock
 ) -> list[ProgressRow]:
     """A row for each moment, for the first frame, and for the last with the final map; none without maps or without
     odometry, whose map has no metres."""
@@ -43,10 +43,10 @@ def progress_of(
     at = sorted({min(stamps), max(stamps), *known, *(picture.stamp_ns for picture in moments.pictures)})
     readings, driven_m = _driven(run.odometry, run.odom_epochs)
     rows = []
-    for stamp_ns, lasted_s in zip(at, elapsed_s(at, parts([*stamps, *at])).tolist(), strict=True):
+    for stamp_ns, elapsed_s in zip(at, lasted_s(at).tolist(), strict=True):
         newest, reading = bisect_right(known, stamp_ns) - 1, bisect_right(readings, stamp_ns) - 1
         rows.append(ProgressRow(
-            stamp_ns=stamp_ns, elapsed_s=lasted_s, driven_m=driven_m[reading] if reading >= 0 else 0.0,
+            stamp_ns=stamp_ns, elapsed_s=elapsed_s, driven_m=driven_m[reading] if reading >= 0 else 0.0,
             known_area_m2=maps[newest].known_area_m2 if newest >= 0 else 0.0,
             coverage_correct=shares[newest] if newest >= 0 else 0.0 if judge is not None else None,
         ))  # fmt: skip

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +60,7 @@ def report_data(folder: RunFolder, judge: MapJudge | None = None) -> ReportData:
     elif moments.maps:
         last = moments.maps[-1]
         grid = map_of_png(last.image, f"the last map in {folder.moments}", last.resolution, last.origin)
-    return ReportData(
+    data = ReportData(
         summary=run.summary,
         facts=facts,
         config_yaml=commented_yaml(config),
@@ -79,9 +80,10 @@ def report_data(folder: RunFolder, judge: MapJudge | None = None) -> ReportData:
         T_base_cam=mounted(config.robot.mount),
         robot_radius_m=config.robot.radius_m,
         rooms=rooms.rooms if rooms is not None else (),
-        progress=progress_of(run, moments, grid, judge or judge_of(folder, config, facts.get("load_map"))),
         goals=goals_of(run.events),
     )
+    judge = judge or judge_of(folder, config, facts.get("load_map"))
+    return replace(data, progress=progress_of(run, moments, grid, judge, data.lasted_s))
 
 
 def _finished(folder: RunFolder) -> KnownRun:
