@@ -15,8 +15,10 @@ from vsx_ros.geometry.mount import mounted
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.map_file import map_png
+from vsx_ros.limits import file_bytes
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
+from vsx_ros.runs import journal
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.interrupted import REASON
 from vsx_ros.runs.journal import ClockLine, FrameLine, Journal, RunEvent, TruthLine, flat
@@ -106,6 +108,17 @@ def test_a_run_has_ended_when_its_summary_knows_all_frames(killed: RunFolder, fr
     was full. None: of another kind of run."""
     killed.write_summary({"frames": frames, "stop_reason": "it is done"})
     assert report_data(killed).summary["stop_reason"] == ("it is done" if ended else REASON)
+
+
+@pytest.mark.parametrize("frames", [None, 16, 20])
+def test_the_long_journal_is_read_once(killed: RunFolder, monkeypatch: pytest.MonkeyPatch, frames: int | None) -> None:
+    """frames: in the summary. None: there is none; 16: it is of an earlier session; 20: the run has ended."""
+    if frames is not None:
+        killed.write_summary({"frames": frames, "stop_reason": "it is done"})
+    read: list[Path] = []
+    monkeypatch.setattr(journal, "file_bytes", lambda path, most: read.append(path) or file_bytes(path, most))
+    assert len(report_data(killed).frames) == (0 if frames == 20 else 20), "an ended run has them in a file of its own"
+    assert read.count(killed.journal) == 1
 
 
 def test_results_of_vslam_alone_are_not_the_end_of_a_run(killed: RunFolder) -> None:

@@ -32,20 +32,21 @@ class KnownRun(NamedTuple):
     odom_epochs: Mapping[int, int]
 
 
-def unfinished(folder: RunFolder) -> KnownRun | None:
+def unfinished(folder: RunFolder, seen: list[Line] | None = None) -> KnownRun | None:
     """What the journals know; None if the folder has a summary of all their frames, and of how the run ended: the node
-    vslam alone does not know that. Raises InputError for damage, also of config.yaml if that is needed, or
-    ConfigError."""
+    vslam alone does not know that. seen: the journal of the frames, if it was read already. Raises InputError for
+    damage, also of config.yaml if that is needed, or ConfigError."""
     if (folder.path / "summary.json").exists():
         try:
-            seen = read_journal(folder.journal)
+            seen = read_journal(folder.journal) if seen is None else seen
         except InputError:
             return None  # the results need no journal
         told = checked_summary(folder.read_summary(), str(folder.path))
         ended = told.get("stop_reason") is not None or not seen
         if ended and (told.get("frames") is None or counts_all(told["frames"], seen)):
             return None
-    (config, facts), lines = folder.read_config(), [*read_journal(folder.journal), *read_journal(folder.witness)]
+    config, facts = folder.read_config()
+    lines = [*(read_journal(folder.journal) if seen is None else seen), *read_journal(folder.witness)]
     with explained(InputError, f"the journals in {folder.journal.parent} contradict themselves", "run again", DAMAGE):
         return _known(lines, config, facts)
 

@@ -54,10 +54,8 @@ def report_data(folder: RunFolder, judge: MapJudge | None = None) -> ReportData:
     config, facts = folder.read_config()
     points, rooms = folder.path / "sparse.ply", load_rooms(room_file(folder.path / "map.yaml"))
     moments, trouble = _moments(folder)
-    run, grid = unfinished(folder), folder.read_map()
-    if run is None:
-        run = _finished(folder)
-    elif moments.maps:
+    (run, has_ended), grid = _known(folder), folder.read_map()
+    if not has_ended and moments.maps:
         last = moments.maps[-1]
         grid = map_of_png(last.image, f"the last map in {folder.moments}", last.resolution, last.origin)
     data = ReportData(
@@ -86,11 +84,17 @@ def report_data(folder: RunFolder, judge: MapJudge | None = None) -> ReportData:
     return replace(data, progress=progress_of(run, moments, grid, judge, data.lasted_s))
 
 
-def _finished(folder: RunFolder) -> KnownRun:
-    """What the files of a finished run know."""
-    lines: list[Line] = []
+def _known(folder: RunFolder) -> tuple[KnownRun, bool]:
+    """What the files of a run know if it has ended, else its journals; and whether it has."""
+    seen: list[Line] | None = None
     with suppress(InputError):  # the results need no journal
-        lines = read_journal(folder.journal)
+        seen = read_journal(folder.journal)  # once: of hours it takes seconds
+    run = unfinished(folder, seen)
+    return (_finished(folder, seen or ()), True) if run is None else (run, False)
+
+
+def _finished(folder: RunFolder, lines: Sequence[Line]) -> KnownRun:
+    """What the files of a finished run know, and the lines of its journal."""
     return KnownRun(
         summary=checked_summary(folder.read_summary(), str(folder.path)), events=folder.read_events(),
         frames=folder.read_frames(), estimate=folder.read_poses("trajectory"), truth=folder.read_poses("groundtruth"),
