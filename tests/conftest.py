@@ -2,6 +2,7 @@
 
 import signal
 from collections.abc import Iterator
+from pathlib import Path
 
 import hypothesis
 import pytest
@@ -19,6 +20,17 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 def pytest_runtest_setup() -> None:
     """Programs that a test starts ignore SIGTERM when an earlier test has left it ignored, and never end."""
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files come first, so that no worker is left alone with one at the end of all."""
+    tests = Path(__file__).parent
+
+    def is_short(item: pytest.Item) -> bool:
+        room = item.path.relative_to(tests).parts[0]
+        return room not in ("cli", "ros", "system") and not item.get_closest_marker("ros")
+
+    items.sort(key=is_short)
 
 
 # No test may fail because the machine is busy, or by chance: --hypothesis-profile=exploring draws other examples.
