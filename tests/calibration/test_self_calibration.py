@@ -2,17 +2,22 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from vsx_ros.arrays import Points3
 from vsx_ros.calibration.corrected_odometry import CorrectedOdometry, OdometryCorrection
+from vsx_ros.calibration.driving import DrivingCalibration
 from vsx_ros.calibration.self_calibration import Found, SelfCalibration, map_size
-from vsx_ros.config import SelfCalibrationConfig
+from vsx_ros.config import Config, SelfCalibrationConfig
+from vsx_ros.geometry.camera import nominal_camera
+from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
+from vsx_ros.slam.recount import Recount
 
 HEIGHT_M, RATE_HZ = 0.31, 15.0
 WRONG = OdometryCorrection(linear=1.0 / 0.9, angular=1.0 / 1.05, zero=math.radians(1.0))
@@ -162,6 +167,24 @@ def test_what_is_counted_again_ends_where_it_would_have_been() -> None:
     odometry.correction = WRONG
     counted = odometry.counted_again(0.0)
     assert all(counted[reading.stamp_ns].distance_to(true) < 1e-3 for reading, true in drive)
+
+
+def test_what_one_correction_made_becomes_what_another_one_makes() -> None:
+    earlier, later = OdometryCorrection(0.97, 1.02, 0.01), OdometryCorrection(1.04, 0.96, -0.02)
+    read, seconds = SE2(0.1, 0.01, 0.2), 0.3
+    expected = later.of(read, seconds).as_array()
+    assert later.since(earlier).of(earlier.of(read, seconds), seconds).as_array() == pytest.approx(expected)
+
+
+def test_what_was_counted_long_ago_is_corrected_by_what_has_changed_since() -> None:
+    driving = DrivingCalibration(mount_pose(0.0, 0.0, 0.3, 0.0), nominal_camera(640, 480), Config(), own_map=True)
+    asked = list[Recount]()
+    slam: Any = SimpleNamespace(recount=asked.append)
+    for linear in (1.04, 1.06):
+        driving._odometry.correction = OdometryCorrection(linear)
+        driving._next_window = 0
+        driving._put_right(slam, 1)
+    assert [wanted.older(SE2(1.0), 0.1).x for wanted in asked] == pytest.approx([1.04, 1.06 / 1.04])
 
 
 def test_a_new_correction_is_no_jump_and_a_new_epoch_starts_anew() -> None:

@@ -7,13 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vsx_ros.calibration.corrected_odometry import CorrectedOdometry, OdometryCorrection
 from vsx_ros.config import Config, overridden
+from vsx_ros.geometry.camera import nominal_camera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.vision.patches import PATCH
+from vsx_ros.robot import Odometry
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.keyframe import FrameData, Observations
 from vsx_ros.slam.map import Map
+from vsx_ros.slam.mapper import Mapper
 from vsx_ros.slam.recount import Recount, recount
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.templates import NewTemplates
@@ -86,6 +90,51 @@ def test_odometry_from_before_what_is_counted_again_follows_in_one_piece() -> No
     wanted = (counted[3].inverse() @ counted[4]).as_array()
     assert steps[3].as_array() == pytest.approx(wanted)
     assert bases[5].as_array() == pytest.approx([5.0, 0.0, 0.0])
+
+
+def steps_of(world: Map) -> list[tuple[float, float]]:
+    """How far keyframes ahead of each other are from the one before: by their poses, and by odometry."""
+    poses = [k.T_world_cam.translation[0] for k in world.keyframes]
+    odometry = [k.data.T_odom_base.x for k in world.keyframes if k.data.T_odom_base is not None]
+    return list(zip(np.diff(poses).tolist(), np.diff(odometry).tolist(), strict=True))
+
+
+@pytest.mark.parametrize("restart", [6, 12])
+def test_the_way_before_a_restart_of_the_base_is_corrected_with_the_map(restart: int) -> None:
+    """Wheels that count 4 % too much: 0.104 m for 0.1 m. The base restarts at a keyframe, the last time after all."""
+    world, corrected = Map(), CorrectedOdometry()
+    for k in range(12):
+        corrected.take(Odometry(k, SE2(0.104 * (k if k < restart else k - restart)), odom_epoch=int(k >= restart)))
+        data = FrameData.without_image(k, SE2(0.104 * k))
+        world.add_keyframe(data, SE3(np.eye(3), np.array([0.104 * k, 0.0, 0.3])), Observations.none())
+    if restart == 12:
+        corrected.take(Odometry(12, SE2(), odom_epoch=1))
+    before, corrected.correction = corrected.correction, OdometryCorrection(1.0 / 1.04)
+    older = corrected.correction.since(before).of
+    recount(world, Recount(corrected.counted_again(0.0), 1.0 / 1.04, 13, "wheels", older))
+    np.testing.assert_allclose(steps_of(world), [(0.1, 0.1)] * 11, atol=1e-12)
+
+
+def test_keyframes_of_a_loaded_map_keep_their_ways_by_odometry() -> None:
+    loaded = Map()
+    for k in range(3):
+        loaded.add_keyframe(FrameData.without_image(k, SE2(float(k))), SE3.identity(), Observations.none())
+    mapper = Mapper(nominal_camera(640, 480), None, Config().slam, loaded)
+    for k in range(3, 6):
+        loaded.add_keyframe(FrameData.without_image(k, SE2(float(k))), SE3.identity(), Observations.none())
+    correction = OdometryCorrection(0.5)
+    mapper.recount(Recount({5: SE2()}, 1.0, 6, "wheels", correction.of))
+    assert [by_odometry for _, by_odometry in steps_of(loaded)] == pytest.approx([1.0, 1.0, 1.0, 0.5, 0.5])
+
+
+def test_a_map_that_the_wheels_measured_before_a_restart_of_the_base_is_resized() -> None:
+    world = Map()
+    for k, map_id in enumerate([0, 0, 1, 1, 0, 0]):
+        place = SE3(np.eye(3), np.array([k, 0.0, 0.3]))
+        world.add_keyframe(FrameData.without_image(k, SE2(float(k))), place, Observations.none(), map_id)
+    recount(world, Recount({5: SE2()}, 1.1, 6, "wheels"))
+    x = [keyframe.T_world_cam.translation[0] for keyframe in world.keyframes]
+    assert x == pytest.approx([0.0, 1.1, 2.0, 3.1, 4.4, 5.5])
 
 
 def test_every_map_that_the_wheels_measured_is_resized() -> None:

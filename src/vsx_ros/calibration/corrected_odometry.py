@@ -3,7 +3,7 @@
 from collections import deque
 from typing import NamedTuple
 
-from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.robot import Odometry
 
 MEMORY = 20_000  # readings that can be integrated again: 20 minutes of frames
@@ -17,12 +17,19 @@ class OdometryCorrection(NamedTuple):
     zero: float = 0.0
 
     def step(self, before: Odometry, now: Odometry) -> SE2:
-        """T_before_now, corrected. The chord of an arc turns by half of the correction of its turn."""
-        seconds = (now.stamp_ns - before.stamp_ns) * 1e-9
-        read = before.T_odom_base.inverse() @ now.T_odom_base
-        turn = before.T_odom_base.angle_to(now.T_odom_base)
+        """T_before_now, corrected."""
+        return self.of(before.T_odom_base.inverse() @ now.T_odom_base, (now.stamp_ns - before.stamp_ns) * 1e-9)
+
+    def of(self, T_before_now: SE2, seconds: float) -> SE2:
+        """A motion, corrected. The chord of an arc turns by half of the correction of its turn."""
+        turn = wrap_angle(T_before_now.theta)
         half = SE2(0.0, 0.0, 0.5 * (self.angular * (turn - self.zero * seconds) - turn))
-        return half @ SE2(self.linear * read.x, self.linear * read.y, turn) @ half
+        return half @ SE2(self.linear * T_before_now.x, self.linear * T_before_now.y, turn) @ half
+
+    def since(self, earlier: "OdometryCorrection") -> "OdometryCorrection":
+        """What makes of motions that ``earlier`` corrected those that this one corrects."""
+        zero = earlier.angular * (self.zero - earlier.zero)
+        return OdometryCorrection(self.linear / earlier.linear, self.angular / earlier.angular, zero)
 
     def at(self, reading: Odometry, T_odom_base: SE2) -> Odometry:
         """The reading at the corrected pose, with its speeds corrected."""

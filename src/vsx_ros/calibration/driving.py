@@ -78,6 +78,8 @@ class DrivingCalibration:
         turn = f"turn x {now.angular:.4f}, zero {math.degrees(now.zero):+.2f} deg/s"
         resized = "" if factor == 1.0 else f"; the map is made {factor:.3f} times as large"
         reason = f"way x {now.linear:.4f}, {turn}{resized}"
-        slam.recount(Recount(self._odometry.counted_again(self._later_s), factor, stamp_ns, reason))
+        counted = self._odometry.counted_again(self._later_s)
+        older = now.since(made).of
+        slam.recount(Recount(T_odom_base=counted, factor=factor, stamp_ns=stamp_ns, reason=reason, older=older))
         if factor != 1.0:
             self._estimate.resized(factor)

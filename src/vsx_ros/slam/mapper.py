@@ -52,7 +52,7 @@ class Mapper:
     """``add_keyframe`` does all the work for one keyframe; ``refine`` follows when there is time."""
 
     def __init__(self, camera: PinholeCamera, T_base_cam: SE3 | None, config: SlamConfig, world: Map) -> None:
-        self.map = world
+        self.map, self._loaded = world, len(world.keyframes)
         self._config, self._culling = config.mapper, config.culling
         self._points = MapPoints(world, config.mapper)
         self._reconstruction = TwoViewReconstruction(camera, config.initialization)
@@ -117,7 +117,7 @@ class Mapper:
 
     def recount(self, wanted: Recount) -> MapView:
         """Correct a map made with a wrong wheel calibration; the whole map is adjusted next."""
-        recount(self.map, wanted)
+        recount(self.map, wanted, self._loaded)
         self.events.append(SlamEvent(wanted.stamp_ns, "calibrated", wanted.reason))
         self._since_global = len(self.map.keyframes)
         self.map.version += 1
