@@ -1,6 +1,7 @@
 """Emulated drives on wrong wheels, with a camera that sits elsewhere than the stack is told; the commands find both."""
 
 import math
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from calibration.drives import record
 from vsx_ros.calibration.board import Board
 from vsx_ros.calibration.mount import TrackedPose, calibrate_mount
 from vsx_ros.calibration.verdict import Grade
+from vsx_ros.cli import calibrate_drives
 from vsx_ros.cli.main import execute, parse
 from vsx_ros.cli.recorded_drive import known_before
 from vsx_ros.config import Config
@@ -19,8 +21,9 @@ from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.calibration_file import write_calibration
-from vsx_ros.io.trajectory_file import write_trajectory
+from vsx_ros.io.trajectory_file import read_trajectory, write_trajectory
 from vsx_ros.runs.parameters import default_robot_file, update_robot_file
+from vsx_ros.slam.state import TrackingResult, TrackingState
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +55,35 @@ def test_the_mount_is_found_from_a_straight_drive(straight, tmp_path, capsys):
     scale = straight.way / wheels_way(straight)
     assert found["height_m"] == pytest.approx(straight.T_base_cam.translation[2] / scale, abs=0.008)
     assert "good" in capsys.readouterr().out
+
+
+def test_a_map_that_was_given_up_tells_no_height(straight, tmp_path, monkeypatch):
+    """After 0.5 m the map begins again; the first one was 1.8 times as large."""
+    wheels = read_trajectory(straight.folder / "odometry.txt")
+    T_base_cam, known = mount_pose(0.0, 0.0, 0.30, 0.1), {frame.stamp_ns: frame.T for frame in wheels}
+    way = {ns: float(np.linalg.norm(T.translation - wheels[0].T.translation)) for ns, T in known.items()}
+    again = next(ns for ns in known if way[ns] > 0.5)
+    T_cam_world = {scale: (known[ns] @ T_base_cam).inverse() for scale, ns in ((1.8, wheels[0].stamp_ns), (1.0, again))}
+
+    class Restarted:
+        def __init__(self, camera, T_base_cam, config):
+            pass
+
+        def track(self, frame):
+            ns = frame.stamp_ns
+            if ns == again:
+                return TrackingResult(ns, TrackingState.NOT_INITIALISED)
+            scale = 1.8 if ns < again else 1.0
+            T = (T_cam_world[scale] @ known[ns] @ T_base_cam).scaled(scale)
+            return TrackingResult(ns, TrackingState.GOOD, T)
+
+        def snapshot(self):
+            floor = np.random.default_rng(0).uniform([0.5, -1.0, -0.003], [2.5, 1.0, 0.003], (400, 3))
+            return SimpleNamespace(points_world=T_cam_world[1.0] @ (known[again] @ floor))
+
+    monkeypatch.setattr(calibrate_drives, "SequentialSlam", Restarted)
+    found = calibrated(["mount", straight.folder], tmp_path / "robot.yaml")["mount"]
+    assert found["height_m"] == pytest.approx(0.30, abs=0.003)
 
 
 def test_the_way_is_scaled_to_the_ruler_s(straight, tmp_path):

@@ -15,6 +15,7 @@ from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.recording import Recording
 from vsx_ros.runs.self_calibration import FILE, read_self_calibration
 from vsx_ros.slam.slam import SequentialSlam
+from vsx_ros.slam.state import TrackingState
 
 OF_A_DRIVE = "distance", "turns", "board", "calibration", "image_topic", "odometry_topic", "config", "set"
 _MEASURED_BY_HAND = "forward_m", "left_m"
@@ -119,12 +120,15 @@ def _seen_from_board(recording: Recording, board: Board) -> list[TrackedPose]:
 
 
 def _seen_by_slam(recording: Recording, config: SlamConfig) -> tuple[list[TrackedPose], Points3]:
-    """Track the drive by vision alone, because odometry and mount are to be measured."""
+    """The poses and points of the last map of the drive, tracked by vision alone, because odometry and mount are to be
+    measured. One that was given up before has another frame and size."""
     slam = SequentialSlam(camera_of(recording), None, config)
-    drive, frames = [], 0
+    drive, frames = list[TrackedPose](), 0
     for frame in recording.frames():
         frames += 1
         result, odometry = slam.track(frame), recording.odometry_at(frame.stamp_ns)
+        if result.state is TrackingState.NOT_INITIALISED:
+            drive.clear()
         if result.state.tracked and result.T_world_cam is not None and odometry is not None:
             drive.append(TrackedPose(odometry.T_odom_base, result.T_world_cam))
     print(f"{len(drive)} of {frames} pictures were tracked without odometry")
