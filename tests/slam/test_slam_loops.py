@@ -12,6 +12,7 @@ from vsx_ros.slam import loop_correction
 from vsx_ros.slam.frontend import FrontEnd
 from vsx_ros.slam.initialization import Initializer
 from vsx_ros.slam.keyframe import FrameData, Observations
+from vsx_ros.slam.local_map import path_lengths
 from vsx_ros.slam.loop_closing import LoopDetector
 from vsx_ros.slam.loop_correction import LoopClosure, correct_loops, optimize_pose_graph
 from vsx_ros.slam.map import Map
@@ -262,3 +263,21 @@ def test_what_the_map_cannot_have_drifted_is_not_believed(arc_drive):
         shifted = SE3(np.eye(3), [off, 0.0, 0.0]) @ world.keyframes[last].T_world_cam
         closure = LoopClosure(0, last, world.keyframes[0].T_world_cam.inverse() @ shifted, 1.0, 100)
         assert finder._is_plausible(world, closure) is possible
+
+
+def test_the_way_from_one_map_to_another_and_back_closes_no_loop(arc_drive):
+    """Lost after 8 units; a second map begins in its own frame; then the camera is found where it was lost."""
+    world, none = Map(), np.zeros(0, np.int64)
+    template = NewTemplates(np.zeros((50, 4)), np.zeros((50, 2)), np.zeros((50, PATCH, PATCH), np.uint8))
+    points = world.add_points(np.tile([8.0, 0.0, 1.0], (50, 1)), template, 0)
+    ahead = [(x, points if x > 7.0 else none, 0) for x in np.linspace(0.0, 8.0, 30)]
+    for x, rows, map_id in [*ahead, (0.0, none, 1), (0.1, none, 1), (0.2, none, 1), (8.05, points, 0)]:
+        seen, number = np.full((len(rows), 2), 200.0), len(world.keyframes)
+        observed = observing(rows, seen, np.zeros(len(rows), np.int64))
+        world.add_keyframe(FrameData.without_image(number, None), SE3(np.eye(3), [x, 0.0, 0.0]), observed, map_id)
+    finder = LoopDetector(arc_drive.camera, CONFIG, np.random.default_rng(0))
+    assert not len(finder._long_ago(world, world.live_view(), number))
+    assert not finder.tracked_loop
+    way = path_lengths(world.live_view())
+    assert way[number] == pytest.approx(8.05)
+    assert way[number - 1] == pytest.approx(0.2)

@@ -6,7 +6,7 @@ import math
 import cv2
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels, Points3
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray, Pixels
 from vsx_ros.config.maps import KeyframeConfig
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.slam.keyframe import FrameData, MapView
@@ -56,7 +56,7 @@ class LocalMap:
 
     def _part(self, view: MapView, linked: IntArray) -> MapView:
         """The view within STRANGE_WAY depths of path from the reference or from a keyframe linked with it."""
-        way = path_lengths(view.centres)
+        way = path_lengths(view)
         known = np.sort(way[np.append(linked, self.reference)])
         after = np.minimum(np.searchsorted(known, way[view.living]), len(known) - 1)
         gap = np.abs(np.stack([known[after], known[np.maximum(after - 1, 0)]]) - way[view.living]).min(axis=0)
@@ -77,9 +77,14 @@ class LocalMap:
         return best if counts[best] > 1.2 * counts.get(self.reference, 0) else self.reference
 
 
-def path_lengths(centres: Points3) -> FloatArray:
-    """(K,) length [m] of the path through the keyframes, in the order in which they were made, up to each."""
-    return np.cumsum(np.linalg.norm(np.diff(centres, axis=0, prepend=centres[:1]), axis=1))
+def path_lengths(view: MapView) -> FloatArray:
+    """(K,) length [the map's unit] of the path through the keyframes of each one's own map, in the order in which they
+    were made, up to it. Between maps there is no way: each has its own frame."""
+    way, map_id = np.zeros(len(view.keyframes)), np.array([k.map_id for k in view.keyframes], np.int64)
+    for mine in (map_id == m for m in np.unique(map_id)):
+        centres = view.centres[mine]
+        way[mine] = np.cumsum(np.linalg.norm(np.diff(centres, axis=0, prepend=centres[:1]), axis=1))
+    return way
 
 
 def nearest_keyframes(view: MapView, T_world_cam: SE3) -> IntArray:

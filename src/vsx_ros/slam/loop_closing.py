@@ -85,7 +85,7 @@ class LoopDetector:
         newest = world.keyframes[index]
         if newest.map_id:
             return np.zeros(0, np.int64)
-        way = path_lengths(view.centres)
+        way = path_lengths(view)
         way = way[index] - way
         mine = view.part(newest.map_id).living
         long_ago = mine[way[mine] > LONG_AGO * max(newest.median_depth, 1e-6)]
@@ -114,7 +114,7 @@ class LoopDetector:
         older, newer = world.keyframes[closure.older], world.keyframes[closure.newer]
         if older.map_id != newer.map_id:
             return True
-        way = path_lengths(world.live_view().centres)
+        way = path_lengths(world.live_view())
         unit = unit_of(world.keyframes, closure.newer, closure.older)
         reach, angle = _drift(self._drift, way[closure.newer] - way[closure.older], unit)
         return closure.place(world).is_near(newer.T_world_cam, float(reach), float(angle))

@@ -118,7 +118,7 @@ def correct_loops(world: Map, closures: list[LoopClosure], around: list[int]) ->
     around_older = nearest_keyframes(world.live_view().part(older.map_id), older.T_world_cam)[:8]
     known = world.seen_by([older.id, *around_older.tolist()])
     if older.map_id == newer.map_id:
-        way = path_lengths(world.live_view().centres)
+        way = path_lengths(world.live_view())
         length = way[last.newer] - way[last.older]
         free_scale = not scale_is_observed(world, older, newer)
         moved = optimize_pose_graph(world, newer.map_id, closures, free_scale=free_scale)
