@@ -1,6 +1,7 @@
 """Zones drawn while a base drives at full speed: it never reaches into one, drives around or out, and slows down."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from vsx_ros.exploration.view_selector import ViewSelector
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.navigator import GoalPlanner
 from vsx_ros.navigation.way_watch import WayWatch
-from vsx_ros.occupancy.grid import OccupancyGrid
+from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.zoned_grid import ZonedGrid, with_zones
 from vsx_ros.occupancy.zones import Zone, ZoneKind
 from vsx_ros.planning.path import Plan, Refusal, RefusalKind, Trajectory
@@ -183,6 +184,26 @@ def test_out_of_a_zone_the_way_is_short_and_leads_nowhere_else(heading: float) -
     rows = driven_out(heading, 15.0)
     driven_m = float(np.hypot(*np.diff(rows[:, 1:3], axis=0).T).sum())
     assert 0.3 + BODY_M < driven_m < 1.9
+
+
+@pytest.mark.parametrize("crack_cells", [0, 1, 2, 4])
+@pytest.mark.parametrize("strip_m", [0.0, 0.2, 0.3, 0.5])
+@pytest.mark.parametrize("beyond", [OCCUPIED, UNKNOWN], ids=["wall", "unknown"])
+def test_out_of_a_zone_the_way_leads_to_room_for_the_body(beyond: int, strip_m: float, crack_cells: int) -> None:
+    """Nearer ground outside is a crack, a strip beside a wall, or unknown."""
+    floor = open_floor()
+    cells, wall = floor.data.copy(), floor.cells(np.array([[0.8 + strip_m, 0.0]]))[0, 1]
+    cells[:, wall : wall + 4] = beyond
+    cells[80 : 80 + crack_cells, wall : wall + 4] = FREE
+    grid = with_zones(replace(floor, data=cells), [box(0.0, 0.0, 0.8)], MARGIN_M, BODY_M, version=1)
+    run, pose, ways = LockStep(), SE2(0.5, 0.0, math.pi), Planner(CONFIG.planner, CONFIG.robot)
+    selector = ViewSelector(CONFIG, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
+    out = selector.exit_pose(0, grid, pose)
+    assert out is not None
+    run.planner.take_grid(grid, run.base.now_ns)
+    plan = run.planner.plan(pose, out, "map")
+    assert isinstance(plan, Plan), plan
+    assert plan.path.length_m < 2.5
 
 
 STAIRS = Zone("stairs", ZoneKind.WALL, ((0.65, -1.5), (0.65, 1.5)))

@@ -6,11 +6,14 @@ import cv2
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, IntArray
+from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField, signed_distance, wavefront
 from vsx_ros.kernels.occupancy.visibility import visible_landmarks
 from vsx_ros.occupancy.grid import OccupancyGrid
 
 CLEARANCE_REACH_M = 1.5  # farther obstacles change no plan but cost time
+GIVE_M = 0.02  # tolerance below the clearance where the base stands: interpolation near start and goal
+_ESCAPE_M, _ESCAPE_SLOPE = 0.3, 2.0  # distance until the full need holds again; extra distance per missing metre
 
 
 def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> DistanceField:
@@ -22,6 +25,19 @@ def clearance_field(grid: OccupancyGrid, reach_m: float = CLEARANCE_REACH_M) -> 
     values = signed_distance(blocked, math.ceil(reach_m / grid.resolution))
     values *= grid.resolution
     return DistanceField(values, grid.resolution, grid.origin_x - grid.resolution, grid.origin_y - grid.resolution)
+
+
+def relax_need(needed_m: FloatArray, field: DistanceField, pose: SE2, need_m: float) -> None:
+    """Lower the needed clearance (H, W) around a pose with less; it rises to the full need away from it (in place)."""
+    have_m = float(field.at(np.array([[pose.x, pose.y]]))[0]) - GIVE_M
+    if have_m >= need_m:
+        return
+    escape_m = _ESCAPE_M + _ESCAPE_SLOPE * (need_m - have_m)
+    x = field.origin_x + (np.arange(needed_m.shape[1]) + 0.5) * field.resolution - pose.x
+    y = field.origin_y + (np.arange(needed_m.shape[0]) + 0.5) * field.resolution - pose.y
+    # The ramp starts a cell away, so that interpolation cannot lift the need at the pose itself.
+    away_m = np.maximum(np.hypot(x[None, :], y[:, None]) - math.sqrt(2.0) * field.resolution, 0.0)
+    np.minimum(needed_m, have_m + (need_m - have_m) * away_m / escape_m, out=needed_m)
 
 
 def travel_distance(field: DistanceField, start: tuple[float, float]) -> FloatArray:

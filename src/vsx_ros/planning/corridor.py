@@ -11,7 +11,7 @@ from vsx_ros.config import LimitsConfig, PlannerConfig, RobotConfig
 from vsx_ros.errors import PlanningError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.kernels.occupancy.clearance import DistanceField, least_on_curve
-from vsx_ros.occupancy.distance import clearance_field, landmarks_in_view
+from vsx_ros.occupancy.distance import clearance_field, landmarks_in_view, relax_need
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
 from vsx_ros.occupancy.keep_out import Entry, KeepOut
 from vsx_ros.planning.path import Path, Refusal, RefusalKind, Trajectory
@@ -19,9 +19,8 @@ from vsx_ros.planning.retiming import stop_m
 
 # Searches check single points, with a centimetre of margin for the gaps; finished paths are checked at this step.
 _SEARCH_MARGIN_M, _CHECK_STEP_M = 0.01, 0.005
-_GIVE_M, _GIVE_AHEAD_M = 0.02, 0.005  # tolerance below the clearance where the base stands; that while driving
+_GIVE_AHEAD_M = 0.005  # tolerance below the clearance while driving
 _MAP_OFF_M = 0.02  # beside the body on its way, as the map may be so much off
-_ESCAPE_M, _ESCAPE_SLOPE = 0.3, 2.0  # distance until the full need holds again; extra distance per missing metre
 _AHEAD_M, _LEFT_M = 1.5, 0.1  # length of path that is watched, several stops long; room left before an obstacle
 REVERSE_SLACK_M = 1e-6  # rounding
 _VIEW_STEP_M = 0.1  # between views along a path; the view turns at most 0.2 rad over it (phi 2 rad/m)
@@ -80,12 +79,12 @@ def build_corridor(
     if here < 0.0 or not _is_in(grid, start):
         return Refusal(RefusalKind.START_BLOCKED, _why_blocked(grid, "start", start, here, robot.radius_m))
     needed = np.full(clearance.values.shape, need)
-    _relax(needed, clearance, start, here, need)
+    relax_need(needed, clearance, start, need)
     if goal is not None:
         there = float(clearance.at(np.array([[goal.x, goal.y]]))[0])
         if there < robot.radius_m:
             return Refusal(RefusalKind.GOAL_BLOCKED, _why_blocked(grid, "goal", goal, there, robot.radius_m))
-        _relax(needed, clearance, goal, there, need)
+        relax_need(needed, clearance, goal, need)
     values = np.subtract(clearance.values, needed, out=needed)
     values -= _SEARCH_MARGIN_M
     margin = DistanceField(values, clearance.resolution, clearance.origin_x, clearance.origin_y)
@@ -118,19 +117,6 @@ def _why_blocked(grid: OccupancyGrid, name: str, pose: SE2, clearance_m: float, 
         return f"{at} lies {-clearance_m:.2f} m inside {what}"
     has_m = math.floor(100.0 * clearance_m) / 100.0  # rounded down: it is less than what the base needs
     return f"{at} has {has_m:.2f} m to {what}; the base needs {radius_m:.2f} m"
-
-
-def _relax(needed: FloatArray, field: DistanceField, pose: SE2, clearance: float, need: float) -> None:
-    """Lower the need around a pose with less clearance; it rises to the full need away from it (in place)."""
-    have = clearance - _GIVE_M
-    if have >= need:
-        return
-    escape = _ESCAPE_M + _ESCAPE_SLOPE * (need - have)
-    x = field.origin_x + (np.arange(needed.shape[1]) + 0.5) * field.resolution - pose.x
-    y = field.origin_y + (np.arange(needed.shape[0]) + 0.5) * field.resolution - pose.y
-    # The ramp starts a cell away, so that interpolation cannot lift the need at the pose itself.
-    away = np.maximum(np.hypot(x[None, :], y[:, None]) - math.sqrt(2.0) * field.resolution, 0.0)
-    np.minimum(needed, have + (need - have) * away / escape, out=needed)
 
 
 def planned_clearance(trajectory: Trajectory, grid: OccupancyGrid, radius_m: float) -> FloatArray:
