@@ -59,6 +59,17 @@ def test_nothing_lies_between_readings_of_two_epochs() -> None:
     assert odometry_at([one, other], SECOND // 2) == other
 
 
+def test_nothing_lies_between_readings_far_apart_nor_before_the_first() -> None:
+    one, other = Odometry(0, SE2(3.0, 0.0, 0.0), 0.5), Odometry(SECOND // 2, SE2(3.1, 0.0, 0.0))
+    far = other._replace(stamp_ns=SECOND // 2 + 1)
+    assert odometry_at([one], -1) is None
+    assert odometry_at([one, other], SECOND // 4).T_odom_base.x == pytest.approx(3.05)
+    assert odometry_at([one, far], SECOND // 10).T_odom_base.x == pytest.approx(3.05)
+    assert odometry_at([one, far], SECOND // 4) is None
+    assert odometry_at([one, far], far.stamp_ns) == far
+    assert odometry_at([far], far.stamp_ns + SECOND // 4) is None
+
+
 def test_the_way_adds_up_small_steps_but_not_the_noise_of_a_standing_base() -> None:
     driven = DrivenDistance()
     for k in range(1001):

@@ -26,6 +26,7 @@ BASE_FRAME, BODY_FRAME = "base_footprint", "base_link"  # on the floor, and the 
 _JITTER_M = 0.002  # between two poses
 _SPEED_OVER_NS = 100_000_000  # in a shorter time a step of 1 mm, as encoders have, looks like a speed
 _CARRIED_NS = 200_000_000  # 10 readings: at full speed, changes of speed cause an error of 1 cm in that time
+_JOINED_NS = 500_000_000  # how the base moved between two readings farther apart is unknown
 
 
 class Frame(NamedTuple):
@@ -163,14 +164,15 @@ def _is_origin(T_odom_base: SE2) -> bool:
 
 
 def odometry_at(readings: Sequence[Odometry], stamp_ns: int) -> Odometry | None:
-    """The odometry at an instant, from readings ordered by time. Interpolates between two of one epoch, or extrapolates
-    the last one of an epoch at its speeds for at most 0.2 s. None otherwise."""
+    """The odometry at an instant, from readings ordered by time. Interpolates between two of one epoch at most 0.5 s
+    apart, or extrapolates the last one before a gap or of an epoch at its speeds for at most 0.2 s. None otherwise."""
     i = bisect_right(readings, stamp_ns, key=lambda reading: reading.stamp_ns)
     if i == 0:
         return None
-    before = readings[i - 1]
-    if i < len(readings) and readings[i].odom_epoch == before.odom_epoch:
-        return before.towards(readings[i], stamp_ns)
+    before, after = readings[i - 1], readings[i] if i < len(readings) else None
+    joined = after is not None and after.stamp_ns - before.stamp_ns <= _JOINED_NS
+    if after is not None and joined and after.odom_epoch == before.odom_epoch:
+        return before.towards(after, stamp_ns)
     if stamp_ns - before.stamp_ns > _CARRIED_NS:
         return None
     seconds = (stamp_ns - before.stamp_ns) * 1e-9

@@ -1,12 +1,16 @@
 """What wheels may do wrong: left out with a reason, or counted on; never a silently wrong pose."""
 
 import math
+from pathlib import Path
 
+import numpy as np
 import pytest
 from spoilt_drives import FIRST, LAST, TRACKED, between, run
 
 from vsx_ros.config import Config, overridden
+from vsx_ros.evaluation.trajectory import align
 from vsx_ros.geometry.se2 import SE2, wrap_angle
+from vsx_ros.io.recording import Recording
 from vsx_ros.robot import Odometry, OdometryEpochs
 from vsx_ros.session import SlamSession
 from vsx_ros.slam.preprocessing import ContinuousOdometry
@@ -187,3 +191,16 @@ def test_a_map_waits_for_wheels_however_long_they_are_silent(arc_drive, before):
     there, (_, wheels, _) = known[-1][1].T_map_base, arc_drive.frames[-1]
     assert there.distance_to(wheels.T_odom_base) < 0.05
     assert slam.slam_map().T_base_cam is arc_drive.T_base_cam
+
+
+@pytest.mark.parametrize("late", [1, 5])
+def test_a_recording_whose_odometry_begins_late_is_mapped_in_its_true_size(straight_drive, late):
+    """Begun in motion, with images before the first reading: 5 are 0.33 s."""
+    frames, readings, truths = zip(*straight_drive.frames[30:])
+    recording = Recording(Path("x"), None, None, len(frames), None, readings[late:], [], lambda: iter(frames))
+    slam = SequentialSlam(straight_drive.camera, straight_drive.T_base_cam, Config().slam, 1, needs_scale=True)
+    results = [slam.track(frame, recording.odometry_at(frame.stamp_ns)) for frame in recording.frames()]
+    assert results[-1].state is TrackingState.GOOD
+    placed = [(r.T_world_cam, truth) for r, truth in zip(results, truths) if r.T_world_cam is not None]
+    seen, true = (np.array([T.translation for T in poses]) for poses in zip(*placed))
+    assert align(seen, true, "sim3").scale == pytest.approx(1.0, abs=0.01)

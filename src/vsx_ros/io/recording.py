@@ -1,7 +1,6 @@
 """A recording from any source: frames, odometry, calibration and ground truth in one type."""
 
 import heapq
-from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -13,9 +12,8 @@ from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.left_out import LeftOut, until_damage
 from vsx_ros.io.stamp_order import StampOrder
 from vsx_ros.io.trajectory_file import format_stamp
-from vsx_ros.robot import Frame, Odometry
+from vsx_ros.robot import Frame, Odometry, odometry_at
 
-GRACE_NS = 500_000_000  # odometry has gaps, and images may begin before it
 _HELD_IMAGES = 5  # a recorder of several threads swaps neighbours; the largest images take 32 MB each
 _MOST_IN_VAIN = 100  # unusable images before the first one: three seconds, and none is expected any more
 LEFT_OUT = "left out: their stamps are those of others or out of order"
@@ -66,15 +64,8 @@ class Recording:
         yield from heapq.merge(*streams, key=_STAMP)
 
     def odometry_at(self, stamp_ns: int) -> Odometry | None:
-        """Odometry interpolated to the instant; None if all readings are more than ``GRACE_NS`` away."""
-        after = bisect_right(self.odometry, stamp_ns, key=_STAMP)
-        near = self.odometry[max(after - 1, 0) : after + 1]
-        if not near or min(abs(reading.stamp_ns - stamp_ns) for reading in near) > GRACE_NS:
-            return None
-        first, last = near[0], near[-1]
-        if first.stamp_ns <= stamp_ns < last.stamp_ns and first.odom_epoch == last.odom_epoch:
-            return first.towards(last, stamp_ns)
-        return min(near, key=lambda reading: abs(reading.stamp_ns - stamp_ns))._replace(stamp_ns=stamp_ns)
+        """The odometry at the instant, as the live nodes have it; None before the first reading."""
+        return odometry_at(self.odometry, stamp_ns)
 
     def with_odometry_at(self, stamps_ns: Iterable[int]) -> "Recording":
         """This recording, without its odometry if too few images have any: a map would wait for it. Then ``damage``
