@@ -146,6 +146,39 @@ def test_a_heading_of_the_wheels_that_the_image_contradicts_is_never_tracked(arc
     assert done.worst_m < 0.04
 
 
+_BLIND = 72  # the first frame without light
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda k, o: o._replace(T_odom_base=SE2(0.01 * max(0, min(k, _BLIND) - FIRST)) @ o.T_odom_base),
+        lambda k, o: None if k == _BLIND - 1 else o,
+        lambda k, o: None if _BLIND - 3 <= k <= _BLIND else o,
+    ],
+    ids=["slipped", "one is missing", "some are missing"],
+)
+def test_a_camera_that_is_lost_is_placed_by_odometry_that_was_not_used_just_before(arc_drive, wrong):
+    dark = between(_BLIND, _BLIND + 15, image=np.zeros_like)
+
+    def change(k, frame, odometry):
+        frame, _ = dark(k, frame, odometry)
+        return frame, wrong(k, odometry)
+
+    done = run(arc_drive, change)
+    truths = [truth for _, _, truth in arc_drive.frames]
+    before = [(r.T_world_cam, T) for r, T in zip(done.results[:_BLIND], truths) if r.T_world_cam is not None]
+    to_truth = align(*(np.array([T.translation for T in poses]) for poses in zip(*before)), "yaw")
+    lost = range(_BLIND + 4, _BLIND + 15)
+    assert {done.results[k].state for k in lost} == {TrackingState.LOST}
+    placed = [done.results[k].T_world_cam for k in lost]
+    assert all(T is not None for T in placed)
+    seen = to_truth.apply(np.array([T.translation for T in placed]))
+    assert np.linalg.norm(seen - [truths[k].translation for k in lost], axis=1).max() < 0.03
+    assert done.results[-1].state is TrackingState.GOOD
+    assert done.worst_m < 0.04
+
+
 def _heard_late(drive, first, before=0):
     """A session that hears odometry in the first ``before`` frames and from frame ``first`` on, its SLAM, and each
     frame's result and place."""

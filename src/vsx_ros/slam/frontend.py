@@ -87,7 +87,7 @@ class FrontEnd:
         local = self.tracking.around(self._here, self._reference)
         track = self.tracking.track(data, local, prediction, tracked_before=not self.recovery.bad_frames)
         if track.state is TrackingState.LOST:
-            return self._recover(data, track, prediction.T_world_cam if prediction.by_odometry else None)
+            return self._recover(data, track, self._motion.blind(data, prediction))
         return self._tracked(data, track, local.follow(track), local)
 
     def resume(self, view: MapView) -> None:
@@ -159,14 +159,14 @@ class FrontEnd:
         return self.record.statistics(len(self._view.living), int(np.count_nonzero(self._view.alive)))
 
     def _tracked(self, data: FrameData, track: Track, reference: int, local: LocalMap) -> Outcome:
-        self._motion.update(data, track.T_world_cam, measured=True)
         if is_sure(track) and (change := self._consistency.compare(track.T_world_cam)):
             self._event(data.stamp_ns, "gap", change)
+        self._motion.update(heard := self._consistency.heard(data), track.T_world_cam, measured=True)
         if self.recovery.is_lost:
             where = "" if self._map_id == 0 else f" in map {self._map_id}"
             self.record.relocalizations += self._map_id == 0
             self._event(data.stamp_ns, "relocalised", f"{len(track.rows)} points of the map found again{where}")
-        self.recovery.over(data)
+        self.recovery.over(heard)
         self._reference, self.tracking.coarse_next = reference, track.state is not TrackingState.GOOD
         self.record.tracked(data.stamp_ns, track, len(self._view.points), self._map_id == 0)
         local.leave_out(self.record.hopeless(local.rows))

@@ -82,6 +82,14 @@ class MotionModel:
         dt = (data.stamp_ns - before.stamp_ns) * 1e-9
         return Prediction(T @ self._moved(dt), False, np.zeros(6)) if dt <= MAX_GAP_S else None
 
+    def blind(self, data: FrameData, prediction: Prediction) -> SE3 | None:
+        """T_world_cam of a frame in which the camera is lost: the prediction by odometry. If the frame before had none,
+        odometry goes on from here, reached at constant velocity. None without odometry or after too long a gap."""
+        if prediction.by_odometry:
+            return prediction.T_world_cam
+        steady = None if data.T_odom_base is None else self.steady(data)
+        return None if steady is None else steady.T_world_cam
+
     def _moved(self, dt: float) -> SE3:
         return SE3.exp(self._velocity * dt * DAMPING)
 
@@ -139,6 +147,13 @@ class OdometryConsistency:
             self._unproven_m = max(0.0, self._unproven_m - before.distance_to(self._odometry))
         return data._replace(T_odom_base=None if self.doubted else self._T_used_odom @ self._odometry)
 
+    def heard(self, data: FrameData) -> FrameData:
+        """The last admitted frame, with its odometry while that is doubted: it tells the way on from there when the
+        camera is lost."""
+        if self._odometry is None or not self.doubted:
+            return data
+        return data._replace(T_odom_base=self._T_used_odom @ self._odometry)
+
     def compare(self, T_world_cam: SE3) -> str:
         """Judge odometry by the last admitted frame's pose. Returns a message when the verdict changes, else empty."""
         if self._odometry is None or self._unproven_m > 0.0:
@@ -150,11 +165,11 @@ class OdometryConsistency:
         # Over frames that the image is not sure of, odometry may err by more than a short way or turn explains.
         gaps = [self._gap(pair, now) for n, pair in then if self.doubted or now.frame - pair.frame <= LONGEST * n]
         if self.doubted:
+            # Continue as if odometry had measured the motion seen in the images.
+            assert self._last_used is not None
+            used = self._T_used_odom @ self._last_used.odometry @ self._last_used.seen.inverse() @ now.seen
+            self._T_used_odom, self._last_used = used @ now.odometry.inverse(), now
             if len(gaps) == len(WINDOWS) and not any(gaps):
-                # Continue as if odometry had measured the motion seen in the images.
-                assert self._last_used is not None
-                used = self._T_used_odom @ self._last_used.odometry @ self._last_used.seen.inverse() @ now.seen
-                self._T_used_odom, self._last_used = used @ now.odometry.inverse(), now
                 self.doubted = False
                 return "odometry agrees with the images again"
             return ""
