@@ -36,7 +36,7 @@ def test_rows_may_be_padded():
 @pytest.mark.parametrize("big_endian", [False, True])
 def test_twelve_bits_fill_eight(big_endian):
     wide = np.linspace(0, 4095, 96).astype(">u2" if big_endian else "<u2")
-    assert shift_for(wide.tobytes(), big_endian=big_endian) == 4
+    assert shift_for(wide) == 4
     images, shades = GrayImages(), []
     for values in (wide // 500, wide, wide // 2):  # a camera may begin in the dark
         content = values.astype(wide.dtype).tobytes()
@@ -48,6 +48,56 @@ def test_twelve_bits_fill_eight(big_endian):
         images.of("mono16", 8, 12, 24, b"\xff" * 100, big_endian=big_endian)
     assert np.array_equal(images.of("mono16", 8, 12, 24, wide.tobytes(), big_endian=big_endian).ravel(), wide // 16)
     assert np.array_equal(images.of("mono8", 8, 12, 12, bytes(range(96))).ravel(), np.arange(96))
+
+
+def shot(low: int, high: int, lamp: int = 0) -> bytes:
+    """An image of 160x120 of 16 bits with values from low to high. lamp: the value of 8 pixels in a corner."""
+    values = np.random.default_rng(4).integers(low, high, (120, 160), np.uint16, endpoint=True)
+    if lamp:
+        values[-4:, -2:] = lamp
+    return values.tobytes()
+
+
+def shades(images: GrayImages, content: bytes, encoding: str = "mono16") -> np.ndarray:
+    return images.of(encoding, 120, 160, 320, content).astype(int)
+
+
+@pytest.mark.parametrize("encoding", ["mono16", "bayer_grbg16"])
+@pytest.mark.parametrize("top", [1000, 2000, 4095, 65535])
+@pytest.mark.parametrize("seen", [1, 100])
+def test_a_bright_spot_darkens_no_image_of_sixteen_bits(encoding: str, top: int, seen: int) -> None:
+    images = GrayImages()
+    for _ in range(seen):
+        plain = shades(images, shot(60, 490), encoding)
+    lit = shades(images, shot(60, 490, lamp=top), encoding)
+    assert plain.max() > 200
+    assert (lit[-2:, -1] == 255).all() or encoding != "mono16"
+    assert np.array_equal(lit[:-8], plain[:-8])
+    assert np.array_equal(shades(GrayImages(), shot(60, 490, lamp=top), encoding)[:-8], plain[:-8])
+
+
+@pytest.mark.parametrize(("low", "high"), [(20, 45), (200, 225), (0, 0)])
+def test_a_dark_beginning_does_not_set_the_brightness(low: int, high: int) -> None:
+    images = GrayImages()
+    for _ in range(100):
+        shades(images, shot(low, high))
+    for top in (400, 900, 2000):  # as the camera adapts to the light
+        shades(images, shot(10, top))
+    assert np.array_equal(shades(images, shot(10, 2000)), shades(GrayImages(), shot(10, 2000)))
+
+
+def test_an_image_most_of_which_would_saturate_sets_the_brightness_again() -> None:
+    images = GrayImages()
+    for _ in range(100):
+        shades(images, shot(0, 250))
+    assert shades(images, shot(0, 450)).max() == 255
+    assert np.array_equal(shades(images, shot(0, 4000)), shades(GrayImages(), shot(0, 4000)))
+
+
+def test_a_channel_that_is_no_colour_does_not_darken_the_image() -> None:
+    opaque = np.dstack([wide(12)] * 3 + [np.full((8, 12), 65535, np.uint16)])
+    got = GrayImages().of("rgba16", 8, 12, 96, opaque.tobytes())
+    assert np.abs(got - wide(8).astype(int)).max() <= 1
 
 
 @pytest.mark.parametrize(

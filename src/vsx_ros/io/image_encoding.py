@@ -31,6 +31,11 @@ _OF_8 = {name.replace("8", "16"): name for name in (*_GRAY_8, *_TO_GRAY)}
 # which of a pixel's two bytes is its luminance; ROS 1 uses the first two names, ROS 2 the others
 _LUMINANCE = {"yuv422": 1, "yuv422_yuy2": 0, "uyvy": 1, "yuyv": 0}
 SUPPORTED = (*_GRAY_8, *_TO_GRAY, *_OF_8, *_LUMINANCE)
+_SHOWN = 0.99  # of the pixels of a first image: brighter ones are lamps, reflections and faults of the sensor
+_FIRST_IMAGES = 30  # of a camera that adapts to the light
+_CONTRAST = 32  # between dark and bright pixels: with less, a 16-bit image shows noise
+_SAMPLES = 20_000  # pixels of an image that are looked at
+_COLOURS = 3  # channels before alpha
 _Bytes: TypeAlias = bytes | NDArray[np.uint8]
 
 
@@ -45,7 +50,7 @@ def gray_image(
     if encoding in _LUMINANCE:
         return np.ascontiguousarray(rows[:, _LUMINANCE[encoding] :: 2])
     if encoding in _OF_8:
-        values = rows.view(">u2" if big_endian else "<u2") >> shift_bits
+        values = _values(rows, big_endian=big_endian) >> shift_bits
         rows, encoding = np.asarray(np.minimum(values, 255), np.uint8), _OF_8[encoding]
     if encoding in _TO_GRAY:
         channels, conversion = _TO_GRAY[encoding]
@@ -54,6 +59,10 @@ def gray_image(
             raise InputError(f"{name} of {width}x{height} {encoding} is too small for a mosaic; record it again")
         return np.asarray(cv2.cvtColor(pixels, conversion), np.uint8)
     return rows
+
+
+def _values(rows: GrayImage, *, big_endian: bool) -> NDArray[np.uint16]:
+    return rows.view(">u2" if big_endian else "<u2")
 
 
 def _rows(encoding: str, height: int, width: int, step: int, data: _Bytes, name: str) -> GrayImage:
@@ -76,18 +85,18 @@ def _rows(encoding: str, height: int, width: int, step: int, data: _Bytes, name:
     return np.ascontiguousarray(flat[: step * height].reshape(height, step)[:, :row_bytes])
 
 
-def shift_for(data: _Bytes, *, big_endian: bool = False) -> int:
-    """Low bits to drop so that the brightest 16-bit value of an image fits 8 bits (sensors give 8 to 16)."""
-    brightest = int(np.frombuffer(data[: len(data) // 2 * 2], ">u2" if big_endian else "<u2").max(initial=0))
-    return max(0, brightest.bit_length() - 8)
+def shift_for(values: NDArray[np.uint16], share: float = _SHOWN) -> int:
+    """Low bits to drop so that this share of the 16-bit values, without the brightest, fits 8 bits."""
+    return max(0, int(np.quantile(values, share)).bit_length() - 8)
 
 
 class GrayImages:
-    """Turns the images of one camera grey, in order. Of 16-bit ones it drops the low bits by which the brightest value
-    so far exceeds 8 bits."""
+    """Turns the images of one camera grey, in order. Of 16-bit ones it drops the low bits by which the first images
+    that show something exceed 8 bits (sensors give 8 to 16). Highlights saturate. An image most of which would saturate
+    is a first one again."""
 
     def __init__(self) -> None:
-        self._shift_bits = 0
+        self._shift_bits, self._firsts = 0, 0
 
     def of(
         self, encoding: str, height: int, width: int, step: int, data: _Bytes, *, big_endian: bool = False,
@@ -96,9 +105,20 @@ class GrayImages:
         """As ``gray_image``."""
         if encoding in _OF_8:
             rows = _rows(encoding, height, width, step, data, name)
-            self._shift_bits = max(self._shift_bits, shift_for(rows.ravel(), big_endian=big_endian))
+            channels, _ = _TO_GRAY.get(_OF_8[encoding], (1, 0))
+            pixels = _values(rows, big_endian=big_endian).reshape(-1, channels)[:, :_COLOURS]
+            self._follow(pixels[:: len(pixels) // _SAMPLES | 1])  # an odd step meets all colours of a mosaic
         shift_bits = self._shift_bits
         return gray_image(encoding, height, width, step, data, big_endian=big_endian, shift_bits=shift_bits, name=name)
+
+    def _follow(self, values: NDArray[np.uint16]) -> None:
+        """Take values of the next 16-bit image."""
+        if shift_for(values, 0.5) > self._shift_bits:
+            self._firsts = 0
+        if self._firsts < _FIRST_IMAGES:
+            self._shift_bits = max(self._shift_bits, shift_for(values))
+            dark, bright = np.quantile(values, [1.0 - _SHOWN, _SHOWN])
+            self._firsts += bool(bright - dark >= _CONTRAST)
 
     def of_file(self, content: bytes, name: str, said: str = "") -> GrayImage:
         """(H, W) uint8 of a JPEG, PNG, PGM, PPM, BMP or TIFF, with its pixels where the sensor has them, whatever the
