@@ -88,8 +88,11 @@ class ExploringRobot:
         try:
             campaign(rows, tasks, self._tried, out)
         finally:
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # timeout(1) sends two
-            self._end()
+            before = signal.signal(signal.SIGTERM, signal.SIG_IGN)  # timeout(1) sends two
+            try:
+                self._end()
+            finally:
+                signal.signal(signal.SIGTERM, before)
 
     def _tried(self, task: Task) -> dict[str, Any]:
         try:

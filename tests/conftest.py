@@ -12,14 +12,20 @@ import vsx_ros  # noqa: F401  # before any test imports cv2, which reads its lim
 
 # A shell that starts the suite in its background lets it ignore Ctrl-C, and with it every program that a test starts;
 # nohup does so with SIGHUP.
-signal.signal(signal.SIGINT, signal.default_int_handler)
-signal.signal(signal.SIGHUP, signal.SIG_DFL)
+_DEFAULTS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
+for number, handler in _DEFAULTS.items():
+    signal.signal(number, handler)
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_setup() -> None:
-    """Programs that a test starts ignore SIGTERM when an earlier test has left it ignored, and never end."""
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+@pytest.fixture(autouse=True)
+def handlers_stay() -> Iterator[None]:
+    """Programs that later tests start ignore SIGTERM, and never end, if a test leaves it ignored."""
+    before = {number: signal.getsignal(number) for number in _DEFAULTS}
+    yield
+    after = {number: signal.getsignal(number) for number in _DEFAULTS}
+    for number, handler in before.items():
+        signal.signal(number, handler)
+    assert after == before, "the test leaves signals handled otherwise"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

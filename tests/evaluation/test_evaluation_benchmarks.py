@@ -2,6 +2,7 @@
 
 import json
 import re
+import signal
 import sys
 from collections import namedtuple
 from pathlib import Path
@@ -56,7 +57,11 @@ def test_a_row_says_when_enough_was_known() -> None:
 
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *words: str) -> list[Any]:
     monkeypatch.setattr(sys, "argv", ["exploration.py", "run", "--out", str(tmp_path / "rows.jsonl"), *words])
-    exploration.main()
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        exploration.main()
+    finally:
+        signal.signal(signal.SIGTERM, before)
     return [row.asked for row in read_rows(tmp_path / "rows.jsonl", pytest.fail)]
 
 
