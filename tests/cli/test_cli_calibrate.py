@@ -95,8 +95,8 @@ def test_a_real_robot_explores_with_its_own_parameters_and_an_emulated_one_witho
     monkeypatch.setenv("ROS_HOME", str(tmp_path))
     update_robot_file(default_robot_file(), "robot.mount", {"height_m": 0.42}, "by hand")
     words = ["explore", "--out"]
-    _, real, _ = begin(parse([*words, str(tmp_path / "real")]))
-    assert real.robot.mount.height_m == 0.42
+    with begin(parse([*words, str(tmp_path / "real")])) as (_, real, _):
+        assert real.robot.mount.height_m == 0.42
     assert "robot.yaml" in capsys.readouterr().err
-    _, emulated, _ = begin(parse([*words, str(tmp_path / "emulated"), "--world", "lab"]))
-    assert emulated.robot.mount.height_m == 0.31
+    with begin(parse([*words, str(tmp_path / "emulated"), "--world", "lab"])) as (_, emulated, _):
+        assert emulated.robot.mount.height_m == 0.31

@@ -156,8 +156,8 @@ def test_a_run_killed_before_it_had_a_map_remembers_every_option(tmp_path):
     folder, given = RunFolder.create(tmp_path / "run"), parse(["explore", "--load-map", "lab.vsxmap", "--room", "hall"])
     folder.write_config(Config(), given.line, **{name: getattr(given, name) for name in REMEMBERED})
     again = parse(["explore", "--resume", str(folder.path)])
-    begin(again)
-    assert (again.load_map, again.room) == ("lab.vsxmap", "hall")
+    with begin(again):
+        assert (again.load_map, again.room) == ("lab.vsxmap", "hall")
 
 
 def test_a_damaged_checkpoint_is_told(resumed, capsys):
@@ -327,12 +327,13 @@ def test_a_robot_that_was_moved_forgets_the_way_it_came_and_nothing_else(tmp_pat
     way, home = [SE2(-0.2, 0.0, 0.0), SE2(-0.1, 0.0, 0.0)], SE2(1.0, 0.0, 0.0)
     saved = SavedMission([home], [(home, 9.0, 2)], way, True, home)
     words = ["explore", "--resume", str(tmp_path)]
-    begin(parse([*words, "--moved"]))  # killed before it had a map: nothing to forget
+    with begin(parse([*words, "--moved"])):  # killed before it had a map: nothing to forget
+        pass
     folder.checkpoint.write_mission(saved.tree(), 0)
     (folder.checkpoint.path / "map.zip").touch()
     for more, expected in (([], saved), (["--moved"], saved._replace(trail=[]))):
-        begin(parse([*words, *more]))
-        assert SavedMission.of(folder.checkpoint.read_mission(), tmp_path) == expected
+        with begin(parse([*words, *more])):
+            assert SavedMission.of(folder.checkpoint.read_mission(), tmp_path) == expected
 
 
 def test_the_way_driven_after_the_missions_last_word_is_in_the_journal(tmp_path):
@@ -350,7 +351,8 @@ def test_the_way_driven_after_the_missions_last_word_is_in_the_journal(tmp_path)
     folder.checkpoint.write_mission(saved.tree(), 3 * SECOND + 1)
     (folder.checkpoint.path / "map.zip").touch()
     for _ in range(2):  # the second time there is nothing left to add
-        begin(parse(["explore", "--resume", str(tmp_path)]))
+        with begin(parse(["explore", "--resume", str(tmp_path)])):
+            pass
         trail = SavedMission.of(folder.checkpoint.read_mission(), tmp_path).trail
         assert [pose.x for pose in trail] == pytest.approx([-0.3, -0.2, -0.1, 0.0])
 
@@ -385,6 +387,9 @@ def test_only_the_robot_of_a_run_to_resume_can_have_been_moved(tmp_path, monkeyp
 def test_runs_begun_in_the_same_second_have_folders_of_their_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("vsx_ros.runs.folder.datetime", SimpleNamespace(now=lambda: datetime(2026, 5, 4, 10, 20, 30)))
-    folders = [begin(parse(["explore", "--fast", "--seed", str(seed)]))[0] for seed in (1, 2, 3)]
+    folders = []
+    for seed in (1, 2, 3):
+        with begin(parse(["explore", "--fast", "--seed", str(seed)])) as (folder, _, _):
+            folders.append(folder)
     assert [folder.path.name for folder in folders] == [f"2026-05-04_10-20-30_lab{more}" for more in ("", "_2", "_3")]
     assert [folder.read_config()[1]["seed"] for folder in folders] == [1, 2, 3]

@@ -165,9 +165,9 @@ def test_going_on_means_the_same_run_for_as_long_again(folder: RunFolder) -> Non
     assert (args.command, args.resume, args.time, args.view) == ("explore", folder.path.resolve(), 240.0, True)
     assert args.headless, "the page is open"
     assert args.until == 1.0, "the share with which it has ended would end it again at once"
-    begun, config, _ = begin(parse(["explore", "--resume", str(folder.path), *words[3:]]))
-    assert begun.path == folder.path
-    assert config == Config()
+    with begin(parse(["explore", "--resume", str(folder.path), *words[3:]])) as (begun, config, _):
+        assert begun.path == folder.path
+        assert config == Config()
 
 
 def test_going_on_needs_a_process_of_its_own(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:

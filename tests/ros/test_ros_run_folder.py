@@ -18,9 +18,11 @@ import rospy
 
 from vsx_ros.cli.main import parse
 from vsx_ros.config import Config
+from vsx_ros.errors import InputError
 from vsx_ros.ros.nodes import run_folder
 from vsx_ros.ros.nodes.run_folder import RunFolderNode
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.hold import hold
 from vsx_ros.runs.start import DEFAULTS, REMEMBERED, begin
 
 HANGS_S = 60.0
@@ -47,7 +49,8 @@ def test_a_launch_is_resumed_with_its_options(params: dict[str, Any], tmp_path: 
     folder = RunFolder(tmp_path / "run")
     begun(folder)
     args = parse(["explore", "--resume", str(folder.path)])
-    begin(args)
+    with begin(args):
+        pass
     assert (args.world, args.seed, args.rate, args.room) == ("lab", 3, 20.0, "hall")
     assert (args.dock, args.battery_pace) == ("1,2,90", 40.0)
     assert (args.load_map, args.zones) == tuple(str(Path(name).resolve()) for name in ("lab.vsxmap", "z.yaml"))
@@ -74,6 +77,17 @@ def test_a_resumed_launch_knows_which_map_it_continued(params: dict[str, Any], t
     assert begun(folder).load_map == "/maps/lab.vsxmap"
     params["vslam/load_map"] = "/maps/other.vsxmap"  # vslam does not read it either
     assert begun(folder).load_map == "/maps/lab.vsxmap"
+
+
+def test_a_folder_in_which_another_run_works_is_refused(
+    params: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = RunFolder(tmp_path / "run")
+    begun(folder)
+    monkeypatch.setattr(run_folder.node, "run_dir", lambda: str(folder.path))
+    with hold(folder.path), pytest.raises(InputError, match="still works"):
+        RunFolderNode(Config())
+    assert not folder.witness.exists()
 
 
 class Vslam:

@@ -50,30 +50,31 @@ def replay(args: argparse.Namespace) -> int:
         return replay(args, config, recording)
     T_base_cam = mounted(config.robot.mount)
     session, slam = _slam(recording, config, args)
-    folder = replay_folder(args, config)
-    keeper = RunWriter(T_base_cam, folder, config=config.runs, resumable=False)
-    record, (stopped, broken) = keeper.record, _track_all(session, slam, recording, keeper)
-    continued = str(args.load_map.resolve()) if args.load_map else None
-    usual = _stop_reason(record.frames, record.events)
-    code, reason = replay_end([frame.state for frame in record.frames], usual, broken)
-    if stopped:
-        code, reason = STOPPED, f"stopped by the operator after {len(record.frames)} of {recording.frame_count} frames"
-    facts = {"seed": args.seed, "continued_map": continued, "ended_well": ended_well(code), "stop_reason": reason}
-    finished = finished_map(slam.slam_map(), config, args.seed) if args.map else None
-    grid = finished.grid([pose.T for pose in record.estimate()]) if finished is not None else None
-    note = finished.note or None if finished is not None else None
-    summary = _summary(slam, recording, record).with_values(**facts, map_note=note)
-    more: list[Callable[[], object]] = [
-        lambda: _save_slam_map(slam, args.load_map, args.save_map),
-        lambda: write_report(folder),
-    ]
-    more.insert(0, lambda: write_self_calibration(folder.path, session.calibration, config.robot.odometry))
-    if finished is not None:
-        more[:0] = _surface_files(folder, finished)
-    if recording.ground_truth:
-        more.insert(0, lambda: folder.write_poses("groundtruth", recording.ground_truth))
-    failure = keeper.finish(folder, slam, summary, None, grid, *more)
-    return tell_the_end(folder, summary.as_dict(), code, failure)
+    with replay_folder(args, config) as folder:
+        keeper = RunWriter(T_base_cam, folder, config=config.runs, resumable=False)
+        record, (stopped, broken) = keeper.record, _track_all(session, slam, recording, keeper)
+        continued = str(args.load_map.resolve()) if args.load_map else None
+        usual = _stop_reason(record.frames, record.events)
+        code, reason = replay_end([frame.state for frame in record.frames], usual, broken)
+        if stopped:
+            done = f"{len(record.frames)} of {recording.frame_count} frames"
+            code, reason = STOPPED, f"stopped by the operator after {done}"
+        facts = {"seed": args.seed, "continued_map": continued, "ended_well": ended_well(code), "stop_reason": reason}
+        finished = finished_map(slam.slam_map(), config, args.seed) if args.map else None
+        grid = finished.grid([pose.T for pose in record.estimate()]) if finished is not None else None
+        note = finished.note or None if finished is not None else None
+        summary = _summary(slam, recording, record).with_values(**facts, map_note=note)
+        more: list[Callable[[], object]] = [
+            lambda: _save_slam_map(slam, args.load_map, args.save_map),
+            lambda: write_report(folder),
+        ]
+        more.insert(0, lambda: write_self_calibration(folder.path, session.calibration, config.robot.odometry))
+        if finished is not None:
+            more[:0] = _surface_files(folder, finished)
+        if recording.ground_truth:
+            more.insert(0, lambda: folder.write_poses("groundtruth", recording.ground_truth))
+        failure = keeper.finish(folder, slam, summary, None, grid, *more)
+        return tell_the_end(folder, summary.as_dict(), code, failure)
 
 
 def _refuse_pace(args: argparse.Namespace) -> None:

@@ -42,13 +42,13 @@ def replay(args: argparse.Namespace, config: Config, recording: Recording) -> in
     """Play everything, write the run folder, print the result; the exit code. args: options of ``vsx replay``."""
     logs.quiet_failures()
     _refuse_company()
-    folder = replay_folder(args, config)
-    slam = _slam(args, recording, folder)
-    with LiveRun([slam], config, (slam.name,), folder.path / "log", view=args.view, replayed=True) as live:
-        monitor, player = Monitor(emulated=False), Player(recording)
-        _play(live, monitor, player, 1.0 if args.rate is None else args.rate)
-        ending = _Ending(live.interrupted, live.dead, player.broken)
-    return _gather(folder, recording, monitor, args, ending, mounted(config.robot.mount))
+    with replay_folder(args, config) as folder:
+        slam = _slam(args, recording, folder)
+        with LiveRun([slam], config, (slam.name,), folder.path / "log", view=args.view, replayed=True) as live:
+            monitor, player = Monitor(emulated=False), Player(recording)
+            _play(live, monitor, player, 1.0 if args.rate is None else args.rate)
+            ending = _Ending(live.interrupted, live.dead, player.broken)
+        return _gather(folder, recording, monitor, args, ending, mounted(config.robot.mount))
 
 
 def _refuse_company() -> None:

@@ -94,24 +94,25 @@ def go_on_words(folder: RunFolder) -> list[str]:
 def _explore(args: argparse.Namespace, forks: ForkServer) -> tuple[RunFolder, int, bool]:
     """The folder of one run, its exit code, and whether it is to go on."""
     refuse_second_robot([node.name for node in (*launch.bringup(), *launch.exploration())])
-    folder, config, world = begin(args)
-    # The position of a loaded map in the world is unknown.
-    judge = MapJudge(world, config) if world is not None and not args.load_map else None
-    journal = MonitorJournal(folder, config.robot.mount)
-    if args.time is not None and journal.clock.elapsed_s >= args.time:
-        raise ConfigError(f"{folder.path} has lasted {journal.clock.elapsed_s:.0f} s; to go on give more with --time")
-    with tempfile.TemporaryDirectory(prefix="vsx-", ignore_cleanup_errors=True) as devices:
-        nodes = _nodes(args, folder, world, Path(devices), journal.T_world_base)
-        log = folder.path / "log"
-        with LiveRun(nodes, config, _VITAL, log, view=args.view, replayed=False, forks=forks) as live:
-            if live.url and not args.headless:
-                open_browser(live.url)
-            monitor = Monitor(emulated=world is not None)
-            ending = _watch(live, monitor, journal, Coverage(judge, args.until), args.time)
-            monitor.is_ending = True
-            live.progress.say(f"stopping: {ending.reason}")
-    about = About(args.world, args.seed, args.planner, args.load_map)
-    code = write_results(folder, config, monitor, journal, judge, ending, about)
+    with begin(args) as (folder, config, world):
+        # The position of a loaded map in the world is unknown.
+        judge = MapJudge(world, config) if world is not None and not args.load_map else None
+        journal = MonitorJournal(folder, config.robot.mount)
+        lasted_s = journal.clock.elapsed_s
+        if args.time is not None and lasted_s >= args.time:
+            raise ConfigError(f"{folder.path} has lasted {lasted_s:.0f} s; to go on give more with --time")
+        with tempfile.TemporaryDirectory(prefix="vsx-", ignore_cleanup_errors=True) as devices:
+            nodes = _nodes(args, folder, world, Path(devices), journal.T_world_base)
+            log = folder.path / "log"
+            with LiveRun(nodes, config, _VITAL, log, view=args.view, replayed=False, forks=forks) as live:
+                if live.url and not args.headless:
+                    open_browser(live.url)
+                monitor = Monitor(emulated=world is not None)
+                ending = _watch(live, monitor, journal, Coverage(judge, args.until), args.time)
+                monitor.is_ending = True
+                live.progress.say(f"stopping: {ending.reason}")
+        about = About(args.world, args.seed, args.planner, args.load_map)
+        code = write_results(folder, config, monitor, journal, judge, ending, about)
     return folder, code, bool(live.url) and _shown(live, folder)
 
 

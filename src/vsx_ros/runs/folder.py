@@ -27,6 +27,7 @@ from vsx_ros.io.trajectory_file import format_stamp, parse_stamp, read_trajector
 from vsx_ros.limits import LOG_BYTES, TEXT_BYTES, file_text, json_tree, yaml_tree
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.runs.checkpoint import Checkpoint
+from vsx_ros.runs.hold import hold
 from vsx_ros.runs.journal import RunEvent
 from vsx_ros.runs.versions import installed_versions, is_of_a_run
 
@@ -71,13 +72,14 @@ class RunFolder:
 
     @staticmethod
     def create(path: Path) -> RunFolder:
-        """Make the folder, or empty that of an earlier run. Raises InputError as ``check`` does."""
+        """Make the folder, or empty that of an earlier run. Raises InputError as ``check`` and ``hold`` do."""
         RunFolder.check(path)
         with _making(path):
             path.mkdir(parents=True, exist_ok=True)
-            for name in FILES:
-                (path / name).unlink(missing_ok=True)
-            shutil.rmtree(path / "resume", ignore_errors=True)
+            with hold(path):
+                for name in FILES:
+                    (path / name).unlink(missing_ok=True)
+                shutil.rmtree(path / "resume", ignore_errors=True)
         return RunFolder(path)
 
     @staticmethod
@@ -97,7 +99,7 @@ class RunFolder:
     @staticmethod
     def open(path: Path) -> RunFolder:
         """An existing run. Raises InputError if the path is no run folder."""
-        if not _is_run(path):
+        if not any((path / name).is_file() for name in ("summary.json", "config.yaml")):
             raise InputError(f"{path} is not a run folder (no config.yaml or summary.json in it); give one")
         return RunFolder(path)
 
@@ -231,10 +233,6 @@ def dated(name: str, parent: Path = _RUNS) -> Path:
 
 def _making(path: Path) -> AbstractContextManager[None]:
     return explained(InputError, f"run folder {path} cannot be made", "choose another with --out", OSError)
-
-
-def _is_run(path: Path) -> bool:
-    return any((path / name).is_file() for name in ("summary.json", "config.yaml"))
 
 
 def _frame_record(row: Sequence[str]) -> FrameRecord:

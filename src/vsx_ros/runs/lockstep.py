@@ -220,24 +220,25 @@ class FastRun:
 
 def explore_fast(args: argparse.Namespace) -> int:
     """One lock-step exploration; returns the exit code."""
-    folder, config, world = begin(args)
-    assert world is not None
-    before = PreviousSessions.of(folder) if args.resume is not None else None
-    limit_s = args.time or _DEFAULT_TIME_S
-    if before is not None and before.ended_ns * 1e-9 >= limit_s:
-        raise ConfigError(f"{folder.path} has lasted {before.ended_ns * 1e-9:.0f} s; to go on give more with --time")
-    slam_map = None
-    if args.load_map:  # the file may be gone by now; the checkpoint holds the newer map
-        slam_map = load_slam_map(Path(args.load_map)) if before is None else before.saved.slam_map
-    run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder, args.eye)
-    run.continued = rooms_known(folder, args.load_map or "")
-    if before is None:
-        map_file = Path(args.load_map) if args.load_map else None
-        begin_places(run.system.ground, map_file, Path(args.zones) if args.zones else None, args.room)
-    else:
-        resume_places(run.system.ground, folder)
-    reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)
-    facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
-    summary = run.summary(reason, **facts)
-    failure = run.write(folder, summary)
-    return tell_the_end(folder, summary.as_dict(), run.exit_code(reason), failure)
+    with begin(args) as (folder, config, world):
+        assert world is not None
+        before = PreviousSessions.of(folder) if args.resume is not None else None
+        limit_s = args.time or _DEFAULT_TIME_S
+        lasted_s = before.ended_ns * 1e-9 if before is not None else 0.0
+        if lasted_s >= limit_s:
+            raise ConfigError(f"{folder.path} has lasted {lasted_s:.0f} s; to go on give more with --time")
+        slam_map = None
+        if args.load_map:  # the file may be gone by now; the checkpoint holds the newer map
+            slam_map = load_slam_map(Path(args.load_map)) if before is None else before.saved.slam_map
+        run = FastRun(world, args.seed, args.planner, config, before, slam_map, folder, args.eye)
+        run.continued = rooms_known(folder, args.load_map or "")
+        if before is None:
+            map_file = Path(args.load_map) if args.load_map else None
+            begin_places(run.system.ground, map_file, Path(args.zones) if args.zones else None, args.room)
+        else:
+            resume_places(run.system.ground, folder)
+        reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)
+        facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
+        summary = run.summary(reason, **facts)
+        failure = run.write(folder, summary)
+        return tell_the_end(folder, summary.as_dict(), run.exit_code(reason), failure)

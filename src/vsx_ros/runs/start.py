@@ -3,7 +3,8 @@
 import argparse
 import dataclasses
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.recording import Recording
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.runs.folder import RunFolder, dated
+from vsx_ros.runs.hold import hold
 from vsx_ros.runs.parameters import load, robot_file_here
 from vsx_ros.runs.places import given_zones
 from vsx_ros.runs.previous import end_trail
@@ -33,13 +35,16 @@ REMEMBERED = (
 )  # fmt: skip
 
 
-def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | None]:
-    """The run folder, its configuration, and the emulated world or None. Missing options get the default, or the value
-    of the run to resume. Checks everything before it writes. Raises InputError, ConfigError or MapFileError if the run,
-    world or map does not exist, or an option contradicts it."""
+@contextmanager
+def begin(args: argparse.Namespace) -> Iterator[tuple[RunFolder, Config, EmulatedWorld | None]]:
+    """The run folder, held meanwhile, its configuration, and the emulated world or None. Missing options get the
+    default, or the value of the run to resume. Checks everything before it writes. Raises InputError, ConfigError or
+    MapFileError if the run, world or map does not exist, or an option contradicts it, or another run has the folder."""
     check_files(args)
     if args.resume is not None:
-        return _begin_again(args, RunFolder.open(args.resume))
+        with hold(args.resume):
+            yield _begin_again(args, RunFolder.open(args.resume))
+        return
     if args.moved:
         raise ConfigError("--moved is said of the robot of an interrupted run; give that run with --resume, too")
     fill(args, DEFAULTS)
@@ -57,10 +62,11 @@ def begin(args: argparse.Namespace) -> tuple[RunFolder, Config, EmulatedWorld | 
     name = Path(args.world).stem.replace(":", "_") if args.world else args.base.partition(":")[0]
     folder = RunFolder.create(args.out) if args.out else RunFolder.create_dated(name)
     hard = {} if world is None else world.hard
-    folder.write_config(parameters, args.line, hard=hard, **{name: getattr(args, name) for name in REMEMBERED})
-    if world is not None:
-        save_world(world, folder.path / "world.yaml")
-    return folder, parameters, world
+    with hold(folder.path):
+        folder.write_config(parameters, args.line, hard=hard, **{name: getattr(args, name) for name in REMEMBERED})
+        if world is not None:
+            save_world(world, folder.path / "world.yaml")
+        yield folder, parameters, world
 
 
 def check_files(args: argparse.Namespace) -> None:
@@ -167,11 +173,14 @@ def opened_recording(args: argparse.Namespace) -> Recording:
     return dataclasses.replace(recording, camera=_calibration(recording, args.calibration))
 
 
-def replay_folder(args: argparse.Namespace, config: Config) -> RunFolder:
-    """The run folder, with the configuration in it. Raises InputError if something else has this path."""
+@contextmanager
+def replay_folder(args: argparse.Namespace, config: Config) -> Iterator[RunFolder]:
+    """The run folder, held meanwhile, with the configuration in it. Raises InputError if something else has this path
+    or another run the folder."""
     folder = RunFolder.create(args.out) if args.out else RunFolder.create_dated(args.input.stem)
-    folder.write_config(config, args.line, seed=args.seed, input=str(args.input.resolve()))
-    return folder
+    with hold(folder.path):
+        folder.write_config(config, args.line, seed=args.seed, input=str(args.input.resolve()))
+        yield folder
 
 
 def _calibration(recording: Recording, file: Path | None) -> PinholeCamera:

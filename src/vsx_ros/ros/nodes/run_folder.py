@@ -19,6 +19,7 @@ from vsx_ros.ros import calls, headers, node, threads
 from vsx_ros.ros.monitor import Monitor, MonitorJournal
 from vsx_ros.ros.run_results import About, Ending, write_results
 from vsx_ros.runs.folder import RunFolder
+from vsx_ros.runs.hold import hold
 from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.process import STOPPED
 from vsx_ros.runs.report import EXIT_CODES
@@ -41,7 +42,7 @@ class RunFolderNode:
         if self._folder is None:
             rospy.logwarn("run_dir is none: nothing of this run is kept")
             return
-        world = self._begin(self._folder)
+        world, self._held = self._begin(self._folder), hold(self._folder.path)  # until this process ends
         self._journal = MonitorJournal(self._folder, config.robot.mount)
         self._judge = MapJudge(world, config) if world is not None and not self._about.load_map else None
         self._monitor = Monitor(emulated=world is not None)
