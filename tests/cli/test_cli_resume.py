@@ -21,11 +21,12 @@ from vsx_ros.errors import MapFileError
 from vsx_ros.exploration.decision import SavedMission
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.slam_map_file import load_slam_map
+from vsx_ros.io.zone_file import zone_file
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.checkpoint import Checkpoint, CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.interrupted import REASON
-from vsx_ros.runs.journal import FrameLine, Journal, read_journal
+from vsx_ros.runs.journal import FrameLine, Journal, OdometryLine, last_driven, read_journal
 from vsx_ros.runs.moments import Moments
 from vsx_ros.runs.previous import PreviousSessions, end_trail
 from vsx_ros.runs.start import REMEMBERED, begin
@@ -62,6 +63,7 @@ def resumed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Previo
     before = PreviousSessions.of(RunFolder.open(out))
     assert before is not None
     befores.append(before)
+    shutil.copytree(out, out.with_name("killed"))
     assert execute(["report", str(out)]) == 0
     assert REASON in (out / "report.html").read_text()
     second = before.ended_ns // SECOND  # 13, or later where it was killed late
@@ -158,6 +160,28 @@ def test_a_run_killed_before_it_had_a_map_remembers_every_option(tmp_path):
     again = parse(["explore", "--resume", str(folder.path)])
     with begin(again):
         assert (again.load_map, again.room) == ("lab.vsxmap", "hall")
+
+
+def test_a_resume_that_fails_leaves_the_robot_where_it_stood(resumed, tmp_path, capsys):
+    out, _ = resumed
+    folder = RunFolder.open(shutil.copytree(out.with_name("killed"), tmp_path / "run"))
+    journal = folder.journal.read_bytes()
+    zone_file(folder.path / "map.yaml").write_text("zones: 3\n")
+    assert execute(["explore", "--fast", "--resume", str(folder.path)]) == 1
+    assert "map_zones.yaml" in capsys.readouterr().err
+    assert folder.journal.read_bytes() == journal
+
+
+def test_a_robot_stands_where_it_stood_also_after_a_session_that_was_killed_at_once(resumed, tmp_path):
+    """Such a session has rewound the journal to the checkpoint, and has written no newer one."""
+    out, (before,) = resumed
+    folder = RunFolder.open(shutil.copytree(out.with_name("killed"), tmp_path / "run"))
+    assert before.ended_ns > before.saved.stamp_ns
+    Journal(folder.journal, before.lines)
+    again = PreviousSessions.of(folder)
+    assert again.lines == before.lines
+    assert (again.ended_ns, again.T_odom_base, again.truth) == (before.ended_ns, before.T_odom_base, before.truth)
+    assert again.system.mission.trail == before.system.mission.trail
 
 
 def test_a_damaged_checkpoint_is_told(resumed, capsys):
@@ -369,12 +393,16 @@ def test_what_came_after_is_known_by_the_journal_s_order_and_not_by_the_clock(tm
     Journal(folder.journal).add(*frames)
     (folder.checkpoint.path / "map.zip").touch()
     monkeypatch.setattr(Checkpoint, "read", lambda _: CheckpointData(None, stamps_ns[4], {}, {}))
-    assert PreviousSessions(folder).lines == frames[:5]
+    last = OdometryLine(stamps_ns[5], frames[5].T_odom_base)
+    assert PreviousSessions(folder).lines == [*frames[:5], last]
     saved = SavedMission([], [], [SE2(-0.1, 0.0, 0.0)], False, None)
     folder.checkpoint.write_mission(saved.tree(), stamps_ns[2])
-    end_trail(folder, moved=False)
-    trail = SavedMission.of(folder.checkpoint.read_mission(), tmp_path).trail
-    assert [pose.x for pose in trail] == pytest.approx([-0.4, -0.2, -0.1, 0.0])
+    for _ in range(2):  # also in the journal that a session leaves which is killed before its first frame
+        end_trail(folder, moved=False)
+        trail = SavedMission.of(folder.checkpoint.read_mission(), tmp_path).trail
+        assert [pose.x for pose in trail] == pytest.approx([-0.4, -0.2, -0.1, 0.0])
+        Journal(folder.journal, PreviousSessions(folder).lines)
+        assert last_driven(folder.journal) == last
 
 
 def test_only_the_robot_of_a_run_to_resume_can_have_been_moved(tmp_path, monkeypatch, capsys):

@@ -77,6 +77,19 @@ class FrameLine(Struct, frozen=True, kw_only=True, tag="frame"):
         return Odometry(self.stamp_ns, SE2(*self.T_odom_base), odom_epoch=self.odom_epoch)
 
 
+class OdometryLine(Struct, frozen=True, tag="odometry"):
+    """Where a frame that came after the checkpoint had the base; a resumed run forgets all else of that frame."""
+
+    stamp_ns: Stamp
+    T_odom_base: Pose2
+    odom_epoch: Index = 0
+
+    @property
+    def odometry(self) -> Odometry:
+        """The odometry of the frame, without speeds."""
+        return Odometry(self.stamp_ns, SE2(*self.T_odom_base), odom_epoch=self.odom_epoch)
+
+
 class TruthLine(Struct, frozen=True, tag="truth"):
     """The true state at a stamp, from an emulator."""
 
@@ -122,7 +135,7 @@ class MapLine(Struct, frozen=True, kw_only=True, tag="map"):
     known_area_m2: Area
 
 
-Line: TypeAlias = FrameLine | TruthLine | RunEvent | ClockLine | PictureLine | MapLine
+Line: TypeAlias = FrameLine | OdometryLine | TruthLine | RunEvent | ClockLine | PictureLine | MapLine
 _TAIL_BYTES = 1 << 16  # a hundred frames
 _ENCODE, _DECODE = msgspec.json.Encoder(), msgspec.json.Decoder(Line)
 
@@ -180,13 +193,15 @@ def odom_epochs(lines: Iterable[Line]) -> dict[int, int]:
     return {frame.stamp_ns: frame.odom_epoch for frame in frames if frame.T_odom_base is not None}
 
 
-def last_driven(path: Path) -> FrameLine | None:
-    """The newest frame that has odometry, of a journal that is being written; None if its last lines hold none."""
+def last_driven(path: Path) -> FrameLine | OdometryLine | None:
+    """The newest frame that has odometry, also a forgotten one, of a journal that is being written; None if its last
+    lines hold none."""
     with suppress(OSError), path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - _TAIL_BYTES))
         for text in reversed(file.read().split(b"\n")):
             with suppress(ValueError):  # the first and the last are parts of lines
-                if isinstance(line := _DECODE.decode(text), FrameLine) and line.T_odom_base is not None:
+                line = _DECODE.decode(text)
+                if isinstance(line, FrameLine | OdometryLine) and line.T_odom_base is not None:
                     return line
     return None
 

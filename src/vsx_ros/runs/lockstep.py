@@ -69,6 +69,8 @@ class FastRun:
             known = [line for line in before.lines if isinstance(line, TruthLine)]
             self.truth = StampedPoses((line.stamp_ns, unflat(line.T_world_cam)) for line in known)
             self._errors_m += before.saved.state["errors_m"].tolist()
+            if folder is not None:
+                resume_places(self.system.ground, folder)
         # Last: until everything is ready, the files of the interrupted run stay unchanged.
         self.keeper = RunWriter(mount, folder, before, config=config.runs)
         self.record = self.keeper.record
@@ -235,8 +237,6 @@ def explore_fast(args: argparse.Namespace) -> int:
         if before is None:
             map_file = Path(args.load_map) if args.load_map else None
             begin_places(run.system.ground, map_file, Path(args.zones) if args.zones else None, args.room)
-        else:
-            resume_places(run.system.ground, folder)
         reason = run.run(limit_s, run.until(args.until) if args.until is not None else None)
         facts = {"world": args.world, "seed": args.seed, "planner": args.planner, "continued_map": args.load_map}
         summary = run.summary(reason, **facts)

@@ -10,7 +10,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.exploration.decision import SavedMission
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.journal import FrameLine, Line, TruthLine, read_journal
+from vsx_ros.runs.journal import FrameLine, Line, OdometryLine, TruthLine, read_journal
 from vsx_ros.system import SavedSystem
 
 BETWEEN_FRAMES_M = 0.5  # no base drives farther between two frames of its journal
@@ -18,7 +18,7 @@ BETWEEN_FRAMES_M = 0.5  # no base drives farther between two frames of its journ
 
 class PreviousSessions:
     """Data of the earlier sessions: the checkpoint, and the journal, which reaches further. lines: of the journal;
-    frames and events up to the checkpoint, the truth up to the last moment."""
+    frames and events up to the checkpoint, odometry and truth up to the last moment."""
 
     def __init__(self, folder: RunFolder) -> None:
         """Raises MapFileError or InputError when damaged."""
@@ -28,9 +28,9 @@ class PreviousSessions:
         places = [k for k, line in enumerate(journal) if isinstance(line, FrameLine)]
         newer = _newer_from([journal[k].stamp_ns for k in places], stamp_ns)
         end = places[newer - 1] + 1 if newer else 0
-        known = (line for line in journal[end:] if not isinstance(line, FrameLine) and line.stamp_ns <= stamp_ns)
-        truth = (line for line in journal[end:] if isinstance(line, TruthLine) and line.stamp_ns > stamp_ns)
-        self.lines = [*journal[:end], *known, *truth]
+        later = (line for line in map(_without_map, journal[end:]) if line is not None)
+        moved = OdometryLine | TruthLine
+        self.lines = [*journal[:end], *(x for x in later if isinstance(x, moved) or x.stamp_ns <= stamp_ns)]
 
     @staticmethod
     def of(folder: RunFolder) -> PreviousSessions | None:
@@ -85,9 +85,16 @@ def end_trail(folder: RunFolder, moved: bool) -> None:
     folder.checkpoint.write_mission(saved.tree(), driven[-1][0] if driven else 0)
 
 
+def _without_map(line: Line) -> Line | None:
+    """What stays of a line that came after the checkpoint: of a frame its odometry, if it has one."""
+    if not isinstance(line, FrameLine):
+        return line
+    return None if line.T_odom_base is None else OdometryLine(line.stamp_ns, line.T_odom_base, line.odom_epoch)
+
+
 def _driven(lines: Sequence[Line]) -> list[tuple[int, SE2]]:
     """Stamp and T_odom_base of each frame that has odometry, in the odometry's last epoch."""
-    readings = [line.odometry for line in lines if isinstance(line, FrameLine) and line.odometry is not None]
+    readings = [x.odometry for x in lines if isinstance(x, FrameLine | OdometryLine) and x.odometry is not None]
     return [(r.stamp_ns, r.T_odom_base) for r in readings if r.odom_epoch == readings[-1].odom_epoch]
 
 

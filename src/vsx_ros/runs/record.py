@@ -13,7 +13,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, StampedPose, StampedPoses
 from vsx_ros.io.map_export import write_ply
 from vsx_ros.runs.folder import FrameRecord, RunFolder
-from vsx_ros.runs.journal import FrameLine, Line, RunEvent, unflat
+from vsx_ros.runs.journal import FrameLine, Line, OdometryLine, RunEvent, unflat
 from vsx_ros.runs.stored_frames import StoredFrames
 from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.slam import TrackerAndMapper
@@ -31,7 +31,7 @@ def counts_all(frames: int | None, lines: Sequence[Line]) -> bool:
 
 class RunRecord:
     """The SLAM's results of a run, frame by frame. odom_epoch: the odometry's epoch in the last frame that has
-    odometry; -1 before the first."""
+    odometry, also a forgotten one; -1 before the first."""
 
     def __init__(self, T_base_cam: SE3) -> None:
         self._T_base_cam = T_base_cam
@@ -52,6 +52,8 @@ class RunRecord:
         for line in lines:
             if isinstance(line, FrameLine):
                 self.add_frame(line)
+            elif isinstance(line, OdometryLine):
+                self.odom_epoch = line.odom_epoch
             elif isinstance(line, RunEvent):
                 self.events.append(line)
 
