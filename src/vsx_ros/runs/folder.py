@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
-import yaml
 from msgspec import structs
 
 from vsx_ros.config import Config, from_dict, to_dict
@@ -24,9 +23,10 @@ from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.atomic import try_to_make, write_text
 from vsx_ros.io.map_file import load_map, save_map
 from vsx_ros.io.trajectory_file import format_stamp, parse_stamp, read_trajectory, write_trajectory
-from vsx_ros.limits import LOG_BYTES, TEXT_BYTES, file_text, json_tree, yaml_tree
+from vsx_ros.limits import LOG_BYTES, TEXT_BYTES, file_text, json_tree
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.runs.checkpoint import Checkpoint
+from vsx_ros.runs.config_file import config_text, config_tree
 from vsx_ros.runs.hold import hold
 from vsx_ros.runs.journal import RunEvent
 from vsx_ros.runs.versions import installed_versions, is_of_a_run
@@ -142,13 +142,13 @@ class RunFolder:
         date = datetime.now().isoformat(" ", "seconds")
         tree = {"command": " ".join(command), "date": date, **facts, "versions": installed_versions()}
         tree["config"] = to_dict(config)
-        write_text(self.path / "config.yaml", yaml.safe_dump(tree, sort_keys=False), durable=True)
+        write_text(self.path / "config.yaml", config_text(tree), durable=True)
 
     def read_config(self) -> tuple[Config, dict[str, Any]]:
         """The configuration, and the other entries of config.yaml (command, versions, seed). Raises InputError or
-        ConfigError when the file is missing or damaged."""
-        tree = self._parsed("config.yaml", yaml_tree)
-        return from_dict(tree.pop("config", {})), tree
+        ConfigError when the file is missing, damaged or cut short."""
+        tree = self._parsed("config.yaml", config_tree)
+        return from_dict(tree.pop("config")), tree
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """The numbers of the run, one key per line; unknown values are null."""
