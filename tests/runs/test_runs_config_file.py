@@ -1,5 +1,9 @@
 """config.yaml of a run folder is used whole or not at all."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 from vsx_ros.config import Config, overridden
@@ -39,3 +43,18 @@ def test_a_file_without_a_configuration_is_refused(run):
     (run.path / "config.yaml").write_text("---\nseed: 3\n...\n")
     with pytest.raises(InputError, match="it holds no configuration"):
         run.read_config()
+
+
+def test_paths_that_are_not_utf8_are_kept(tmp_path):
+    path, map_file = (str(tmp_path / os.fsdecode(name)) for name in (b"caf\xe9", b"\xfc.vsxmap"))
+    run = RunFolder.create(tmp_path / path)
+    run.write_config(Config(), ["vsx", "explore", "--out", path], load_map=map_file, zones="plain.yaml", seed=None)
+    facts = run.read_config()[1]
+    assert (facts["load_map"], facts["zones"], facts["seed"]) == (map_file, "plain.yaml", None)
+    assert facts["command"] == f"vsx explore --out {path}"
+    run.write_summary({"continued_map": map_file, "stop_reason": "it is done", "frames": 0, "ended_well": True})
+    for command in ("report", "evaluate"):
+        words = [sys.executable, "-m", "vsx_ros.cli.main", command, path]
+        done = subprocess.run(words, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}, capture_output=True)
+        assert done.returncode == 0, done.stderr
+    assert r"caf\udce9" in (run.path / "report.html").read_text(encoding="utf-8")

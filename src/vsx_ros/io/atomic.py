@@ -56,8 +56,8 @@ def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
 
 
 def write_text(path: Path, content: str, *, durable: bool = False) -> None:
-    """The same with text, UTF-8."""
-    write_bytes(path, content.encode("utf-8"), durable=durable)
+    """The same with text, UTF-8; of file names that are not UTF-8 the other bytes are written in words: \\udce9."""
+    write_bytes(path, content.encode("utf-8", "backslashreplace"), durable=durable)
 
 
 def sync(path: Path) -> None:

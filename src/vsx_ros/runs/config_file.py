@@ -1,5 +1,6 @@
 """config.yaml of a run folder. A part of it is not used: the limits that it lacks would be the default ones."""
 
+import os
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,8 +13,9 @@ _LAST_ONCE = "    plan_ms_m: "  # the last parameter in files of older versions,
 
 
 def config_text(tree: Mapping[str, Any]) -> str:
-    """The file's text."""
-    return str(yaml.safe_dump(dict(tree), sort_keys=False, explicit_start=True, explicit_end=True))
+    """The file's text; names that are not UTF-8 are kept as bytes, for which YAML has a type."""
+    stored = {name: _stored(value) for name, value in tree.items()}
+    return str(yaml.safe_dump(stored, sort_keys=False, explicit_start=True, explicit_end=True))
 
 
 def config_tree(text: str) -> dict[str, Any]:
@@ -23,4 +25,13 @@ def config_tree(text: str) -> dict[str, Any]:
         raise ValueError("it holds no configuration")
     if not (lines[-1] == _LAST if lines[0] == _FIRST else lines[-1].startswith(_LAST_ONCE)):
         raise ValueError("it is cut short")
-    return tree
+    return {name: os.fsdecode(value) if isinstance(value, bytes) else value for name, value in tree.items()}
+
+
+def _stored(value: Any) -> Any:
+    name = os.fsencode(value) if isinstance(value, str) else b""
+    try:
+        name.decode("utf-8")
+    except UnicodeDecodeError:
+        return name
+    return value
