@@ -75,6 +75,44 @@ def test_noise_is_smoothed_and_a_bend_of_the_wheels_learnt():
     assert abs(pose.angle_to(true)) < 0.012
 
 
+AHEAD, BACK = (0.3, 0.0), (-0.3, 0.0)  # m/s, rad/s
+
+
+def bent_drive(bend_rad_m: float, *legs: tuple[tuple[float, float], float, bool]) -> tuple[SE2, SE2]:
+    """Where the base is believed to be and where it is, after legs of (twist, seconds, whether the camera sees), on
+    wheels of which odometry does not know that they bend the way."""
+    rng, fuser, true, odom, now_ns = np.random.default_rng(0), Localization(), SE2(), SE2(), 0
+    for (v, omega), seconds, seen in legs:
+        for k in range(round(50 * seconds)):
+            now_ns += 20 * MS
+            odom = integrate(odom, 0.02 * v, 0.02 * omega)
+            true = integrate(true, 0.02 * v, 0.02 * (omega + bend_rad_m * v))
+            fuser.add_odometry(Odometry(now_ns, odom, v, omega))
+            if seen and k % 2 == 0:
+                x, y, theta = rng.normal(0.0, 0.003, 3).tolist()
+                fuser.add_pose(now_ns, SE2(true.x + x, true.y + y, true.theta + theta))
+    pose = fuser.pose()
+    assert pose is not None
+    return pose, true
+
+
+@pytest.mark.parametrize("bend_rad_m", [0.05, -0.1])
+@pytest.mark.parametrize(
+    "legs",
+    [
+        [(AHEAD, 20.0, True), (AHEAD, 3.4, False)],
+        [(AHEAD, 20.0, True), (BACK, 3.4, False)],
+        [(BACK, 20.0, True), (AHEAD, 3.4, False)],
+        [(AHEAD, 20.0, True), (BACK, 4.0, True), (BACK, 3.4, False)],
+        [(AHEAD, 20.0, True), ((0.0, 1.0), 2.0, False), (AHEAD, 3.4, False)],
+    ],
+    ids=["ahead", "back", "learnt back", "learnt both ways", "ahead after a turn"],
+)
+def test_wheels_that_bend_the_way_bend_it_back_in_reverse(bend_rad_m, legs):
+    """A metre without the camera; its bend of the wrong sign would be 6 or 11 degrees."""
+    assert close(*bent_drive(bend_rad_m, *legs), 0.02, math.radians(1.2))
+
+
 def test_a_relocalisation_is_believed_at_once():
     fuser = Localization()
     for k in range(5):

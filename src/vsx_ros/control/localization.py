@@ -8,7 +8,7 @@ import numpy as np
 
 from vsx_ros.arrays import FloatArray
 from vsx_ros.errors import InputError
-from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.robot import MAP_FRAME, ODOM_FRAME, Odometry, odometry_at
 from vsx_ros.slam.state import TrackingState
 
@@ -159,7 +159,7 @@ class Localization:
         assert self._anchor is not None
         T_world_anchor, T_odom_anchor = self._anchor
         step = T_odom_anchor.inverse() @ T_odom_base
-        turn = self._bend_rad_m * math.hypot(step.x, step.y)
+        turn = self._bend_rad_m * _way_ahead(step)
         half = SE2(0.0, 0.0, 0.5 * turn)
         return T_world_anchor @ half @ SE2(step.x, step.y, step.theta) @ half
 
@@ -168,11 +168,11 @@ class Localization:
         the last measurement were off alike by more than noise."""
         assert self._anchor is not None
         before = self._anchor[0]
-        dx, dy, way = believed.x - before.x, believed.y - before.y, believed.distance_to(before)
+        dx, dy, way = believed.x - before.x, believed.y - before.y, _way_ahead(before.inverse() @ believed)
         F = np.eye(4)
         F[0, 2], F[1, 2], F[2, 3] = -dy, dx, way
         F[0, 3], F[1, 3] = -0.5 * dy * way, 0.5 * dx * way
-        drift = np.array([_DRIFT_M**2, _DRIFT_M**2, _DRIFT_RAD**2, _BEND_DRIFT**2]) * way
+        drift = np.array([_DRIFT_M**2, _DRIFT_M**2, _DRIFT_RAD**2, _BEND_DRIFT**2]) * abs(way)
         P = F @ self._covariance @ F.T + np.diag(drift + np.array([_STANDING_VARIANCE] * 3 + [0.0]))
         residual = np.array([measured.x - believed.x, measured.y - believed.y, believed.angle_to(measured)])
         S = P[:3, :3] + np.diag([_SLAM_M**2, _SLAM_M**2, _SLAM_RAD**2])
@@ -186,6 +186,13 @@ class Localization:
         self._covariance = P - gain @ P[:3, :]
         self._bend_rad_m += float(change[3])
         return SE2(believed.x + float(change[0]), believed.y + float(change[1]), believed.theta + float(change[2]))
+
+
+def _way_ahead(step: SE2) -> float:
+    """The length of a motion [m], negative if it leads back from the heading halfway: unequal wheels undo their bend
+    when they go back."""
+    half = 0.5 * wrap_angle(step.theta)
+    return math.copysign(math.hypot(step.x, step.y), step.x * math.cos(half) + step.y * math.sin(half))
 
 
 def _follows(stamp_ns: int, last_ns: int) -> bool:
