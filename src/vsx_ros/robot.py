@@ -26,7 +26,7 @@ BASE_FRAME, BODY_FRAME = "base_footprint", "base_link"  # on the floor, and the 
 _JITTER_M = 0.002  # between two poses
 _SPEED_OVER_NS = 100_000_000  # in a shorter time a step of 1 mm, as encoders have, looks like a speed
 _CARRIED_NS = 200_000_000  # 10 readings: at full speed, changes of speed cause an error of 1 cm in that time
-_JOINED_NS = 500_000_000  # how the base moved between two readings farther apart is unknown
+JOINED_NS = 500_000_000  # how the base moved between two readings farther apart is unknown
 
 
 class Frame(NamedTuple):
@@ -170,7 +170,7 @@ def odometry_at(readings: Sequence[Odometry], stamp_ns: int) -> Odometry | None:
     if i == 0:
         return None
     before, after = readings[i - 1], readings[i] if i < len(readings) else None
-    joined = after is not None and after.stamp_ns - before.stamp_ns <= _JOINED_NS
+    joined = after is not None and after.stamp_ns - before.stamp_ns <= JOINED_NS
     if after is not None and joined and after.odom_epoch == before.odom_epoch:
         return before.towards(after, stamp_ns)
     if stamp_ns - before.stamp_ns > _CARRIED_NS:

@@ -50,7 +50,7 @@ def test_odometry_that_jumps_is_counted_on(arc_drive, jump, last):
     assert done.worst_m < 0.02
 
 
-@pytest.mark.parametrize(("silent_s", "v"), [(0.5, 0.0), (2.5, 0.2), (6.0, 0.0)])
+@pytest.mark.parametrize(("silent_s", "v"), [(0.4, 0.2), (0.5, 0.0), (2.5, 0.2), (6.0, 0.0), (30.0, 0.3)])
 @pytest.mark.parametrize("restarted", [False, True])
 def test_after_a_silence_a_base_that_restarted_is_counted_on(silent_s, v, restarted):
     gaps = []
@@ -59,11 +59,30 @@ def test_after_a_silence_a_base_that_restarted_is_counted_on(silent_s, v, restar
     driven = SE2(v * silent_s, 0.0, 0.0)
     assert odometry.at(0, epochs.enter(before)) == before.T_odom_base
     now = epochs.enter(Odometry(after_ns, SE2() if restarted else before.T_odom_base @ driven, v, 0.0))
-    counted = odometry.at(after_ns, now)
-    assert (before.T_odom_base.inverse() @ counted).as_array() == pytest.approx(driven.as_array(), abs=1e-9)
-    assert len(gaps) == restarted
+    counted, unknown = odometry.at(after_ns, now), restarted and silent_s > 0.5
+    moved = SE2() if unknown else driven
+    assert (before.T_odom_base.inverse() @ counted).as_array() == pytest.approx(moved.as_array(), abs=1e-9)
+    assert ["as if the base had stood" in gap for gap in gaps] == [unknown] * restarted
+    assert [odometry.parted(), odometry.parted()] == [unknown, False]
     on = odometry.at(after_ns + 10**8, now._replace(stamp_ns=after_ns + 10**8, T_odom_base=now.T_odom_base @ SE2(0.02)))
     assert (counted.inverse() @ on).as_array() == pytest.approx([0.02, 0.0, 0.0], abs=1e-9)
+
+
+def test_no_odometry_connects_the_keyframes_before_and_after_a_long_silence_of_a_base_that_restarted(arc_drive):
+    """In it the base drove on, 0.15 m; only the images tell."""
+    slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, Config().slam, 1)
+    epochs, states = OdometryEpochs(), []
+    for k, (frame, odometry, _) in enumerate(arc_drive.frames):
+        moved = odometry._replace(T_odom_base=SE2(3.0, 1.0, 0.5) @ odometry.T_odom_base) if k >= LAST else odometry
+        states.append(slam.track(frame, None if FIRST <= k < LAST else epochs.enter(moved)).state)
+    assert set(states[FIRST:]) <= set(TRACKED)
+    (gap,) = (event.reason for event in slam.drain_events() if event.kind == "gap")
+    assert gap.endswith("as if the base had stood")
+    keyframes, heard_ns = slam.slam_map().view.keyframes, arc_drive.frames[LAST][0].stamp_ns
+    before = {k.odom_segment for k in keyframes if k.data.stamp_ns < heard_ns}
+    after = {k.odom_segment for k in keyframes if k.data.stamp_ns >= heard_ns}
+    assert after
+    assert before.isdisjoint(after)
 
 
 def test_odometry_that_jumps_before_the_start_does_not_hinder_it(arc_drive):

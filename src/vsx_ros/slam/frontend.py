@@ -54,7 +54,6 @@ class FrontEnd:
     def process(self, frame: Frame, odometry: Odometry | None) -> Outcome:
         """Process one frame, in the order of the stamps; returns its result and work for the mapper. After an
         ``InitialPair`` call ``started`` or ``refused``, at once or some frames later; no other is proposed before.
-
         Internal poses refer to the image's middle row, results to its stamp (start of the first row). Raises InputError
         for an image of the wrong size or type and for a stamp that does not advance; such a frame changes nothing."""
         if not (self._view.keyframes or self._bootstrap.is_trying) and self._preprocessor.begins_again(odometry):
@@ -183,6 +182,7 @@ class FrontEnd:
         return result.placed(track.T_world_cam), request
 
     def _request(self, data: FrameData, track: Track) -> KeyFrameRequest:
+        self._segment = next(self._segments) if self._preprocessor.parted() and len(track.rows) else self._segment
         self._since_keyframe, self._keyframe_ns = 0, data.stamp_ns
         settled, (searched, found) = track.settled, self.record.counts()
         return KeyFrameRequest(

@@ -11,7 +11,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera, Shutter, check_calibration, kernel_camera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.robot import Frame, Odometry
+from vsx_ros.robot import JOINED_NS, Frame, Odometry
 from vsx_ros.slam.keyframe import HANGS, FrameData
 from vsx_ros.slam.repeat_watch import RepeatWatch
 from vsx_ros.vision.corners import CornerDetector, no_corners
@@ -137,6 +137,10 @@ class Preprocessor:
         """See ``ContinuousOdometry``; for frames before the map."""
         return self._odometry is not None and odometry is not None and self._odometry.begins_again(odometry)
 
+    def parted(self) -> bool:
+        """See ``ContinuousOdometry``."""
+        return self._odometry is not None and self._odometry.parted()
+
 
 def _shows_light(pyramid: Pyramid) -> bool:
     coarse = pyramid.level(LEVELS - 1)
@@ -157,21 +161,26 @@ class ContinuousOdometry:
     def __init__(self, gap: Callable[[int, str], None]) -> None:
         self._gap = gap
         self._last: tuple[int, SE2, int] | None = None
-        self._T_continuous_odom = SE2()
+        self._T_continuous_odom, self._parted = SE2(), False
 
     def begins_again(self, odometry: Odometry) -> bool:
         """Whether a new epoch begins with this reading. If so, forget the one before: its poses are counted on only
         from a map."""
         if self._last is None or self._last[2] == odometry.odom_epoch:
             return False
-        self._last, self._T_continuous_odom = None, SE2()
+        self._last, self._T_continuous_odom, self._parted = None, SE2(), False
         return True
+
+    def parted(self) -> bool:
+        """Whether since the last call an epoch began of which nobody knows where."""
+        parted, self._parted = self._parted, False
+        return parted
 
     def at(self, stamp_ns: int, odometry: Odometry | None) -> SE2 | None:
         """The pose of the base by odometry at the time of the image, None when unknown.
 
         A new epoch does not move the base: it is assumed to have moved at the speed of the reading, and counting
-        continues from there."""
+        continues from there. After a longer silence than that can be true for, it is assumed to have stood."""
         if odometry is None:
             return None
         raw = pose_at(stamp_ns, odometry)
@@ -181,10 +190,12 @@ class ContinuousOdometry:
         counted = self._T_continuous_odom @ raw
         if self._last is not None and self._last[2] != odometry.odom_epoch:
             last_ns, last, _ = self._last
-            elapsed = (stamp_ns - last_ns) * 1e-9
+            elapsed, far = (stamp_ns - last_ns) * 1e-9, stamp_ns - last_ns > JOINED_NS
             jump = f"{last.distance_to(counted):.2f} m and {math.degrees(abs(last.angle_to(counted))):.0f} deg"
-            self._gap(stamp_ns, f"odometry jumped by {jump} in {elapsed:.2f} s: counted on from where it was")
-            counted = last @ SE2.exp(odometry.v * elapsed, odometry.omega * elapsed)
+            how = ", as if the base had stood" if far else ""
+            self._gap(stamp_ns, f"odometry jumped by {jump} in {elapsed:.2f} s: counted on from where it was{how}")
+            counted = last if far else last @ SE2.exp(odometry.v * elapsed, odometry.omega * elapsed)
+            self._parted |= far
             self._T_continuous_odom = counted @ raw.inverse()
         self._last = stamp_ns, counted, odometry.odom_epoch
         return counted
