@@ -330,7 +330,7 @@ def test_the_shutter_that_the_camera_told_is_the_recordings(tmp_path, times, shu
     assert known == (None if shutter is None else pytest.approx(shutter))
 
 
-@pytest.mark.parametrize("times", [[0.026], [0.026, -0.1], [np.nan, 0.01], [1.0, 2.0, 3.0]])
+@pytest.mark.parametrize("times", [[0.026], [0.026, -0.1], [np.nan, 0.01], [1.0, 2.0, 3.0], [0.6, 0.015]])
 def test_a_shutter_that_cannot_be_is_one_sentence(tmp_path, times):
     path = write(tmp_path / "a.bag", [("/camera/rgb/camera_info", info()), told_shutter(times),
                                       ("/camera/rgb/image_raw", image(1))])  # fmt: skip

@@ -61,7 +61,11 @@ def test_a_lens_that_is_no_pinhole_is_refused_by_its_unknown_model(model, D):
         camera_from_info(640, 480, [300.0, 0.0, 320.0, 0.0, 300.0, 240.0, 0.0, 0.0, 1.0], D, model, "c")
 
 
-@pytest.mark.parametrize("shutter", ["-1", "{readout_s: 0.03}", "{readout_s: -0.03, exposure_s: 0.01}"])
+@pytest.mark.parametrize(
+    "shutter",
+    ["-1", "{readout_s: 0.03}", "{readout_s: -0.03, exposure_s: 0.01}", "{readout_s: 26.0, exposure_s: 0.01}",
+     "{readout_s: 0.03, exposure_s: 0.3}"],
+)  # fmt: skip
 def test_a_shutter_is_two_times(tmp_path, shutter):
     (tmp_path / "c.yaml").write_text(AS_CAMERA_CALIBRATION_WRITES + f"shutter: {shutter}\n")
     with pytest.raises(CalibrationError, match="exposure_s|negative|missing"):

@@ -41,6 +41,7 @@ _ASCENDING = (
     ("dense.min_range_m", "dense.max_range_m"),
     ("docking.reserve_ratio", "docking.charged_ratio"),
 )
+_OR_CALIBRATED = ("slam.shutter.readout_s", "slam.shutter.exposure_s")  # -1: the calibration's
 
 
 class MountConfig(Branch, frozen=True):
@@ -209,6 +210,9 @@ def from_dict(tree: dict[str, Any]) -> Config:
     for low, high in _ASCENDING:
         if values[low] >= values[high]:
             raise ConfigError(f"configuration: {low} is {values[low]:g}; it must be below {high}, {values[high]:g}")
+    for name in _OR_CALIBRATED:
+        if -1.0 < values[name] < 0.0:
+            raise ConfigError(f"configuration: {name} is {values[name]:g}; give -1 (the calibration's) or at least 0")
     return config
 
 

@@ -124,8 +124,8 @@ class ShutterConfig(Branch, frozen=True):
     odometry, images are corrected for the camera's motion in that time. -1: as in the calibration, or 0 without one.
     latency_s: how much later than the start of the first row's exposure the driver stamps images."""
 
-    readout_s: Annotated[float, Meta(ge=-1)] = -1.0
-    exposure_s: Annotated[float, Meta(ge=-1)] = -1.0
+    readout_s: Annotated[float, Meta(ge=-1, le=0.2)] = -1.0
+    exposure_s: Annotated[float, Meta(ge=-1, le=0.2)] = -1.0
     latency_s: Annotated[float, Meta(ge=-0.5, le=0.5)] = 0.0
 
 

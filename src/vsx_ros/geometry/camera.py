@@ -19,6 +19,7 @@ VIEW_MIN_DEG, VIEW_MAX_DEG = 10.0, 150.0  # horizontal: what a planar image can 
 FISHEYE_VIEW_MAX_DEG = 250.0  # the widest on the market
 BORDER = 1.1  # times the radius of the farthest corner: limit of predictions beyond the image
 MOUNT_REACH_M = 5.0  # no camera is farther from its base; more is probably a wrong unit
+SHUTTER_MAX_S = 0.2  # of readout and of exposure, as in config.slam.shutter; more is probably in milliseconds
 ROTATION_ERROR = 1e-6  # rounding of six digits in a file
 
 
@@ -27,6 +28,11 @@ class Shutter(NamedTuple):
 
     readout_s: float
     exposure_s: float
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether a camera can have these times."""
+        return all(0.0 <= time <= SHUTTER_MAX_S for time in self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +72,11 @@ class PinholeCamera:
                 f"camera calibration has the distortion model {self.model!r} with {len(self.distortion)} "
                 f"coefficients; known are {known}: calibrate with one of these"
             )
-        if min(self.shutter or (0.0,)) < 0.0:
-            raise CalibrationError(f"camera calibration has {self.shutter}; times cannot be negative, remove them")
+        if self.shutter is not None and not self.shutter.is_possible:
+            raise CalibrationError(
+                f"camera calibration has {self.shutter}; times cannot be negative or above {SHUTTER_MAX_S:g} s: "
+                "give seconds, or remove them"
+            )
 
     @property
     def K(self) -> FloatArray:

@@ -109,7 +109,7 @@ def shutter_from_topic(times: Sequence[float], topic: str) -> Shutter | None:
     numbers = [float(time) for time in times]
     if not numbers:
         return None
-    if len(numbers) != len(Shutter._fields) or not all(0.0 <= time < 1.0 for time in numbers):
+    if len(numbers) != len(Shutter._fields) or not Shutter(*numbers).is_possible:
         raise CalibrationError(f"topic {topic} holds {numbers[:5]}; it must be readout and exposure in seconds")
     return Shutter(*numbers)
 
