@@ -100,6 +100,17 @@ def test_a_silent_client_and_a_silent_follower_end_the_goal_at_once(drive: Drive
     assert drive.step() == []
 
 
+def test_a_drive_that_the_follower_never_takes_is_given_up() -> None:
+    drive = Drive()
+    drive.execution.begin(drive.now_ns, GOAL, "map")
+    drive.step()
+    drive.plan()
+    (follow,) = drive.step()
+    assert isinstance(follow, Follow)
+    assert drive.step(4.9) == []
+    assert ended(drive.step(0.2), False, "the drive has not reached the follower")
+
+
 def test_a_planner_that_hangs_is_given_up() -> None:
     drive = Drive()
     drive.execution.begin(drive.now_ns, GOAL, "map")

@@ -49,7 +49,7 @@ class Processes:
         return self.run(sys.executable, "-m", "vsx_ros.cli.main", *words, **environment)
 
     def logs(self) -> str:
-        files = sorted(self._folder.glob("*.txt"))
+        files = sorted([*self._folder.glob("*.txt"), *self._folder.glob("*/log/*.log")])  # with those of runs
         return "\n".join(f"{file.name}: {file.read_text(errors='replace')[-500:]}" for file in files)
 
     def wait(self, condition: Callable[[], object], what: str) -> None:

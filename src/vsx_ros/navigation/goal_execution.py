@@ -25,7 +25,7 @@ from vsx_ros.planning.corridor import braking_before
 from vsx_ros.planning.path import Refusal, TimedPlan
 from vsx_ros.robot import MAP_FRAME
 
-_FOLLOWER_S = 1.0  # The follower reports its status five times a second
+_FOLLOWER_S, _UNTAKEN_S = 1.0, 5.0  # The follower reports five times a second, and at once when it takes a drive
 _PLANNER_S = 15.0  # Plans take a second or two; a planner that needs this long hangs
 _STAND_WAIT_S = 1.5  # longest wait until odometry says that the base stands; then a plan is made anyway
 _NEARER_M = 1.0  # A plan shorter than all before by more is progress: the goal gets its tries again
@@ -201,10 +201,10 @@ class GoalExecution:
     def _verdict(self, now_ns: int, seen: ExecutionInput) -> Done | None:
         """The end of the goal, if the follower's report means that."""
         assert self._driven is not None
-        if min(seen.follower_age_s, 1e-9 * (now_ns - self._driven.identity)) > _FOLLOWER_S:
+        if min(seen.follower_age_s, driven_s := 1e-9 * (now_ns - self._driven.identity)) > _FOLLOWER_S:
             return self._done(False, "the follower is silent")
         if seen.follower.trajectory != self._driven.identity:
-            return None
+            return self._done(False, "the drive has not reached the follower") if driven_s > _UNTAKEN_S else None
         status, reason, error = seen.follower.status, seen.follower.reason, seen.follower.error
         missed = status is FollowStatus.ARRIVED and error is not None and not _near(SE2(), SE2(*error))
         if status in (FollowStatus.ARRIVED, FollowStatus.STOPPED) and not missed:
