@@ -28,10 +28,10 @@ from vsx_ros.ros import base_messages, callbacks, convert, energy_messages, topi
 class Told(base_messages.BaseTopics):
     """Without a master; holds: what was told of the operator's."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, robot_type: str = "kobuki") -> None:
         monkeypatch.setattr(rospy, "Publisher", lambda *_, **__: SimpleNamespace(publish=lambda message: None))
         monkeypatch.setattr(rospy, "get_param", lambda name, default: default)
-        super().__init__("kobuki", 3.0)
+        super().__init__(robot_type, 3.0)
         self.holds: list[tuple[str, int]] = []
 
     def _tell(self, topic: str, message: Any) -> None:
@@ -53,6 +53,24 @@ def test_a_clock_set_back_does_not_make_a_hold_longer(monkeypatch: pytest.Monkey
         told.tell_hold(False, "")
         assert len(told.holds) == (1 if k <= 6 else 2), k
     assert told.holds[-1] == ("", 0)
+
+
+@pytest.mark.parametrize(
+    ("robot_type", "prefix", "told"),
+    [
+        ("kobuki", "", {topics.ODOM, topics.TF}),
+        ("kobuki", "a", {topics.ODOM, topics.TF}),
+        ("ros", "", set()),
+        ("ros", "a", set()),
+        ("ros:/wheels,/cmd_vel", "", {topics.ODOM}),
+        ("ros:/wheels,/cmd_vel", "a", {topics.ODOM, topics.TF}),
+    ],
+)
+def test_each_edge_of_tf_has_one_source(
+    robot_type: str, prefix: str, told: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(base_messages.headers, "_prefix", prefix)
+    assert Told(monkeypatch, robot_type)._publishers.keys() & {topics.ODOM, topics.TF} == told
 
 
 @pytest.mark.parametrize("text", ['{"by": 3, "since_ns": 1}', '{"by": "teleop", "since_ns": "x"}', '{"by": "a"}', "[]"])

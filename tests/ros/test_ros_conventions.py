@@ -3,6 +3,7 @@ something, and a say in who owns an edge of the tree."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,7 +45,7 @@ def remember(msg, edges):
     edges.update((t.header.frame_id, t.child_frame_id) for t in msg.transforms)
 rospy.Subscriber("/tf", TFMessage, remember, moving, queue_size=100)
 rospy.Subscriber("/tf_static", TFMessage, remember, static, queue_size=5)
-rospy.Subscriber("/odom", Odometry, odometry.append, queue_size=50)
+rospy.Subscriber("odom", Odometry, odometry.append, queue_size=50)
 def wait(condition, what):
     deadline = rospy.get_time() + 400.0
     while not condition():
@@ -54,7 +55,25 @@ def wait(condition, what):
 wait(lambda: static and odometry, "vslam and the base")
 odometry.clear()
 wait(lambda: len(odometry) > 100 and len(moving) >= int(sys.argv[1]), "odometry and the edges of tf")
-print(json.dumps(sorted(moving)))
+print(json.dumps([sorted(moving), sorted(static)]))
+"""
+
+OTHER_DRIVER = """
+import rospy
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from tf2_msgs.msg import TFMessage
+
+rospy.init_node("robot", disable_signals=True)
+odom_pub, tf_pub = (rospy.Publisher(*topic, queue_size=5) for topic in (("/odom", Odometry), ("/tf", TFMessage)))
+while not rospy.is_shutdown():
+    odometry, edge = Odometry(child_frame_id="base_footprint"), TransformStamped(child_frame_id="base_footprint")
+    odometry.header.stamp, odometry.header.frame_id = rospy.Time.now(), "odom"
+    edge.header = odometry.header
+    odometry.pose.pose.orientation.w = edge.transform.rotation.w = 1.0
+    odom_pub.publish(odometry)
+    tf_pub.publish([edge])
+    rospy.sleep(0.05)
 """
 
 
@@ -176,4 +195,18 @@ def test_an_edge_of_tf_can_be_somebody_elses(base: LoneBase, silent: str, edges:
     """Odometry and the static edges go on whoever owns the others."""
     base.start("mobile_base", "_robot_type:=kobuki", f"_port:={base.port}", f"_publish_tf:={silent != 'mobile_base'}")
     base.start("vslam", f"_publish_tf:={silent != 'vslam'}")
-    assert base.observe(TF_OBSERVER, str(len(edges))) == [list(edge) for edge in edges]
+    moving, _ = base.observe(TF_OBSERVER, str(len(edges)))
+    assert moving == [list(edge) for edge in edges]
+
+
+@pytest.mark.light
+def test_in_a_namespace_the_frames_of_a_base_with_its_own_driver_are_in_one_tree(base: LoneBase) -> None:
+    """That driver knows nothing of the namespace, and has a tree of its own."""
+    base.processes.start("robot", sys.executable, "-c", OTHER_DRIVER)
+    base.start("mobile_base", "__ns:=vsx", "_robot_type:=ros:/odom,/cmd_vel")
+    base.start("vslam", "__ns:=vsx")
+    moving, static = base.observe(TF_OBSERVER, "3", "__ns:=vsx")
+    parents = {child: parent for parent, child in moving + static}
+    assert len(parents) == len(moving + static), "a frame with two parents"
+    assert set(parents.values()) - parents.keys() == {"odom", f"vsx/{topics.MAP_FRAME}"}
+    assert parents[f"vsx/{topics.BASE_FRAME}"] == f"vsx/{topics.ODOM_FRAME}"

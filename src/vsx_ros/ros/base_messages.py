@@ -99,7 +99,8 @@ def bumper_cloud(hazards: Hazard, stamp_ns: int) -> PointCloud2:
 
 
 class BaseTopics:
-    """Publishes each reading. For a base with its own driver: only what that driver does not publish already."""
+    """Publishes each reading. For a base with its own driver: only what that driver does not publish already. It knows
+    nothing of a prefix of our frames."""
 
     def __init__(self, robot_type: str, teleop_quiet_s: float) -> None:
         """teleop_quiet_s: the operator holds the wheels for so long after the last command of teleop [s]."""
@@ -111,7 +112,8 @@ class BaseTopics:
         self._publishers: dict[str, rospy.Publisher] = {}
         fast: dict[str, Any] = {"queue_size": 50, "tcp_nodelay": True}
         self._offer(topics.ODOM, OdometryMsg, ours or renamed, **fast)
-        self._offer(topics.TF, TFMessage, ours and rospy.get_param("~publish_tf", True), **fast)
+        joins = ours or (renamed and headers.own(topics.ODOM_FRAME) != topics.ODOM_FRAME)
+        self._offer(topics.TF, TFMessage, joins and rospy.get_param("~publish_tf", True), **fast)
         self._offer(topics.JOINT_STATES, JointState, ours, queue_size=5)
         self._offer(topics.BATTERY, BatteryState, ours, queue_size=1)
         self._offer(topics.IMU, Imu, ours, **fast)

@@ -4,7 +4,8 @@ Two more processes stop the wheels when this one is killed or hangs (vsx_hw.watc
 them is missing, or if the ROS master does not know all services and topics of this node, such as the emergency stop.
 
 Subscribers: cmd_vel_mux/input/{safety_controller,teleop,navi} (priority in this order; each has its own timeout).
-Publishers: odom (50 Hz), /tf odom -> base_footprint, joint_states, mobile_base/hazards (UInt8, the low bits of
+Publishers: odom (50 Hz), /tf odom -> base_footprint (with the base ros its driver does that; this node only in a
+    namespace whose odom is not the driver's), joint_states, mobile_base/hazards (UInt8, the low bits of
     vsx_hw.readings.Hazard, latched, on change), mobile_base/buttons (UInt8, those pressed, latched, on change; Kobuki:
     1, 2, 4 are B0, B1, B2; Create: 1 Play, 4 Advance; Create 2: 1 Clean, 2 Spot, 4 Dock), battery (1 Hz),
     cmd_vel_mux/active (latched, on change), mobile_base/operator_hold (latched String, JSON, on change: by, since_ns;
