@@ -134,7 +134,8 @@ def test_replay_agrees_too() -> None:
     nodes, params = described([(str(CHECKOUT / "launch" / "replay.launch"), words)], [])
     table = launch.replay("/data/a.bag", 2, named=launch.BagTopics("/cam/image"))
     assert (nodes, params) == described([], [launch.xml(table, {}, {"use_sim_time": True})])
-    assert "/cam/image:=camera/rgb/image_raw" in nodes["/player"][2]
+    assert nodes["/vslam"][2] == "camera/rgb/image_raw:=/cam/image", "a name such as image_rect tells how to see them"
+    assert "image_raw" not in nodes["/player"][2]
     assert params["/use_sim_time"] is True
 
 

@@ -96,23 +96,36 @@ def test_the_ground_that_is_free_at_the_start_follows_the_odometry_until_the_map
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
-    [({}, False), ({"P": [1.0] * 12}, False), ({"K": [501.0] * 9}, True), ({"D": [0.1]}, True), ({"width": 320}, True)],
+    ("topic", "change", "told"),
+    [
+        ("image_raw", {}, False),
+        ("image_raw", {"P": [1.0] * 12}, False),
+        ("image_raw", {"K": [501.0] * 9}, True),
+        ("image_raw", {"K": [0.0] * 9}, True),
+        ("image_raw", {"D": [0.1]}, True),
+        ("image_raw", {"width": 320}, True),
+        ("image_rect_color", {"D": [0.1]}, False),
+        ("image_rect_color", {"P": [430.0] * 12}, True),
+    ],
 )
 def test_another_calibration_than_the_one_in_use_is_told(
-    change: dict[str, Any], told: bool, monkeypatch: pytest.MonkeyPatch
+    topic: str, change: dict[str, Any], told: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It may come late from a slow driver, or from a calibration while vslam runs."""
-    info = CameraInfo(width=640, height=480, distortion_model="plumb_bob", D=[0.0] * 5)
+    """It may come late from a slow driver, or from a calibration while vslam runs. Rectified images, which a launch
+    file may give the topic of raw ones, have that of P."""
+    info = CameraInfo(width=640, height=480, distortion_model="plumb_bob", D=[-0.3, 0.1, 0.0, 0.0, 0.0])
     info.K = [500.0, 0.0, 320.0, 0.0, 500.0, 240.0, 0.0, 0.0, 1.0]
+    info.P = [420.0, 0.0, 318.0, 0.0, 0.0, 450.0, 239.0, 0.0, 0.0, 0.0, 1.0, 0.0]
     hears: list[Callable[[CameraInfo], None]] = []
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/cam/{topic}" if name == topics.IMAGE else f"/{name}")
     monkeypatch.setattr(rospy, "wait_for_message", lambda *_, **__: info)
     monkeypatch.setattr(slam_input, "subscribe", lambda _, __, callback, **___: hears.append(callback))
     status, heard = Notes(), threading.Event()
     heard.set()
     made = bare(SlamInput, _status=status, _shutter=None, _shutter_heard=heard)
     made._session = SimpleNamespace(knows_readout=True)
-    assert made.camera().width == 640
+    camera = made.camera()
+    assert (camera.fx, any(camera.distortion)) == ((500.0, True) if topic == "image_raw" else (420.0, False))
     later = copy.deepcopy(info)
     for name, value in change.items():
         setattr(later, name, value)

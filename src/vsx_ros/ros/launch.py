@@ -115,13 +115,13 @@ def replay(
     bag: str, rate: float = 1.0, use_odometry: bool = True, run_dir: str = AUTO, named: BagTopics | None = None
 ) -> list[LaunchNode]:
     """A recording instead of the robot, played by rosbag's own player; only the SLAM listens. It ends with the bag.
-    run_dir: as of ``exploration``."""
+    run_dir: as of ``exploration``. The images keep their name, which tells rectified ones."""
     named = named or BagTopics()
-    ours = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
-    renamed = " ".join(f"{theirs}:={our}" for theirs, our in zip(named, ours))
+    renamed = f"{named.camera_info}:={topics.CAMERA_INFO} {named.odometry}:={topics.ODOM}"
     play = f"--clock --wait-for-subscribers -r {rate:g} {shlex.quote(bag)} --topics {' '.join(named)} {renamed}"
     player = LaunchNode("player", {}, package="rosbag", type="play", args=play, required=True)
-    return [vslam(0, run_dir, use_odometry=use_odometry), player]
+    slam = vslam(0, run_dir, use_odometry=use_odometry)._replace(args=f"{topics.IMAGE}:={named.image}")
+    return [slam, player]
 
 
 def xml(nodes: list[LaunchNode], config: dict[str, Any], params: dict[str, Any] | None = None) -> str:

@@ -10,6 +10,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Float64MultiArray, UInt8
 
 from vsx_hw.readings import Hazard
+from vsx_ros.errors import CalibrationError
 from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.navigation.lease import ImageLease
 from vsx_ros.robot import SILENCE_NS, Frame, Odometry, odometry_at
@@ -75,7 +76,11 @@ class SlamInput:
         self._shutter_heard.set()
 
     def _on_info(self, msg: CameraInfo) -> None:
-        if _lens(msg) != self._lens:
+        try:
+            changed = _camera(msg) != self._camera
+        except CalibrationError:
+            changed = True
+        if changed:
             self._status.camera_changed()
 
     def camera(self) -> PinholeCamera:
@@ -83,13 +88,13 @@ class SlamInput:
         while True:
             try:
                 info = rospy.wait_for_message(topics.CAMERA_INFO, CameraInfo, timeout=_SILENCE_S)
-                camera, self._lens = images.camera(info), _lens(info)
+                self._camera = _camera(info)
                 subscribe(topics.CAMERA_INFO, CameraInfo, self._on_info, queue_size=1)
                 self._used_s = time.monotonic()
                 self._shutter_heard.wait(_SHUTTER_WAIT_S)
                 if self._shutter is None and not self._session.knows_readout:
                     rospy.logwarn("the camera's shutter is not known: its rows are taken to be exposed at once")
-                return replace(camera, shutter=self._shutter)
+                return replace(self._camera, shutter=self._shutter)
             except rospy.ROSInterruptException:
                 raise
             except rospy.ROSException:
@@ -131,9 +136,9 @@ class SlamInput:
             self._status.without_images("no image comes that fits")
 
 
-def _lens(msg: CameraInfo) -> tuple[object, ...]:
-    """What a map depends on."""
-    return msg.width, msg.height, msg.distortion_model, tuple(msg.K), tuple(msg.D)
+def _camera(msg: CameraInfo) -> PinholeCamera:
+    """That of the images; their topic may have another name here, which tells rectified ones."""
+    return images.camera(msg, rospy.resolve_name(topics.IMAGE))
 
 
 class SensorSync:
