@@ -255,6 +255,18 @@ def test_odometry_too_rare_for_steady_wheels_is_told(gap_s: float, late: int, mo
     assert told == [("/odom", pytest.approx(gap_s))] * bool(late)
 
 
+def test_why_messages_of_other_drivers_are_refused_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig, camera = TopicRig(monkeypatch), TopicCamera("/cam/image_raw", lambda _: None)
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name.lstrip('/')}")
+    monkeypatch.setattr(callbacks, "_refusals", {})
+    for topic in ("odom", "/cam/image_raw"):
+        callbacks.remember_refusal(topic, "a stamp 9 s ahead")
+    assert rig.base.status().message == "/odom: a stamp 9 s ahead"
+    assert camera.status().message == "/cam/image_raw: a stamp 9 s ahead"
+    rig.tell(50, 100, 150)
+    assert rig.base.status().message == "connected"
+
+
 @pytest.mark.parametrize("factors", [(1.03, 1.0), (1.0, 0.98)])
 def test_factors_that_nobody_would_apply_are_refused(
     factors: tuple[float, float], monkeypatch: pytest.MonkeyPatch

@@ -3,6 +3,7 @@
 import copy
 import errno
 import threading
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,13 +24,15 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.atomic import write_bytes
 from vsx_ros.navigation.lease import ImageLease
 from vsx_ros.robot import Frame, Odometry, OdometryEpochs
-from vsx_ros.ros import logs, slam_input, slam_run, threads, topics
+from vsx_ros.ros import callbacks, convert, headers, images, logs, slam_input, slam_run, threads, topics
 from vsx_ros.ros.nodes.vslam import VslamNode
 from vsx_ros.ros.slam_clock import SlamClock
 from vsx_ros.ros.slam_input import SlamInput
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.slam.state import TrackingResult, TrackingState
+
+STAMP_NS = 1_700_000_000 * 10**9
 
 
 class Notes:
@@ -138,7 +141,7 @@ def test_odometry_that_is_missing_before_the_map_is_named_while_it_is(metric: bo
     """Not for a single image: readings may come late. A map without scale needs none."""
     status, second_ns = Notes(), 10**9
     heard = bare(SlamInput, _sync=SimpleNamespace(dropped=0), _status=status, _used_s=0.0, _metric=metric)
-    heard._odometry, heard._lease, heard._clock = None, ImageLease(), SlamClock()
+    heard._odometry, heard._lease, heard._clock, heard._odometry_s = None, ImageLease(), SlamClock(), 0.0
     for state, stamp_s, heard_s in (
         (TrackingState.NOT_INITIALISED, 1.0, None), (TrackingState.NOT_INITIALISED, 2.0, 1.9),
         (TrackingState.NOT_INITIALISED, 2.5, 1.9), (TrackingState.NOT_INITIALISED, 5.0, 1.9),
@@ -180,6 +183,82 @@ def test_a_missing_message_is_the_reason_why_there_is_no_map(monkeypatch: pytest
         words.append([message.message for _, message in told.said])
     assert words[0] == ["no message on /odom; 'rostopic info /odom' shows who publishes it"]
     assert words[1] == words[0], "a map that there is does not need it"
+
+
+@pytest.fixture
+def hearing(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """A SlamInput without a map and a master at ``now_s``, who hears what is given to ``hears`` by its topic; ``told``
+    are its states in words. ROS time stands at STAMP_NS."""
+    rig = SimpleNamespace(now_s=100.0, hears={}, told=[])
+    monkeypatch.setattr(callbacks, "_refusals", {})
+    monkeypatch.setattr(headers, "now_ns", lambda: STAMP_NS)
+    monkeypatch.setattr(logs, "due", lambda *_: False)
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+    monkeypatch.setattr(rospy, "Subscriber", lambda topic, _, take, **__: rig.hears.update({topic: take}))
+    monkeypatch.setattr(slam_input.time, "monotonic", lambda: rig.now_s)
+    status = bare(
+        SlamStatus, _diagnostics=Notes(), _stats=defaultdict(Notes), _fps=0.0, _ahead="", _stuck="", _reason="",
+        _state_pub=SimpleNamespace(publish=lambda msg: rig.told.append(msg.message)),
+        _state=TrackingState.NOT_INITIALISED,
+    )  # fmt: skip
+    session = Notes()
+    session.__dict__.update(exposed=lambda frame: frame, resumed=True)
+    rig.input = SlamInput(SimpleNamespace(session=session, first_epoch=0), status, SlamClock(), metric=True)
+    return rig
+
+
+@pytest.mark.parametrize(
+    ("ages_s", "encoding", "words"),
+    [
+        ([0.0] * 9, "mono8", "images come, but none with a newer stamp"),
+        ([-9.0] * 9, "mono8", "a stamp 9.0 s ahead"),
+        ([0.0] * 9, "mono7", "encoding"),
+        ([], "mono8", "no message on /camera/rgb/image_raw"),
+    ],
+)
+def test_why_images_that_come_cannot_be_used_is_the_state(
+    ages_s: list[float], encoding: str, words: str, hearing: SimpleNamespace
+) -> None:
+    hearing.input._metric = False
+    for k in range(9):
+        hearing.now_s += 0.5
+        for age_s in ages_s[k : k + 1]:
+            stamp_ns = STAMP_NS - round(age_s * 1e9)
+            msg = images.image_msg(stamp_ns, np.zeros((16, 16), np.uint8), "mono8", topics.OPTICAL_FRAME)
+            msg.encoding = encoding
+            hearing.hears[topics.IMAGE](msg)
+        if (taken := hearing.input.next()) is not None:
+            hearing.input.used(TrackingResult(taken[0].stamp_ns, TrackingState.NOT_INITIALISED), "")
+    assert words in hearing.told[-1]
+    assert any("no message" in said for said in hearing.told) == (not ages_s)
+
+
+def test_an_image_that_does_not_fit_is_the_state(hearing: SimpleNamespace) -> None:
+    for _ in range(5):
+        hearing.now_s += 1.0
+        hearing.input.next()
+        hearing.input.refused("image of 320x240 does not fit")
+    assert hearing.told == ["no image comes", "/camera/rgb/image_raw: image of 320x240 does not fit"]
+
+
+@pytest.mark.parametrize(
+    ("age_s", "period_s", "words"),
+    [
+        (-9.0, 0.1, "/odom: a stamp 9.0 s ahead"),
+        (3.0, 0.1, "/odom: stamps are 3 s behind those of the images"),
+        (3.0, 1.0, "no message on /odom"),
+        (0.1, 0.1, "drive on"),
+    ],
+)
+def test_why_odometry_that_comes_cannot_be_used_is_the_state(
+    age_s: float, period_s: float, words: str, hearing: SimpleNamespace
+) -> None:
+    moved = Odometry(STAMP_NS - round(age_s * 1e9), SE2())
+    hearing.hears[topics.ODOM](convert.odometry_msg(moved, topics.ODOM_FRAME, topics.BASE_FRAME))
+    hearing.now_s += period_s
+    hearing.input.used(TrackingResult(STAMP_NS, TrackingState.NOT_INITIALISED, reason="drive on"), "")
+    assert len(hearing.told) == 1
+    assert words in hearing.told[0]
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from vsx_ros.calibration.verdict import Grade
 from vsx_ros.errors import InputError
 from vsx_ros.robot import Frame
 from vsx_ros.ros import calls, headers, images, operator_command, topics
-from vsx_ros.ros.callbacks import image_subscriber
+from vsx_ros.ros.callbacks import image_subscriber, refusal
 from vsx_ros.runs.process import DONE, FAILED, Progress, SignalFlag
 
 _STILL_PX, _STILL_S = 2.0, 0.5  # more motion between looks: the hand moves; longer gaps tell nothing
@@ -46,7 +46,8 @@ class BoardWatcher:
         with self._arrived:
             if not self._arrived.wait_for(lambda: self._newest is not None, wait_s) or self._newest is None:
                 topic = rospy.resolve_name(topics.IMAGE)
-                raise InputError(f"no image arrives on {topic}; is the camera running? 'vsx status' tells")
+                silent = f"no image arrives on {topic}; is the camera running? 'vsx status' tells"
+                raise InputError(refusal(topics.IMAGE) or silent)
             frame, self._newest = self._newest, None
         height, width = frame.image.shape
         if self.chooser is None or (width, height) != self.size:

@@ -1,5 +1,7 @@
 """Subscribers and services that survive unusable messages, with suitable queue lengths."""
 
+import math
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -25,6 +27,8 @@ ODOMETRY_QUEUE = 100
 
 _ONCE_S = 1e9
 _REPEAT_S = 5.0  # minimum time between equal complaints
+_REFUSAL_S = 3.0  # so long a refusal tells why a topic has nothing to offer
+_refusals: dict[str, tuple[float, str]] = {}  # topic -> when (monotonic), and why
 
 
 def subscribe(
@@ -36,6 +40,7 @@ def subscribe(
         try:
             callback(msg)
         except VsxError as error:
+            remember_refusal(topic, str(error))
             if logs.due(topic, _REPEAT_S):
                 rospy.logerr("%s: %s", topic, error)
         except rospy.ROSException:
@@ -43,6 +48,20 @@ def subscribe(
                 raise
 
     return rospy.Subscriber(topic, kind, guarded, queue_size=queue_size, **options)
+
+
+def remember_refusal(topic: str, reason: str) -> None:
+    """A message of a topic came, but cannot be used."""
+    _refusals[topic] = time.monotonic(), reason
+
+
+def refusal(topic: str, since_s: float = -math.inf) -> str:
+    """The topic's name and why its last unusable message was refused, if that was after since_s (monotonic) and within
+    three seconds; else empty. Who misses messages must not say that none come."""
+    refused_s, reason = _refusals.get(topic, (-math.inf, ""))
+    if refused_s <= max(since_s, time.monotonic() - _REFUSAL_S):
+        return ""
+    return f"{rospy.resolve_name(topic)}: {reason}"
 
 
 def json_object(msg: String, *names: str) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Inputs of the node vslam: images with the odometry at their time, and the camera's calibration."""
 
+import math
 import threading
 import time
 from collections import deque
@@ -15,17 +16,19 @@ from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.navigation.lease import ImageLease
 from vsx_ros.robot import SILENCE_NS, Frame, Odometry, odometry_at
 from vsx_ros.ros import headers, images, topics
-from vsx_ros.ros.callbacks import hear_odometry, image_subscriber, subscribe
+from vsx_ros.ros.callbacks import hear_odometry, image_subscriber, refusal, remember_refusal, subscribe
 from vsx_ros.ros.slam_clock import SlamClock
 from vsx_ros.ros.slam_messages import SlamStatus
 from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 _SILENCE_S = 3.0  # without images: reported
+_ODOMETRY_COMES_S = 0.5  # since a reading; then it is not silent, whatever its stamp
 _SHUTTER_WAIT_S = 1.0  # cameras with other drivers do not publish it
 _CLOCK_BACK_S = 1.0  # a clock that was set back, or a recording that started again
 _BELIEVED = 3  # so many images in a row, and the clock was set back
 _KEEP_ODOMETRY = 300  # readings: 6 s at 50 Hz
+_NO_NEWER = "images come, but none with a newer stamp; see to the camera's own driver"
 # Odometry comes 30 to 50 times a second: a reading after the image arrives within this time, or not at all.
 _WAIT_FOR_ODOMETRY_S = 0.06
 
@@ -39,6 +42,7 @@ class SlamInput:
         self._session, self._clock, self._metric = run.session, clock, metric
         self._sync, self._frames = SensorSync(clock), images.Frames()
         self._odometry: Odometry | None = None
+        self._odometry_s = -math.inf  # when it came
         self._hazards = Hazard.NONE
         self._status = status
         self._lease, self._used_s = ImageLease(), time.monotonic()
@@ -56,7 +60,7 @@ class SlamInput:
 
     def _on_odometry(self, reading: Odometry) -> None:
         odometry = self._clock.entered(reading)
-        before, self._odometry = self._odometry, odometry
+        before, self._odometry, self._odometry_s = self._odometry, odometry, time.monotonic()
         session, begins = self._session, before is None or before.odom_epoch != odometry.odom_epoch
         if begins and not session.resumed and session.where.T_map_base is None:
             session.ground.start = odometry.T_odom_base  # the map frame starts equal to the odometry frame
@@ -109,9 +113,9 @@ class SlamInput:
         if self._sync.was_set_back:
             rospy.logwarn("the clock was set back by %.1f s; the map goes on", self._sync.behind_s)
         elif silent_s > _SILENCE_S:
-            self._status.waiting_for(topics.IMAGE)
+            self._status.waiting_for(topics.IMAGE, refusal(topics.IMAGE, self._used_s))
         elif silent_s > self._lease.length_s:
-            self._status.without_images()
+            self._status.without_images(refusal(topics.IMAGE, self._used_s))
         return None
 
     def used(self, result: TrackingResult, stuck: str) -> None:
@@ -119,7 +123,7 @@ class SlamInput:
         before_s, self._used_s = self._used_s, time.monotonic()
         self._lease.see(round(1e9 * self._used_s), 0.0)
         if self.waits_for_odometry(result):
-            self._status.waiting_for(topics.ODOM)
+            self._status.waiting_for(topics.ODOM, refusal(topics.ODOM) or self._odometry_behind(result))
         else:
             self._status.frame(self._clock.left(result), self._used_s - before_s, self._sync.dropped, stuck)
 
@@ -129,11 +133,19 @@ class SlamInput:
             return False
         return self._odometry is None or result.stamp_ns - self._odometry.stamp_ns > SILENCE_NS
 
+    def _odometry_behind(self, result: TrackingResult) -> str:
+        """That odometry comes with stamps older than that of a frame; empty if none comes."""
+        if self._odometry is None or time.monotonic() - self._odometry_s > _ODOMETRY_COMES_S:
+            return ""
+        name, behind_s = rospy.resolve_name(topics.ODOM), (result.stamp_ns - self._odometry.stamp_ns) * 1e-9
+        return f"{name}: stamps are {behind_s:.0f} s behind those of the images; 'vsx doctor' compares the clocks"
+
     def refused(self, reason: str) -> None:
         """Report that the last frame was unusable; it counts as missing."""
+        remember_refusal(topics.IMAGE, reason)
         self._status.refused(reason)
         if time.monotonic() - self._used_s > self._lease.length_s:
-            self._status.without_images("no image comes that fits")
+            self._status.without_images(refusal(topics.IMAGE))
 
 
 def _camera(msg: CameraInfo) -> PinholeCamera:
@@ -182,6 +194,7 @@ class SensorSync:
                 return None
             frame, self._frame = self._clock.entered(self._frame), None
             if not self._is_newer(frame.stamp_ns):
+                remember_refusal(topics.IMAGE, _NO_NEWER)
                 self.dropped += 1
                 return None
             self._last_taken_ns, self._taken_s = frame.stamp_ns, time.monotonic()

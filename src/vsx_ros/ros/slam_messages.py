@@ -49,19 +49,22 @@ class SlamStatus:
         self._fps, self._ahead, self._stuck = 0.0, "", ""
         self.announce()
 
-    def waiting_for(self, topic: str) -> None:
-        """Report a missing message on a required topic; before the map it is why there is none."""
+    def waiting_for(self, topic: str, trouble: str = "") -> None:
+        """Report a missing message on a required topic; before the map it is why there is none. trouble: why those that
+        come cannot be used."""
         name = rospy.resolve_name(topic)
-        reason = f"no message on {name}; 'rostopic info {name}' shows who publishes it"
+        reason = trouble or f"no message on {name}; 'rostopic info {name}' shows who publishes it"
         self._diagnostics.set("input", ERROR, reason)
         if self._state is TrackingState.NOT_INITIALISED:
             self._change(self._state, reason)
         if logs.due("waiting", _AGAIN_S):
             rospy.logwarn("%s", reason)
 
-    def without_images(self, reason: str = "no image comes") -> None:
-        """No image came for a while: the camera's pose is not known now, but tracking is not lost yet."""
-        self._change(TrackingState.DUBIOUS if self._state is TrackingState.GOOD else self._state, reason)
+    def without_images(self, trouble: str) -> None:
+        """No image came for a while: the camera's pose is not known now, but tracking is not lost yet. trouble: why
+        those that come cannot be used; empty if none comes."""
+        state = TrackingState.DUBIOUS if self._state is TrackingState.GOOD else self._state
+        self._change(state, trouble or "no image comes")
 
     def camera_changed(self) -> None:
         """Report another calibration than the one in use."""

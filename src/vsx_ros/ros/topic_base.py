@@ -22,7 +22,7 @@ from vsx_hw.readings import BaseReading, BatteryReading, Hazard, LinkStatus, Odo
 from vsx_ros.errors import ConfigError
 from vsx_ros.robot import STOP, Odometry, VelocityCommand
 from vsx_ros.ros import convert, logs, threads, topics
-from vsx_ros.ros.callbacks import hear_odometry
+from vsx_ros.ros.callbacks import hear_odometry, refusal
 
 _PERIOD_S = 0.05  # commands are repeated: a base stops without new ones
 _ZERO_FOR_S = 0.5  # after that, other nodes may use the topic
@@ -107,6 +107,8 @@ class TopicBase:
         """Why the wheels must stand; empty while odometry comes. A reading whose stamp does not rise is none."""
         topic = rospy.resolve_name(self._names.odometry)
         if self._is_stale():
+            if refused := refusal(self._names.odometry, self._heard_s):
+                return refused
             said = f"no odometry with a newer stamp on {topic} for {_ODOMETRY_WITHIN_S:g} s"
             return f"{said}; start the base's own driver, or name its topics (base ros)"
         if self._row < ROW:

@@ -16,7 +16,7 @@ from vsx_ros.arrays import GrayImage
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.ros import headers, images, topics
-from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, subscribe
+from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, refusal, subscribe
 
 _IMAGE_WITHIN_S = 1.0  # longer gaps are reported
 _OLD_S = 1.0  # no network delays images so long; a robot drives by none that are older
@@ -55,7 +55,8 @@ class TopicCamera:
         topic = rospy.resolve_name(self._topic)
         message = "streaming"
         if time.monotonic() - self._heard_s > _IMAGE_WITHIN_S:
-            message = f"no image with a new stamp comes on {topic}; start the camera's own driver, or name its topic"
+            silent = f"no image with a new stamp comes on {topic}; start the camera's own driver, or name its topic"
+            message = refusal(self._topic, self._heard_s) or silent
         elif self._age_s > _OLD_S:
             message = (
                 f"{topic}: stamps are {self._age_s:.1f} s behind this machine's clock; 'vsx doctor' compares clocks"
