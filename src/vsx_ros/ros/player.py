@@ -48,7 +48,7 @@ class Player:
         self._answers = rospy.Subscriber(
             f"{topics.STATS}/latency_ms", Float32, self._on_answer, queue_size=100, tcp_nodelay=True
         )
-        self._now_ns = 0
+        self._now_ns = 1  # a clock at 0 stands, for all who hear it, and a recording may begin there
         self.sent, self.count = 0, recording.frame_count
         self._broken: list[str] = []
 
