@@ -76,7 +76,7 @@ def robot_home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
         ]),
         ("explore", ["base:=ros", "camera:=ros"], [
             *launch.bringup("ros", camera="ros"),
-            *launch.exploration(), *launch.keeping(),
+            *launch.exploration(), *launch.keeping(camera="ros"),
         ]),
         ("simulate", ["seed:=3", "devices:=/dev/shm", "rate_hz:=30"], [
             *launch.emulation("lab", 3, "/dev/shm", rate_hz=30.0),

@@ -68,6 +68,16 @@ def test_a_real_robot_is_not_judged_by_an_earlier_emulation(params: dict[str, An
     assert [facts[name] for name in ("world", "seed", "rate", "dock", "battery_pace")] == [None, 0, None, None, None]
 
 
+def test_a_driver_s_images_are_not_those_of_the_camera_of_an_earlier_launch(
+    params: dict[str, Any], tmp_path: Path
+) -> None:
+    for told, kept in (("", "kinect"), ("ros", "ros")):
+        params |= {"~camera": told, "camera/device": "kinect"}
+        folder = RunFolder(tmp_path / kept)
+        begun(folder)
+        assert folder.read_config()[1]["camera"] == kept
+
+
 def test_a_resumed_launch_knows_which_map_it_continued(params: dict[str, Any], tmp_path: Path) -> None:
     """Its map lies anywhere in the world, so that nothing may be judged by the truth."""
     folder = RunFolder.create(tmp_path / "run")

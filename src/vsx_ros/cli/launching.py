@@ -50,7 +50,7 @@ def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
         *launch.exploration(
             args.planner, args.seed, args.run_dir, _absolute(args.load_map), args.room, _absolute(args.zones)
         ),
-        *launch.keeping(args.run_dir, emulated=name == "simulate"),
+        *launch.keeping(args.run_dir, getattr(args, "camera", ""), emulated=name == "simulate"),
     ]
 
 

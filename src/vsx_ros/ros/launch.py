@@ -100,10 +100,10 @@ def exploration(
     ]
 
 
-def keeping(run_dir: str = AUTO, *, emulated: bool = False) -> list[LaunchNode]:
-    """What completes the run's folder, for launches without ``vsx explore``, which does that itself. emulated: the
-    robot is the emulator's."""
-    return [LaunchNode("run_folder", {"run_dir": run_dir, "emulated": emulated})]
+def keeping(run_dir: str = AUTO, camera: str = "", *, emulated: bool = False) -> list[LaunchNode]:
+    """What completes the run's folder, for launches without ``vsx explore``, which does that itself. camera: as of
+    ``bringup``; without one, that of the node camera. emulated: the robot is the emulator's."""
+    return [LaunchNode("run_folder", {"run_dir": run_dir, "emulated": emulated, "camera": camera})]
 
 
 def view(host: str = "127.0.0.1", port: int = 8765) -> list[LaunchNode]:
@@ -125,12 +125,12 @@ def replay(
 
 
 def xml(nodes: list[LaunchNode], config: dict[str, Any], params: dict[str, Any] | None = None) -> str:
-    """The launch file of these nodes. config: tree of 'vsx config', for all nodes; params: of the namespace."""
+    """The launch file of these nodes. config: tree of 'vsx config', for all nodes; nothing of an earlier launch stays
+    beside it. params: of the namespace."""
     lines = ["<launch>"]
     lines += [f'  <env name="{name}" value="{value}"/>' for name, value in THREADS.items()]
-    if config:
-        text = escape(yaml.safe_dump(config, default_flow_style=True, width=10**6))
-        lines.append(f'  <rosparam param="config">{text}</rosparam>')
+    text = escape(yaml.safe_dump(config, default_flow_style=True, width=10**6))
+    lines.append(f'  <group ns="config" clear_params="true"><rosparam>{text}</rosparam></group>')
     lines += [_param(name, value, "  ") for name, value in (params or {}).items()]
     for node in nodes:
         lines.append(

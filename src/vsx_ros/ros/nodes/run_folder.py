@@ -5,7 +5,8 @@ It writes every change of state at once; at the end, after vslam's results, the 
 Subscribers: those of the monitor (explore/{status,events}, vslam/{state,stats/*}, map, odom, follower/status,
     move_base/stats/plan_ms, mobile_base/hazards, /rosout, /diagnostics; of an emulator emulator/ground_truth/*).
 Parameters: ~config (tree of 'vsx config'), ~run_dir (the folder; auto: the one that the launch file has made; none:
-    nothing is kept), ~emulated (bool, false: the robot is real, true: it is that of the node emulator)."""
+    nothing is kept), ~emulated (bool, false: the robot is real, true: it is that of the node emulator), ~camera (which
+    one; "": that of the node camera)."""
 
 import time
 from pathlib import Path
@@ -66,9 +67,9 @@ class RunFolderNode:
             base, port = rospy.get_param("mobile_base/robot_type", None), rospy.get_param("mobile_base/port", None)
             folder.write_config(
                 self._config, ["roslaunch"], world=name, seed=seed, base=base, port=port, planner=planner, fast=False,
-                camera=rospy.get_param("camera/device", "ros"), rate=_of_emulator("rate_hz", None),
+                camera=rospy.get_param("~camera", "") or rospy.get_param("camera/device", "ros"), time=None, until=None,
                 load_map=load_map or None, zones=zones or None, room=rospy.get_param("vslam/room", "") or None,
-                dock=_of_emulator("dock", "") or None, time=None, until=None, eye="raster",
+                dock=_of_emulator("dock", "") or None, rate=_of_emulator("rate_hz", None), eye="raster",
                 battery_pace=_of_emulator("battery_pace", None), hard={} if world is None else world.hard,
             )  # fmt: skip
             if world is not None:
