@@ -16,11 +16,12 @@ from vsx_ros.ros import launch, logs
 from vsx_ros.ros.environment import DEFAULT_MASTER
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.left_behind import end_standing_time
-from vsx_ros.ros.node import AUTO
+from vsx_ros.ros.node import AUTO, NOWHERE
 from vsx_ros.ros.topic_base import topic_names
 from vsx_ros.runs.parameters import load, robot_file_here
 from vsx_ros.runs.process import DONE, FAILED
 from vsx_ros.runs.world import open_world
+from vsx_ros.sim.generate import GENERATORS
 
 _SIGINT_S = 15.0  # as roslaunch: run_folder waits for vslam
 _TEXTS = {
@@ -35,11 +36,12 @@ def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
     """The nodes of a launch by its name and options."""
     if name == "replay":
         named = launch.BagTopics(args.image_topic, args.camera_info_topic, args.odometry_topic)
-        return launch.replay(str(args.bag.resolve()), args.rate, not args.without_odometry, args.run_dir, named)
+        return launch.replay(args.bag, args.rate, not args.without_odometry, args.run_dir, named)
     if name == "simulate":
         open_world(args.world, args.seed, hard=[args.hard], where="--hard")
         wires = args.devices, args.base, args.rate_hz, args.dock, args.battery_pace, args.hard
-        robot = launch.emulation(args.world, args.seed, *wires)
+        world = args.world if args.world.partition(":")[0] in GENERATORS else _absolute(args.world)
+        robot = launch.emulation(world, args.seed, *wires)
     else:
         topic_names(args.base)
         robot = launch.bringup(args.base, args.port, args.camera, args.camera_info_url)
@@ -47,9 +49,7 @@ def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
         return robot
     return [
         *robot,
-        *launch.exploration(
-            args.planner, args.seed, args.run_dir, _absolute(args.load_map), args.room, _absolute(args.zones)
-        ),
+        *launch.exploration(args.planner, args.seed, args.run_dir, args.load_map, args.room, args.zones),
         *launch.keeping(args.run_dir, getattr(args, "camera", ""), emulated=name == "simulate"),
     ]
 
@@ -59,6 +59,15 @@ def _absolute(path: str) -> str:
     return str(Path(path).resolve()) if path else ""
 
 
+def _run_dir(text: str) -> str:
+    return text if text in (AUTO, NOWHERE) else _absolute(text)
+
+
+def _of_url(url: str) -> str:
+    """A file as the node camera understands its name."""
+    return _absolute(os.path.expanduser(os.path.expandvars(url.removeprefix("file://"))))
+
+
 def parser(name: str) -> argparse.ArgumentParser:
     """The options of a launch; the same as in its .launch file."""
     options = argparse.ArgumentParser(prog=f"{name}.py", description=_TEXTS[name])
@@ -66,9 +75,9 @@ def parser(name: str) -> argparse.ArgumentParser:
     add("--config", type=Path, help="YAML with parameters, as 'vsx config' prints it")
     if name != "bringup":
         folder = "folder for the results (default: a new one in ~/.ros/runs; none: keep nothing)"
-        add("--run-dir", default=AUTO, help=folder)
+        add("--run-dir", type=_run_dir, default=AUTO, help=folder)
     if name == "replay":
-        add("--bag", type=Path, required=True, help="bag with raw images, camera_info and odometry")
+        add("--bag", type=_absolute, required=True, help="bag with raw images, camera_info and odometry")
         for name, default in launch.BagTopics()._asdict().items():
             add(f"--{name.replace('_', '-')}-topic", default=default, help=f"what the bag calls it ({default})")
         add("--rate", type=float, default=1.0, help="1 is real time")
@@ -80,7 +89,7 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--base", choices=BASES, default="auto", help="kind of base; auto (default) finds it; ros: its topics")
     if name == "simulate":
         add("--world", default="lab", help="lab (default), office, corridor, building, a Gazebo file or a world.yaml")
-        add("--devices", default="/tmp", help="folder for the emulated port and camera (/tmp)")
+        add("--devices", type=_absolute, default="/tmp", help="folder for the emulated port and camera (/tmp)")
         add("--rate-hz", type=float, default=15.0, help="images a second (15)")
         add("--dock", default="", help="X,Y,DEG of a dock in the world and where it looks to (default: none)")
         add("--battery-pace", type=float, default=1.0, help="how many times faster the battery drains and charges (1)")
@@ -88,14 +97,14 @@ def parser(name: str) -> argparse.ArgumentParser:
     else:
         add("--port", default="/dev/kobuki", help="serial port of the base (/dev/kobuki)")
         add("--camera", type=camera, default="kinect", help="kinect (default), kinect:SERIAL, v4l:N, ros or ros:TOPIC")
-        add("--camera-info-url", default="", help="file with the camera's calibration")
+        add("--camera-info-url", type=_of_url, default="", help="file with the camera's calibration")
     if name != "bringup":
         add("--planner", choices=PLANNERS, default="fov", metavar="NAME", help="fov (default), unconstrained, paper")
         usual = 1 if name == "simulate" else 0  # of worlds as 'vsx explore' and 'vsx world'
         add("--seed", type=seed, default=usual, help=f"seed of the world and of the random draws ({usual})")
-        add("--load-map", default="", help="SLAM map (.vsxmap) to go on in, the robot anywhere in it")
+        add("--load-map", type=_absolute, default="", help="SLAM map (.vsxmap) to go on in, from anywhere in it")
         add("--room", default="", help="explore only this room of the loaded map")
-        add("--zones", default="", help="YAML with zones to begin with, in the coordinates of the map")
+        add("--zones", type=_absolute, default="", help="YAML with zones to begin with, in coordinates of the map")
     return options
 
 

@@ -30,7 +30,7 @@ _LONGEST_S = 60.0  # until it has ended; on a busy machine vslam needs seconds t
 
 DIE_WITH_PARENT = "VSX_DIE_WITH_PARENT"  # Environment variable: a node started by a run ends when the run is killed
 PARAMETERS_SET = "live_run/parameters_set"  # Parameter: the run has set all nodes' parameters at this master
-AUTO = "auto"
+AUTO, NOWHERE = "auto", "none"  # of ~run_dir
 _PARAMETERS_S = 10.0  # roslaunch sets them before the start, a new master later
 
 
@@ -188,7 +188,7 @@ def run_dir() -> str:
     none, or empty: nothing is kept."""
     told = str(rospy.get_param("~run_dir", ""))
     told = str(rospy.get_param("run_dir", "")) if told == AUTO else told
-    return "" if told == "none" else told
+    return "" if told == NOWHERE else told
 
 
 def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
