@@ -2,6 +2,8 @@
 
 import os
 import re
+import shlex
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -34,7 +36,7 @@ def described(files: list[Any], texts: list[str]) -> tuple[dict[str, Any], dict[
         node.namespace + node.name: (
             node.package,
             node.type,
-            node.args,
+            shlex.split(node.args),
             node.respawn,
             node.required,
             node.output,
@@ -130,13 +132,34 @@ def test_a_replay_takes_a_configuration(tmp_path: Path) -> None:
 
 
 def test_replay_agrees_too() -> None:
-    words = ["bag:=/data/a.bag", "rate:=2", "image_topic:=/cam/image"]
+    words = ["bag:=/data/my drive.bag", "rate:=2", "image_topic:=/cam/image"]
     nodes, params = described([(str(CHECKOUT / "launch" / "replay.launch"), words)], [])
-    table = launch.replay("/data/a.bag", 2, named=launch.BagTopics("/cam/image"))
-    assert (nodes, params) == described([], [launch.xml(table, {}, {"use_sim_time": True})])
-    assert nodes["/vslam"][2] == "camera/rgb/image_raw:=/cam/image", "a name such as image_rect tells how to see them"
-    assert "image_raw" not in nodes["/player"][2]
+    table = launch.replay("/data/my drive.bag", 2, named=launch.BagTopics("/cam/image"))
+    assert (nodes, params) == described([], [launch.xml(table, {}, {"/use_sim_time": True})])
+    assert nodes["/vslam"][2] == ["camera/rgb/image_raw:=/cam/image"], "a name such as image_rect tells how to see them"
+    assert "/data/my drive.bag" in nodes["/player"][2]
+    assert not any("image_raw" in word for word in nodes["/player"][2])
     assert params["/use_sim_time"] is True
+
+
+@pytest.mark.parametrize("way", ["file", "script"])
+def test_a_replay_in_a_namespace_has_the_time_of_the_bag(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """/clock and /use_sim_time are of all nodes of a master."""
+    monkeypatch.setenv("ROS_NAMESPACE", "robot2")
+    if way == "file":
+        files: list[Any] = [(str(CHECKOUT / "launch" / "replay.launch"), ["bag:=/data/a.bag", "run_dir:=none"])]
+        nodes, params = described(files, [])
+    else:
+        texts: list[str] = []
+        monkeypatch.setenv("ROS_MASTER_URI", environment.DEFAULT_MASTER)
+        monkeypatch.setattr(launching.logs, "quiet_failures", lambda: None)
+        monkeypatch.setattr(launch, "start", lambda text, **_: (texts.append(text), SimpleNamespace(spin=int))[1])
+        monkeypatch.setattr(sys, "argv", ["replay.py", "--bag", "/data/a.bag", "--run-dir", "none"])
+        with pytest.raises(SystemExit):
+            launching.main()
+        nodes, params = described([], texts)
+    assert set(nodes) == {"/robot2/vslam", "/robot2/player"}
+    assert [name for name in params if "use_sim_time" in name] == ["/use_sim_time"]
 
 
 def test_a_configuration_file_reaches_every_node(tmp_path: Path) -> None:

@@ -117,7 +117,7 @@ def main() -> None:
         real = name in ("bringup", "explore")
         config = to_dict(load(args.config or (robot_file_here() if real else None), []))
         nodes = nodes_of(name, args)
-        params: dict[str, Any] = {"use_sim_time": True} if name == "replay" else {}
+        params: dict[str, Any] = {"/use_sim_time": True} if name == "replay" else {}
         if getattr(args, "run_dir", "") == AUTO:
             params["run_dir"] = new_run()
         os.environ.setdefault("ROS_MASTER_URI", DEFAULT_MASTER)

@@ -126,7 +126,7 @@ def replay(
 
 def xml(nodes: list[LaunchNode], config: dict[str, Any], params: dict[str, Any] | None = None) -> str:
     """The launch file of these nodes. config: tree of 'vsx config', for all nodes; nothing of an earlier launch stays
-    beside it. params: of the namespace."""
+    beside it. params: of the namespace, or global with a leading slash."""
     lines = ["<launch>"]
     lines += [f'  <env name="{name}" value="{value}"/>' for name, value in THREADS.items()]
     text = escape(yaml.safe_dump(config, default_flow_style=True, width=10**6))
