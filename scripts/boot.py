@@ -18,13 +18,14 @@ def _default_python() -> Path:
 
 
 def into(module: str) -> None:
-    """Run ``main()`` of the module under $VSX_PYTHON, else under an active environment, else under the default one."""
-    wanted = os.environ.get("VSX_PYTHON")
-    if wanted is None and sys.prefix == sys.base_prefix and _default_python().exists():
+    """Run ``main()`` of the module under $VSX_PYTHON, else under an active environment that has the dependencies, else
+    under the default one."""
+    wanted, lacking = os.environ.get("VSX_PYTHON"), importlib.util.find_spec("numba") is None
+    if wanted is None and (lacking or sys.prefix == sys.base_prefix) and _default_python().exists():
         wanted = str(_default_python())
     if wanted and GUARD not in os.environ:
         os.execve(wanted, [wanted, *sys.argv], {**os.environ, GUARD: "1"})
-    elif not wanted and importlib.util.find_spec("numba") is None:
+    elif not wanted and lacking:
         sys.exit(f"vsx_ros is not set up: there is no {_default_python()}; run scripts/demo once")
     os.environ.pop(GUARD, None)
     checkout = Path(__file__).resolve().parent.parent

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import venv
 from pathlib import Path
 
 import pytest
@@ -36,14 +37,33 @@ def test_rospack_finds_the_checkout() -> None:
     assert output_of(["rospack", "find", "vsx_ros"]).stdout.strip() == str(CHECKOUT)
 
 
-def test_rosrun_finds_one_starter_and_the_starter_finds_its_python(tmp_path: Path) -> None:
-    spy = tmp_path / "python3"
-    spy.write_text(f'#!/bin/sh\necho "$VSX_BOOTED $@"\nexec {sys.executable} -c "pass"\n', encoding="utf-8")
-    spy.chmod(0o755)
+@pytest.fixture
+def spy(tmp_path: Path) -> Path:
+    """Tells how it was started."""
+    made = tmp_path / "ours" / "bin" / "python3"
+    made.parent.mkdir(parents=True)
+    made.write_text(f'#!/bin/sh\necho "$VSX_BOOTED $@"\nexec {sys.executable} -c "pass"\n', encoding="utf-8")
+    made.chmod(0o755)
+    return made
+
+
+def test_rosrun_finds_one_starter_and_the_starter_finds_its_python(spy: Path) -> None:
     done = output_of(["rosrun", "vsx_ros", "follower", "_x:=1"], VSX_PYTHON=str(spy))
     assert done.returncode == 0, done.stderr
     guard, script, argument = done.stdout.split()
     assert (guard, Path(script).name, argument) == ("1", "follower", "_x:=1")
+
+
+def test_an_active_environment_of_something_else_does_not_hide_ours(spy: Path, tmp_path: Path) -> None:
+    venv.create(tmp_path / "foreign", symlinks=True)
+    follower = ["env", "-u", "VSX_PYTHON", str(CHECKOUT / "scripts/follower"), "_x:=1"]
+    active = {"PATH": f"{tmp_path / 'foreign/bin'}:{os.environ['PATH']}"}
+    done = output_of(follower, VSX_VENV=str(tmp_path / "ours"), **active)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["1", *follower[-2:]]
+    done = output_of(follower, VSX_VENV=str(tmp_path / "none"), **active)
+    assert done.returncode == 1
+    assert f"there is no {tmp_path / 'none/bin/python3'}; run scripts/demo once" in done.stderr
 
 
 def test_under_its_own_python_the_starter_goes_straight_to_the_node() -> None:
