@@ -1,6 +1,7 @@
 """``vsx zone`` and ``vsx room`` beside a saved map: what they print, write and refuse."""
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -15,11 +16,13 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.dock_file import dock_file, load_dock, save_dock
 from vsx_ros.io.map_file import load_map, save_map
 from vsx_ros.io.room_file import load_rooms, room_file, save_rooms
-from vsx_ros.io.zone_file import load_zones, zone_file
+from vsx_ros.io.zone_file import load_zones, save_zones, zone_file
 from vsx_ros.occupancy.grid import FREE
 from vsx_ros.occupancy.rooms import RoomTracker
+from vsx_ros.occupancy.zones import Zone, ZoneKind
+from vsx_ros.runs.checkpoint import digests
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.places import places_of
+from vsx_ros.runs.places import place_files, places_of
 
 
 @pytest.fixture
@@ -188,16 +191,79 @@ def copied(run: RunFolder, to: Path) -> RunFolder:
     return RunFolder(to)
 
 
-def test_zones_drawn_beside_a_run_hold_in_its_next_session_and_stay(zoned_run: RunFolder, tmp_path: Path) -> None:
+def listed(run: RunFolder, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """The names that 'vsx zone list' tells."""
+    capsys.readouterr()
+    assert execute(["zone", "list", "--json", "--map", str(run.path)]) == 0
+    return [tree["name"] for tree in json.loads(capsys.readouterr().out)]
+
+
+def test_zones_and_dock_changed_beside_a_run_hold_in_its_next_session_and_stay(
+    zoned_run: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also with the clock of a robot that has no battery for it, or in a copy without its times."""
     run = copied(zoned_run, tmp_path / "run")
     beside = ["--map", str(run.path)]
     assert execute(["zone", "add", "stairs", "no-go", "3,3 4,3 4,4", *beside]) == 0
+    os.utime(zone_file(run.path / "map.yaml"), (1, 1))
+    assert "stairs" in listed(run, capsys)
     assert execute(["zone", "remove", "rug", *beside]) == 0
+    save_dock(SE2(1.0, -0.5, 2.0), dock_file(run.path / "map.yaml"))
+    for path in place_files(run):
+        os.utime(path, (1, 1))
     assert execute(["explore", "--fast", "--resume", str(run.path), "--time", "6"]) == 0
     for zones in (load_zones(zone_file(run.path / "map.yaml")), places_of(run, run.checkpoint.read())[0]):
         names = [zone.name for zone in zones]
         assert "stairs" in names
         assert "rug" not in names
+    docked = places_of(run, run.checkpoint.read())[1]
+    assert docked is not None
+    assert docked.distance_to(SE2(1.0, -0.5, 2.0)) < 0.02
+
+
+@pytest.fixture
+def killed_later(zoned_run: RunFolder, tmp_path: Path) -> RunFolder:
+    """Its last session began with the one zone stairs, and was killed when there was the one zone rug. Copied since,
+    the older file last."""
+    run = copied(zoned_run, tmp_path / "run")
+    zones = zone_file(run.path / "map.yaml")
+    save_zones([Zone("stairs", ZoneKind.NO_GO, ((3.0, 3.0), (4.0, 3.0), (4.0, 4.0)))], zones)
+    run.checkpoint.write(run.checkpoint.read()._replace(beside=digests([zones])))
+    os.utime(zones, (2**31, 2**31))
+    return run
+
+
+def test_zones_with_which_a_killed_session_began_do_not_come_back(
+    killed_later: RunFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert listed(killed_later, capsys) == ["rug"]
+    assert [zone.name for zone in places_of(killed_later, killed_later.checkpoint.read())[0]] == ["rug"]
+
+
+def test_drawing_the_zones_with_which_a_killed_session_began_counts(
+    killed_later: RunFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    beside = ["--map", str(killed_later.path)]
+    assert execute(["zone", "add", "stairs", "no-go", "3,3 4,3 4,4", *beside]) == 0
+    assert execute(["zone", "remove", "rug", *beside]) == 0
+    assert listed(killed_later, capsys) == ["stairs"]
+
+
+@pytest.mark.parametrize(("at_s", "names"), [(1, ["rug"]), (2**31, ["stairs"])])
+def test_a_checkpoint_of_an_older_version_knows_times_alone(
+    killed_later: RunFolder, at_s: int, names: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    killed_later.checkpoint.write(killed_later.checkpoint.read()._replace(beside=None))
+    os.utime(zone_file(killed_later.path / "map.yaml"), (at_s, at_s))
+    assert listed(killed_later, capsys) == names
+
+
+def test_zones_that_cannot_be_read_are_told_and_not_left_out(
+    killed_later: RunFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    zone_file(killed_later.path / "map.yaml").write_bytes(b"\xff")
+    assert execute(["zone", "list", "--map", str(killed_later.path)]) == 1
+    assert "cannot be read" in capsys.readouterr().err
 
 
 def test_the_zones_of_a_run_whose_map_was_written_without_them_are_not_lost(

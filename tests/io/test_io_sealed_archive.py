@@ -3,7 +3,7 @@ import zipfile
 
 import pytest
 
-from vsx_ros.io.sealed_archive import seal, unseal
+from vsx_ros.io.sealed_archive import glance, seal, unseal
 
 ENTRIES = {"a.json": b'{"x": 1}', "b/c.png": bytes(range(256)), "empty": b""}
 
@@ -35,6 +35,18 @@ def test_every_cut_and_every_tail_is_noticed():
             unseal(whole[:length])
     with pytest.raises(ValueError, match="checksum"):
         unseal(whole + b"\n")
+
+
+def test_one_entry_is_read_alone(tmp_path):
+    path, whole = tmp_path / "map.zip", seal(ENTRIES, quick=True)
+    path.write_bytes(whole)
+    assert glance(path, "a.json") == ENTRIES["a.json"]
+    with pytest.raises(ValueError, match=r"d\.json cannot be unpacked"):
+        glance(path, "d.json")
+    for damaged in (b"", whole[:-100], whole.replace(ENTRIES["a.json"], b'{"x": 2}')):
+        path.write_bytes(damaged)
+        with pytest.raises(ValueError, match=r"a\.json cannot be unpacked"):
+            glance(path, "a.json")
 
 
 def test_a_foreign_zip_is_not_sealed():

@@ -10,9 +10,9 @@ from typing import Any
 
 from vsx_ros.errors import ConfigError, InputError, VsxError
 from vsx_ros.io.room_file import load_rooms, room_file, room_tree, save_rooms
-from vsx_ros.io.zone_file import save_zones, zone_file
+from vsx_ros.io.zone_file import zone_file
 from vsx_ros.occupancy.zones import Zone, ZoneKind, zone_of
-from vsx_ros.runs.places import zones_beside
+from vsx_ros.runs.places import draw_zones, zones_beside
 from vsx_ros.runs.process import DONE
 from vsx_ros.runs.rooms import renamed
 
@@ -84,9 +84,8 @@ def _corners(text: str) -> list[list[float]]:
 
 def _in_file(map_file: Path, change: Callable[[list[Zone]], list[Zone]], said: str) -> int:
     map_file = _existing(map_file)
-    path = zone_file(map_file)
-    save_zones(change(zones_beside(map_file)), path)
-    print(f"{said} ({path})")
+    draw_zones(change(zones_beside(map_file)), map_file)
+    print(f"{said} ({zone_file(map_file)})")
     return DONE
 
 

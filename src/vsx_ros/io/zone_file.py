@@ -12,6 +12,7 @@ from vsx_ros.occupancy.zones import MAX_ZONES, Zone, zone_of
 
 _VERSION = 1
 _HEADER = "# Zones of the map beside this file; corners in its coordinates [m]; see 'vsx zone --help'.\n"
+_AGAIN = "# Drawn again after the run.\n"
 
 
 def zone_file(map_file: Path) -> Path:
@@ -19,12 +20,13 @@ def zone_file(map_file: Path) -> Path:
     return map_file.with_name(f"{map_file.stem}_zones.yaml")
 
 
-def save_zones(zones: Sequence[Zone], path: Path) -> None:
-    """Write the file in one step, without zones, too. Raises MapFileError."""
+def save_zones(zones: Sequence[Zone], path: Path, *, again: bool = False) -> None:
+    """Write the file in one step, without zones, too. again: with one comment more, so that it differs from a file with
+    the same zones. Raises MapFileError."""
     with explained(MapFileError, f"zones {path} cannot be written", "choose another folder", OSError):
         tree = {"version": _VERSION, "zones": [zone.tree() for zone in zones]}
-        text = _HEADER + yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True)
-        write_text(path, text, durable=True)
+        text = yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True)
+        write_text(path, _HEADER + _AGAIN * again + text, durable=True)
 
 
 def load_zones(path: Path) -> list[Zone]:

@@ -4,9 +4,10 @@ A folder: keyframes/<index>_<stamp>.png or .jpg and pieces/<hash>.npy (corners a
 map.zip, sealed, with everything that changes. Even if the program or the power fails, map.zip is either the old or the
 new one. The files it names exist, and so do the earlier lines of the journals beside it (*.jsonl)."""
 
+import hashlib
 import json
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,11 +16,11 @@ from numpy.typing import NDArray
 
 from vsx_ros.errors import InputError, explained
 from vsx_ros.io.atomic import sync, write_bytes, write_text
-from vsx_ros.io.sealed_archive import ArrayChunks, array_bytes, array_of, seal, unseal
+from vsx_ros.io.sealed_archive import ArrayChunks, array_bytes, array_of, glance, seal, unseal
 from vsx_ros.io.slam_map_arrays import Arrays, arrays_of
 from vsx_ros.io.slam_map_file import array_name, damage_explained, entries_of, image_name, suffix_of
 from vsx_ros.io.slam_map_file import slam_map_of as slam_map_of_entries
-from vsx_ros.limits import DATA_BYTES, file_bytes, file_text, json_tree
+from vsx_ros.limits import DATA_BYTES, TEXT_BYTES, file_bytes, file_text, json_tree
 from vsx_ros.slam.keyframe import KeyFrame
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.vision.pyramid import picture_file
@@ -31,12 +32,14 @@ _KEYFRAMES, _PATCHES = 64, 4096  # Keyframes whose corners form one piece, and p
 
 class CheckpointData(NamedTuple):
     """Contents of a checkpoint. stamp_ns: its time. state: named arrays for the resumed run; mission: the mission's
-    memory, as JSON."""
+    memory, as JSON. beside: ``digests`` of the files beside the run's map with which its session began; None in those
+    of older versions."""
 
     slam_map: SlamMap
     stamp_ns: int
     state: dict[str, NDArray[Any]]
     mission: dict[str, Any]
+    beside: dict[str, str] | None = None
 
 
 class Checkpoint:
@@ -52,9 +55,22 @@ class Checkpoint:
         return (self.path / "map.zip").exists()
 
     def is_older_than(self, path: Path) -> bool:
-        """Whether there is the file, and no checkpoint that was written after it."""
-        map_file = self.path / "map.zip"
-        return path.exists() and (not self.exists or path.stat().st_mtime_ns >= map_file.stat().st_mtime_ns)
+        """Whether there is the file beside the run's map, and no checkpoint of a session that began with it as it is.
+        Times, which a slow clock and copies falsify, tell it only of checkpoints of older versions."""
+        if not (self.exists and path.exists()):
+            return path.exists()
+        known = self._beside()
+        if known is None:
+            return path.stat().st_mtime_ns >= (self.path / "map.zip").stat().st_mtime_ns
+        return known.get(path.name, "") != digests([path]).get(path.name)  # also if it is unreadable: it is told
+
+    def _beside(self) -> dict[str, str] | None:
+        """As in ``CheckpointData``; None for a damaged checkpoint, too: who reads all of that tells it."""
+        try:
+            tree = json_tree(glance(self.path / "map.zip", _NOTES))
+            return dict(tree["beside"])
+        except (LookupError, TypeError, ValueError):
+            return None
 
     def write(self, saved: CheckpointData) -> None:
         """Replace the checkpoint in one step. Raises InputError when the folder cannot be written."""
@@ -70,7 +86,7 @@ class Checkpoint:
             entries |= {f"{_STATE}{name}.npy": array_bytes(array) for name, array in saved.state.items()}
             files = {keyframe.id: names[stem] for stem, keyframe in living.items()}
             notes = {"stamp_ns": saved.stamp_ns, "mission": saved.mission, "files": files, "pieces": pieces}
-            entries[_NOTES] = json.dumps(notes).encode()
+            entries[_NOTES] = json.dumps(notes | ({} if saved.beside is None else {"beside": saved.beside})).encode()
             write_bytes(self.path / "map.zip", seal(entries, quick=True), durable=True)
             self._chunks.keep({piece for names in pieces.values() for piece in names})
             for path in (self.path / "keyframes").iterdir():
@@ -111,7 +127,10 @@ class Checkpoint:
                 for name, content in entries.items()
                 if name.startswith(_STATE)
             }
-            return CheckpointData(slam_map_of_entries(entries), int(tree["stamp_ns"]), state, dict(tree["mission"]))
+            return CheckpointData(
+                slam_map=slam_map_of_entries(entries), stamp_ns=int(tree["stamp_ns"]), state=state,
+                mission=dict(tree["mission"]), beside=dict(tree["beside"]) if "beside" in tree else None,
+            )  # fmt: skip
 
     def newest_picture(self) -> bytes:
         """The PNG of the newest keyframe; empty when there is none, or when it is larger than a camera's."""
@@ -138,6 +157,15 @@ class Checkpoint:
         with explained(InputError, f"{path} cannot be read", "delete it, the mission then begins again"):
             tree = json_tree(file_text(path))
         return tree if isinstance(tree, dict) else {}
+
+
+def digests(paths: Iterable[Path]) -> dict[str, str]:
+    """SHA-256 of each of the files, by its name, without those that cannot be read."""
+    found = {}
+    for path in paths:
+        with suppress(OSError, ValueError):
+            found[path.name] = hashlib.sha256(file_bytes(path, TEXT_BYTES)).hexdigest()
+    return found
 
 
 def _cuts(arrays: Arrays) -> dict[str, NDArray[np.int64]]:

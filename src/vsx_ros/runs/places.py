@@ -17,6 +17,12 @@ from vsx_ros.runs.rooms import OF_ONE_RUN, look_into
 from vsx_ros.slam.snapshot import SlamMap, snapshot
 
 
+def place_files(folder: RunFolder) -> tuple[Path, Path]:
+    """The paths of the zones and the dock beside the ground map of a run."""
+    beside = folder.path / "map.yaml"
+    return zone_file(beside), dock_file(beside)
+
+
 def given_zones(path: Path) -> list[Zone]:
     """The zones of a file that the user names. Raises ConfigError when it does not exist, MapFileError for a damaged
     one."""
@@ -38,11 +44,13 @@ def begin_places(ground: MappedGround, map_file: Path | None, zones: Path | None
 
 
 def resume_places(ground: MappedGround, folder: RunFolder) -> None:
-    """Take over the zones beside the ground map of a resumed run if they were changed after its checkpoint, as by
-    'vsx zone'. Raises MapFileError."""
-    path = zone_file(folder.path / "map.yaml")
-    if folder.checkpoint.is_older_than(path):
-        ground.zones.replace(load_zones(path), kept=_is_of_one_run)
+    """Take over the zones and the dock beside the ground map of a resumed run if they are others than its checkpoint
+    knew, as after 'vsx zone'. Raises MapFileError."""
+    zones, dock = place_files(folder)
+    if folder.checkpoint.is_older_than(zones):
+        ground.zones.replace(load_zones(zones), kept=_is_of_one_run)
+    if folder.checkpoint.is_older_than(dock) and (docked := load_dock(dock)) is not None:
+        ground.docked(docked)
 
 
 def zones_beside(map_file: Path) -> list[Zone]:
@@ -54,17 +62,29 @@ def zones_beside(map_file: Path) -> list[Zone]:
     return places_of(folder, folder.checkpoint.read())[0] if folder.checkpoint.exists else []
 
 
+def draw_zones(zones: Sequence[Zone], map_file: Path) -> None:
+    """Write the zones that an operator changed beside a map. Those of a run differ from the file with which its last
+    session began, even if that had the same: in between it had others, and the file would not count. Raises
+    MapFileError."""
+    path = zone_file(map_file)
+    save_zones(zones, path)
+    checkpoint = RunFolder(map_file.parent).checkpoint
+    if map_file.name == "map.yaml" and checkpoint.exists and not checkpoint.is_older_than(path):
+        save_zones(zones, path, again=True)
+
+
 def places_of(folder: RunFolder, saved: CheckpointData) -> tuple[list[Zone], SE2 | None]:
-    """Zones and dock of a run: from the files beside its ground map that were written after the checkpoint, else from
-    that. Raises MapFileError or InputError."""
-    beside, ground, seen = folder.path / "map.yaml", MappedGround(Config()), snapshot(saved.slam_map.view)
+    """Zones and dock of a run: from the files beside its ground map if they are others than the checkpoint knew, else
+    from that. Raises MapFileError or InputError."""
+    (zones_path, dock_path), ground = place_files(folder), MappedGround(Config())
+    seen = snapshot(saved.slam_map.view)
     if saved.state:
         ground.restore(saved.state)
     zones, docked = list(ground.zones_in(seen)), ground.dock(seen)
-    if folder.checkpoint.is_older_than(zone_file(beside)):
-        zones = load_zones(zone_file(beside))
-    if folder.checkpoint.is_older_than(dock_file(beside)):
-        docked = load_dock(dock_file(beside))
+    if folder.checkpoint.is_older_than(zones_path):
+        zones = load_zones(zones_path)
+    if folder.checkpoint.is_older_than(dock_path):
+        docked = load_dock(dock_path)
     return zones, docked
 
 

@@ -20,10 +20,11 @@ from vsx_ros.exploration.decision import MissionEvent
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.runs.checkpoint import CheckpointData
+from vsx_ros.runs.checkpoint import CheckpointData, digests
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, Journal, Line, RunEvent, read_journal
 from vsx_ros.runs.moments import Moments, MomentWriter
+from vsx_ros.runs.places import place_files
 from vsx_ros.runs.previous import PreviousSessions
 from vsx_ros.runs.record import RunRecord, counts_all
 from vsx_ros.slam.slam import TrackerAndMapper
@@ -92,6 +93,7 @@ class RunWriter:
         self._due_ns = 0
 
     def frame(
+        self._beside = digests(place_files(folder)) if folder is not None else {}  # taken over, or about to be
         self, result: TrackingResult, odometry: Odometry | None, track_s: float, u2_frames: float | None,
         events: Sequence[SlamEvent], mission: Sequence[MissionEvent] = (), *more: Line,
     ) -> None:  # fmt: skip
@@ -129,7 +131,9 @@ class RunWriter:
             return False
         self._due_ns = stamp_ns + self._every_ns
         with self._lock:
-            self._noted = CheckpointData(slam_map, stamp_ns, slam.record(), {})
+            self._noted = CheckpointData(
+                slam_map=slam_map, stamp_ns=stamp_ns, state=slam.record(), mission={}, beside=self._beside
+            )
         return True
 
     def write(self, state: Mapping[str, NDArray[Any]], mission: dict[str, Any] | None = None) -> None:
