@@ -10,6 +10,7 @@ import sys
 from datetime import datetime
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ from vsx_ros.runs.interrupted import REASON
 from vsx_ros.runs.journal import FrameLine, Journal, OdometryLine, last_driven, read_journal
 from vsx_ros.runs.moments import Moments
 from vsx_ros.runs.previous import PreviousSessions, end_trail
-from vsx_ros.runs.start import REMEMBERED, begin
+from vsx_ros.runs.start import DEFAULTS, REMEMBERED, begin
 from vsx_ros.slam.state import TrackingResult, TrackingState
 
 SECOND = 1_000_000_000
@@ -145,12 +146,38 @@ def test_it_goes_on_in_the_same_map_and_ends_as_a_run_does(resumed):
         (["--fast", "--load-map", "x"], "leave out --load-map"),
         (["--fast", "--time", "5"], "give more with --time"),
         (["--fast", "--moved"], "stands where it stood; leave out --moved"),
+        (["--fast", "--rate", "10"], "--rate 10 has no meaning for the robot of"),
+        (["--port", "/dev/x"], "was made with --fast"),
     ],
 )
 def test_what_contradicts_the_run_is_refused(resumed, words, said, capsys):
     out, _ = resumed
     assert execute(["explore", "--resume", str(out), *words]) == 1
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("facts", "words", "said"),
+    [
+        ({"world": "lab", "load_map": "lab.vsxmap", "fast": True}, "--fast --until 0.9", "--until 0.9: how much"),
+        ({"world": "lab", "load_map": "lab.vsxmap"}, "--until 0.9", "--until 0.9: how much is right"),
+        ({"world": "lab"}, "--port /dev/x", "--port /dev/x has no meaning for the robot of RUN, which is emulated"),
+        ({"world": "lab"}, "--camera v4l:0", "--camera v4l:0 has no meaning for the robot of RUN, which is emulated"),
+        ({}, "--until 0.9", "--until 0.9: how much is right"),
+        ({}, "--rate 10", "--rate 10 is for an emulated camera; leave it out"),
+        ({}, "--dock 1,2,3", "--dock 1,2,3 is for an emulated world; leave it out"),
+        ({}, "--battery-pace 40", "--battery-pace 40 is for an emulated world; leave it out"),
+    ],
+)
+def test_options_that_mean_nothing_to_the_robot_of_the_run_are_refused(
+    facts: dict[str, Any], words: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The run remembers others, also such that would be refused if they were given."""
+    folder = RunFolder.create(tmp_path / "run")
+    remembered = dict.fromkeys(REMEMBERED) | DEFAULTS | {"fast": False, **facts}
+    folder.write_config(Config(), ["vsx", "explore"], **remembered)
+    assert execute(["explore", "--resume", str(folder.path), *words.split()]) == 1
+    assert said.replace("RUN", str(folder.path)) in capsys.readouterr().err
 
 
 def test_a_run_killed_before_it_had_a_map_remembers_every_option(tmp_path):

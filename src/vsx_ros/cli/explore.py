@@ -16,10 +16,6 @@ def explore(args: argparse.Namespace) -> int:
     """Explore in lock-step or live."""
     if args.fast and args.view:
         raise ConfigError("--view shows the live nodes, and --fast runs none; leave out one of the two")
-    if args.until is not None and ((args.world is None and args.resume is None and not args.fast) or args.load_map):
-        known = "how much is right is known of an emulated world and a new map alone"
-        raise ConfigError(f"--until {args.until:g}: {known}")
-    _refuse_wires(args)
     load(args.config, args.set)  # all that may be misspelt, before minutes of compiling
     if args.world is not None:
         check_world(args.world, args.models)
@@ -46,25 +42,3 @@ def explore(args: argparse.Namespace) -> int:
         from vsx_ros.ros.run import explore
 
         return explore(args, forks)
-
-
-def _refuse_wires(args: argparse.Namespace) -> None:
-    """Raises ConfigError for options that only a real robot has, or only one with emulated devices."""
-    if args.rate is not None and args.world is None and args.resume is None and not args.fast:
-        raise ConfigError(f"--rate {args.rate:g} is for an emulated camera; give --world, or leave it out")
-    for name in ("dock", "battery_pace"):
-        if getattr(args, name) is not None and args.world is None and args.resume is None and not args.fast:
-            option = f"--{name.replace('_', '-')} {getattr(args, name)}"
-            raise ConfigError(f"{option} is for an emulated world; give --world, or leave it out")
-    if args.eye is not None and not args.fast:
-        raise ConfigError(f"--eye {args.eye} draws in lock-step alone; add --fast, or leave it out")
-    if args.hard and args.world is None and not args.fast:
-        raise ConfigError(f"--with {args.hard[0]} is for an emulated world; give --world, or leave it out")
-    if args.models and args.world is None and args.resume is None:
-        raise ConfigError(f"--models {args.models[0]} is for a Gazebo world; give --world, or leave it out")
-    wires = "base", "port", "camera", "rate", "dock", "battery_pace"
-    emulated, without = ("--fast", wires) if args.fast else ("--world", ("port", "camera"))
-    for name in without if args.fast or args.world is not None else ():
-        if getattr(args, name) is not None:
-            no_meaning = f"has no meaning for the robot that {emulated} emulates; leave out one of the two"
-            raise ConfigError(f"--{name.replace('_', '-')} {getattr(args, name)} {no_meaning}")

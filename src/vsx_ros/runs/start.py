@@ -70,11 +70,14 @@ def begin(args: argparse.Namespace) -> Iterator[tuple[RunFolder, Config, Emulate
 
 
 def check_files(args: argparse.Namespace) -> None:
-    """Make the paths of files absolute. Raises InputError, ConfigError or MapFileError for a run, map, room, zones
-    or folder of the run that cannot be used or contradict each other, as far as that is known without kernels."""
+    """Make the paths of files absolute. Raises InputError, ConfigError or MapFileError for options that contradict each
+    other or the run to resume, and for a run, map, room, zones or folder of the run that cannot be used, as far as that
+    is known without kernels."""
     if args.resume is not None:
-        _refuse_other_options(args, RunFolder.open(args.resume))
+        facts = _facts_to_resume(args, RunFolder.open(args.resume))
+        _refuse_meaningless(args, facts.get("world") or None, facts.get("load_map"))
     else:
+        _refuse_meaningless(args, args.world, args.load_map)
         RunFolder.check(args.out or dated("explore"))
     if args.load_map is not None:
         args.load_map = str(Path(args.load_map).resolve())
@@ -120,24 +123,58 @@ def fill(args: argparse.Namespace, values: Mapping[str, Any]) -> None:
             setattr(args, name, value)
 
 
-def _refuse_other_options(args: argparse.Namespace, folder: RunFolder) -> None:
-    """Raises ConfigError for an option that was chosen when the run began, InputError if that cannot be read."""
-    folder.read_config()
+def _refuse_meaningless(args: argparse.Namespace, world: str | None, load_map: str | None) -> None:
+    """Raises ConfigError for options that only a real robot has, or only one with emulated devices. world, load_map:
+    those of the run, also of one to resume, whose other options are not filled in yet."""
+    emulated = args.fast or world is not None
+    if args.until is not None and (not emulated or load_map):
+        known = "how much is right is known of an emulated world and a new map alone"
+        raise ConfigError(f"{_written(args, 'until')}: {known}")
+    remedy = "leave it out" if args.resume is not None else "give --world, or leave it out"
+    for name, what in {"rate": "camera", "dock": "world", "battery_pace": "world"}.items():
+        if getattr(args, name) is not None and not emulated:
+            raise ConfigError(f"{_written(args, name)} is for an emulated {what}; {remedy}")
+    if args.eye is not None and not args.fast:
+        raise ConfigError(f"--eye {args.eye} draws in lock-step alone; add --fast, or leave it out")
+    if args.hard and not emulated:
+        raise ConfigError(f"--with {args.hard[0]} is for an emulated world; {remedy}")
+    if args.models and world is None:
+        raise ConfigError(f"--models {args.models[0]} is for a Gazebo world; {remedy}")
+    whose = f"that {'--fast' if args.fast else '--world'} emulates; leave out one of the two"
+    if args.resume is not None:
+        whose = f"of {args.resume}, which is emulated; leave it out"
+    wires = ("base", "port", "camera", "rate", "dock", "battery_pace") if args.fast else ("port", "camera")
+    for name in wires if emulated else ():
+        if getattr(args, name) is not None:
+            raise ConfigError(f"{_written(args, name)} has no meaning for the robot {whose}")
+
+
+def _written(args: argparse.Namespace, name: str) -> str:
+    """The option as on the command line."""
+    value = getattr(args, name)
+    return f"--{name.replace('_', '-')} {f'{value:g}' if isinstance(value, float) else value}"
+
+
+def _facts_to_resume(args: argparse.Namespace, folder: RunFolder) -> dict[str, Any]:
+    """What config.yaml tells of the run beside its configuration. Raises ConfigError for a run that cannot be resumed
+    so, and for an option that was chosen when it began; InputError if that cannot be read."""
+    facts = folder.read_config()[1]
     fixed = ("world", "seed", "base", "planner", "phi", "load_map", "room", "zones", "config", "set", "out", "models",
              "eye")  # fmt: skip
     contradicting = [name.replace("_", "-") for name in fixed if getattr(args, name) not in (None, [])]
     contradicting += ["with"] if args.hard else []
     if contradicting:
         raise ConfigError(f"--resume goes on with the options of {folder.path}; leave out --{contradicting[0]}")
-
-
-def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, EmulatedWorld | None]:
-    parameters, facts = folder.read_config()
     if "fast" not in facts:
         raise ConfigError(f"{folder.path} is no run of 'vsx explore'; a replay is begun again")
     if facts["fast"] is not args.fast:
         how = "with" if facts["fast"] else "without"
         raise ConfigError(f"{folder.path} was made {how} --fast; resume it so, too")
+    return facts
+
+
+def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder, Config, EmulatedWorld | None]:
+    parameters, facts = folder.read_config()
     fill(args, {name: facts.get(name) for name in REMEMBERED})
     fill(args, DEFAULTS)
     world = load_world(folder.path / "world.yaml") if args.world else None
