@@ -104,6 +104,23 @@ def test_a_resumed_run_that_was_killed_gives_what_its_journals_know(tmp_path, wa
     assert "the run has not come to its end" in said.err
 
 
+@pytest.mark.parametrize("tracked", [0, 1, 2])
+def test_a_run_with_too_few_poses_for_an_error_gives_the_rest(tmp_path, walk, tracked, capsys):
+    folder = RunFolder.create(tmp_path / "run")
+    folder.write_summary(Summary(u1=0.25).as_dict())
+    for name, of in {"trajectory": walk[:tracked], "trajectory_final": walk[:tracked], "groundtruth": walk}.items():
+        folder.write_poses(name, of)
+    assert execute(["evaluate", str(folder.path), "--json"]) == 0
+    said = capsys.readouterr()
+    known = json.loads(said.out)
+    assert known["u1"] == 0.25
+    assert "ate_rmse_m" not in known
+    reason = f"only {tracked} of {tracked} estimated poses" if tracked else f"run {folder.path} holds no trajectory"
+    assert f"its accuracy is unknown: {reason}" in said.err
+    assert "clock" not in said.err
+    assert execute(["evaluate", str(folder.path), "--truth", str(folder.path / "groundtruth.txt")]) == 1, "it is asked"
+
+
 def test_the_table_says_unknown(tmp_path, capsys):
     folder = RunFolder.create(tmp_path / "run")
     folder.write_summary(Summary(u1=0.25).as_dict())

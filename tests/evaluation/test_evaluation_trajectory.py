@@ -87,8 +87,13 @@ def test_association_takes_the_nearest_once(walk):
 
 def test_clocks_that_do_not_meet_are_refused(walk):
     shifted = [StampedPose(p.stamp_ns + 10**12, p.T) for p in walk]
-    with pytest.raises(InputError, match="only 0 of 60"):
+    with pytest.raises(InputError, match="only 0 of 60.*same clock"):
         associate(shifted, walk)
+
+
+def test_too_few_poses_are_no_matter_of_clocks(walk):
+    with pytest.raises(InputError, match="only 2 of 2 .* at least 3 are needed$"):
+        associate(walk[:2], walk)
 
 
 def test_standing_still_has_no_scale_error(walk):

@@ -59,16 +59,29 @@ def _of_run(args: argparse.Namespace) -> dict[str, Any]:
         truth, has_odometry = folder.read_poses("groundtruth"), bool(folder.read_poses("odometry"))
     truth = read_trajectory(args.truth) if args.truth is not None else truth
     numbers: dict[str, Any] = {}
-    if truth and not estimate:
-        raise InputError(f"run {folder.path} holds no trajectory: {summary.get('stop_reason')}")
     if truth:
-        kind: AlignmentKind = args.align or ("yaw" if has_odometry else "sim3")
-        numbers = {"ate_of": LIVE, "aligned_by": kind, **_error(args, estimate, truth, kind)}
-        if not has_odometry:
-            numbers |= {"scale": None, "scale_error": None}
-        if final:
-            numbers["ate_final_rmse_m"] = _error(args, final, truth, kind)["ate_rmse_m"]
+        try:
+            if not estimate:
+                raise InputError(f"run {folder.path} holds no trajectory: {summary.get('stop_reason')}")
+            numbers = _accuracy(args, estimate, final, truth, has_odometry=has_odometry)
+        except InputError as error:
+            if args.truth is not None:  # what is asked for
+                raise
+            print(f"vsx: its accuracy is unknown: {error}", file=sys.stderr)
     return {**numbers, **{key: summary.get(key) for key in _FROM_SUMMARY}}
+
+
+def _accuracy(
+    args: argparse.Namespace, estimate: Sequence[StampedPose], final: Sequence[StampedPose],
+    truth: Sequence[StampedPose], *, has_odometry: bool,
+) -> dict[str, Any]:  # fmt: skip
+    kind: AlignmentKind = args.align or ("yaw" if has_odometry else "sim3")
+    numbers = {"ate_of": LIVE, "aligned_by": kind, **_error(args, estimate, truth, kind)}
+    if not has_odometry:
+        numbers |= {"scale": None, "scale_error": None}
+    if final:
+        numbers["ate_final_rmse_m"] = _error(args, final, truth, kind)["ate_rmse_m"]
+    return numbers
 
 
 def _error(

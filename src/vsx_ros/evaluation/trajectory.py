@@ -58,7 +58,8 @@ def associate(estimate: Sequence[StampedPose], truth: Sequence[StampedPose], max
     if len(pairs) < MIN_PAIRS:
         raise InputError(
             f"only {len(pairs)} of {len(estimate)} estimated poses have a true pose within {max_gap_ns / 1e6:.0f} ms; "
-            f"at least {MIN_PAIRS} are needed: check that both files use the same clock"
+        remedy = ": check that both files use the same clock" if len(pairs) < len(estimate) else ""
+            f"at least {MIN_PAIRS} are needed{remedy}"
         )
     return [(estimate[i].T, truth[j].T) for i, j in pairs]
 
