@@ -153,6 +153,14 @@ def test_without_metres_there_is_no_table(tmp_path: Path) -> None:
     assert "<h2>Known area" not in page.read_text()
 
 
+@pytest.mark.parametrize("content", [b"\xff\xfe", b'stamp_s,coverage_correct\n"' + b"1" * 200_000, b"a\0b\n1\n"])
+def test_a_damaged_table_is_made_again(tmp_path: Path, content: bytes) -> None:
+    folder = ended_run(tmp_path, {2.0: known(10)}, STRAIGHT)
+    good = table(folder)
+    (folder.path / "progress.csv").write_bytes(content)
+    assert table(folder) == good
+
+
 @pytest.mark.parametrize("damaged", [False, True])
 def test_a_run_whose_maps_are_gone_makes_no_table_but_keeps_the_one_it_has(tmp_path: Path, damaged: bool) -> None:
     folder = ended_run(tmp_path, {2.0: known(10)}, STRAIGHT)

@@ -4,6 +4,7 @@ report. It is made from the maps of the moments, so a run that keeps none has no
 import csv
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from vsx_ros.geometry.se3 import StampedPose
 from vsx_ros.io.atomic import write_text
 from vsx_ros.io.map_file import map_of_png
 from vsx_ros.io.trajectory_file import format_stamp
+from vsx_ros.limits import LOG_BYTES, file_text
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import DrivenDistance, Odometry
 from vsx_ros.runs.folder import RunFolder
@@ -69,16 +71,17 @@ def judge_of(folder: RunFolder, config: Config, load_map: object) -> MapJudge | 
 
 
 def write_progress(folder: RunFolder, rows: Sequence[ProgressRow]) -> None:
-    """progress.csv; an old one goes if there are no rows, and stays if only it has correct shares, because files of the
-    world are gone."""
+    """progress.csv; an old one goes if there are no rows or it is damaged, and stays if only it has correct shares,
+    because files of the world are gone."""
     path = folder.path / "progress.csv"
     if not rows:
         path.unlink(missing_ok=True)
         return
     if all(row.coverage_correct is None for row in rows) and path.exists():
-        before = csv.DictReader(path.read_text(encoding="utf-8").splitlines())
-        if any(row.get("coverage_correct") for row in before):
-            return
+        with suppress(csv.Error, ValueError):
+            before = csv.DictReader(file_text(path, LOG_BYTES).splitlines())
+            if any(row.get("coverage_correct") for row in before):
+                return
     write_text(path, csv_text(_COLUMNS, [(format_stamp(row.stamp_ns), *row[1:]) for row in rows]))
 
 
