@@ -101,6 +101,14 @@ def test_standing_still_has_no_scale_error(walk):
     assert trajectory_error(associate(still, still)).scale_error is None
 
 
+def test_an_estimate_that_never_moves_is_all_wrong_in_scale(walk):
+    still = [StampedPose(p.stamp_ns, SE3.identity()) for p in walk]
+    for kind in ("se3", "sim3", "yaw"):
+        error = trajectory_error(associate(still, walk), kind)
+        assert (error.scale, error.scale_error) == (None, 1.0)
+        assert error.ate_rmse_m > 0.1
+
+
 def test_path_length_of_a_square():
     corners = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [0, 0, 0]], float)
     assert path_length([StampedPose(i, SE3(np.eye(3), c)) for i, c in enumerate(corners)]) == pytest.approx(8.0)

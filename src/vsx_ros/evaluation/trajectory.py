@@ -15,6 +15,7 @@ AlignmentKind = Literal["se3", "sim3", "yaw"]
 Pairs = list[tuple[SE3, SE3]]
 
 MIN_PAIRS = 3  # poses that determine an alignment
+_STILL_M = 1e-6  # rms distance of positions from their mean, of an estimate that does not move
 
 
 class Alignment(NamedTuple):
@@ -31,13 +32,14 @@ class Alignment(NamedTuple):
 
 class TrajectoryError(NamedTuple):
     """Errors of an estimate over associated poses. ate_rmse_m: rms distance after alignment. scale: size of the truth
-    / size of the estimate (1 = right). scale_error: |1 - size of the estimate / size of the truth|; None when the truth
-    hardly moves. rpe_rmse_m, rpe_rmse_deg: rms error of the motion between successive pairs."""
+    / size of the estimate (1 = right); None when the estimate does not move. scale_error: |1 - size of the estimate /
+    size of the truth|; None when the truth hardly moves. rpe_rmse_m, rpe_rmse_deg: rms error of the motion between
+    successive pairs."""
 
     pairs: int
     ate_rmse_m: float
     ate_max_m: float
-    scale: float
+    scale: float | None
     scale_error: float | None
     rpe_rmse_m: float
     rpe_rmse_deg: float
@@ -56,9 +58,9 @@ def associate(estimate: Sequence[StampedPose], truth: Sequence[StampedPose], max
             best[chosen] = min(best.get(chosen, (gap, index)), (gap, index))
     pairs = sorted((index, chosen) for chosen, (_, index) in best.items())
     if len(pairs) < MIN_PAIRS:
+        remedy = ": check that both files use the same clock" if len(pairs) < len(estimate) else ""
         raise InputError(
             f"only {len(pairs)} of {len(estimate)} estimated poses have a true pose within {max_gap_ns / 1e6:.0f} ms; "
-        remedy = ": check that both files use the same clock" if len(pairs) < len(estimate) else ""
             f"at least {MIN_PAIRS} are needed{remedy}"
         )
     return [(estimate[i].T, truth[j].T) for i, j in pairs]
@@ -77,8 +79,8 @@ def align(estimate: Points3, truth: Points3, kind: AlignmentKind) -> Alignment:
     U, D, Vt = np.linalg.svd(t.T @ e / len(e))
     S = np.diag([1.0, 1.0, 1.0 if np.linalg.det(U) * np.linalg.det(Vt) > 0 else -1.0])
     R = U @ S @ Vt
-    variance = float(np.mean(np.sum(e * e, axis=1)))
-    scale = float(np.sum(D * np.diag(S))) / variance if kind == "sim3" and variance > 1e-12 else 1.0
+    variance = _variance(e)
+    scale = float(np.sum(D * np.diag(S))) / variance if kind == "sim3" and variance > _STILL_M**2 else 1.0
     return Alignment(R, mean_t - scale * R @ mean_e, scale)
 
 
@@ -88,13 +90,14 @@ def trajectory_error(pairs: Pairs, kind: AlignmentKind = "se3") -> TrajectoryErr
     estimate, truth = (np.array([T.translation for T in poses]) for poses in zip(*pairs))
     alignment = align(estimate, truth, kind)
     errors = np.linalg.norm(alignment.apply(estimate) - truth, axis=1)
-    scale = align(estimate, truth, "sim3").scale
-    extent = float(np.sqrt(np.mean(np.sum((truth - truth.mean(axis=0)) ** 2, axis=1))))
+    size_m, true_size_m = (float(np.sqrt(_variance(points - points.mean(axis=0)))) for points in (estimate, truth))
+    scale = align(estimate, truth, "sim3").scale if size_m > _STILL_M else None
+    size_ratio = 0.0 if scale is None else 1.0 / scale if scale > 1e-6 else None
     rpe_m, rpe_rad = _relative_errors(pairs, alignment.scale)
     return TrajectoryError(
         pairs=len(pairs), ate_rmse_m=_rms(errors), ate_max_m=float(errors.max()), scale=scale,
-        scale_error=abs(1.0 - 1.0 / scale) if extent > 0.01 and scale > 1e-6 else None, rpe_rmse_m=_rms(rpe_m),
-        rpe_rmse_deg=math.degrees(_rms(rpe_rad)),
+        scale_error=abs(1.0 - size_ratio) if true_size_m > 0.01 and size_ratio is not None else None,
+        rpe_rmse_m=_rms(rpe_m), rpe_rmse_deg=math.degrees(_rms(rpe_rad)),
     )  # fmt: skip
 
 
@@ -107,6 +110,11 @@ def _relative_errors(pairs: Pairs, scale: float) -> tuple[FloatArray, FloatArray
         metres.append(float(np.linalg.norm(error.translation)))
         radians.append(error.rotation_angle_to(SE3.identity()))
     return np.array(metres), np.array(radians)
+
+
+def _variance(offsets: Points3) -> float:
+    """Of (N, 3) offsets from their mean [m2]."""
+    return float(np.mean(np.sum(offsets * offsets, axis=1)))
 
 
 def _rms(values: FloatArray) -> float:
