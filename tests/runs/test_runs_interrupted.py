@@ -20,7 +20,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.runs import journal
 from vsx_ros.runs.folder import RunFolder
-from vsx_ros.runs.interrupted import REASON
+from vsx_ros.runs.interrupted import REASON, REASON_OF_REPLAY
 from vsx_ros.runs.journal import ClockLine, FrameLine, Journal, RunEvent, TruthLine, flat
 from vsx_ros.runs.moments import map_line
 from vsx_ros.runs.report import report_data
@@ -68,6 +68,12 @@ def test_the_journal_tells_what_the_files_would(killed: RunFolder) -> None:
     assert [row[0] for row in data.frames] == [k * SECOND for k in range(20)]
     assert len(data.estimate) == len(data.truth) == 20
     assert data.world_is_level
+
+
+def test_a_killed_replay_is_not_called_one_that_can_be_resumed(killed: RunFolder) -> None:
+    killed.write_config(Config(), ["vsx", "replay"], seed=7, input="/data/lab.bag")
+    assert report_data(killed).summary["stop_reason"] == REASON_OF_REPLAY
+    assert "--resume" not in REASON_OF_REPLAY
 
 
 def test_the_other_journal_of_a_live_run_is_read_too(killed: RunFolder) -> None:

@@ -16,7 +16,7 @@ from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
 from vsx_ros.robot import Odometry
 from vsx_ros.runs import progress
 from vsx_ros.runs.folder import FrameRecord, RunFolder
-from vsx_ros.runs.interrupted import REASON
+from vsx_ros.runs.interrupted import REASON, REASON_OF_REPLAY
 from vsx_ros.runs.journal import FrameLine, Journal, MapLine, PictureLine, RunEvent
 from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.moments import map_line, preview
@@ -187,9 +187,10 @@ def test_a_way_that_no_image_saw_counts_and_a_restart_of_the_odometry_does_not(t
     assert report_data(folder).progress[-1].driven_m == pytest.approx(7.8)
 
 
-def test_a_run_that_goes_on_shows_its_curves_and_writes_no_table(tmp_path: Path) -> None:
+@pytest.mark.parametrize("reason", [REASON, REASON_OF_REPLAY])
+def test_a_run_that_goes_on_shows_its_curves_and_writes_no_table(tmp_path: Path, reason: str) -> None:
     folder = ended_run(tmp_path, {2.0: known(10)}, STRAIGHT)
-    folder.write_summary(Summary(stop_reason=REASON).as_dict())
+    folder.write_summary(Summary(stop_reason=reason).as_dict())
     assert "<h2>Known area" in write_report(folder).read_text()
     assert len(report_data(folder).progress) == 3
     assert not (folder.path / "progress.csv").exists()

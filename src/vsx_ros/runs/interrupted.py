@@ -15,7 +15,9 @@ from vsx_ros.runs.folder import FrameRecord, RunFolder
 from vsx_ros.runs.journal import ClockLine, FrameLine, Line, RunEvent, TruthLine, odom_epochs, read_journal, unflat
 from vsx_ros.runs.record import RunRecord, counts_all
 
-REASON = "the run has not come to its end: it still runs, or it was killed; vsx explore --resume goes on with it"
+_NO_END = "the run has not come to its end: it still runs, or it was killed"
+REASON = f"{_NO_END}; vsx explore --resume goes on with it"
+REASON_OF_REPLAY = f"{_NO_END}; a replay is begun again"
 _FACTS = "world", "seed", "planner"
 
 
@@ -60,7 +62,7 @@ def _known(lines: list[Line], config: Config, facts: dict[str, Any]) -> KnownRun
     kind: AlignmentKind | None = "yaw" if odometry else None
     summary = with_accuracy(record.counted(), record.estimate(), (), truth, kind).with_values(
         **{name: facts.get(name) for name in _FACTS}, phi=config.planner.phi_rad_m, duration_s=_lasted_s(lines),
-        stop_reason=REASON, ended_well=False,
+        stop_reason=REASON if "fast" in facts else REASON_OF_REPLAY, ended_well=False,
     )  # fmt: skip
     return KnownRun(
         summary=summary.as_dict(), events=sorted(record.told(), key=lambda event: event.stamp_ns),

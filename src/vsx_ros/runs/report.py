@@ -24,7 +24,7 @@ from vsx_ros.io.room_file import load_rooms, room_file
 from vsx_ros.occupancy.grid import MAX_CELLS
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.goals import goals_of
-from vsx_ros.runs.interrupted import REASON, KnownRun, unfinished
+from vsx_ros.runs.interrupted import REASON, REASON_OF_REPLAY, KnownRun, unfinished
 from vsx_ros.runs.journal import Line, MapLine, RunEvent, odom_epochs, read_journal
 from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.moments import REMEDY, Moments
@@ -43,7 +43,7 @@ def write_report(folder: RunFolder, judge: MapJudge | None = None) -> Path:
     """Write report.html of a run, and when the run has ended, progress.csv, whose curves it shows, unless its maps are
     gone; returns the path of the report. judge: that of the run, which would else be made again."""
     path, data = folder.path / "report.html", report_data(folder, judge)
-    if data.maps and data.summary.get("stop_reason") != REASON:
+    if data.maps and data.summary.get("stop_reason") not in (REASON, REASON_OF_REPLAY):
         write_progress(folder, data.progress)
     write_text(path, render(data))
     return path
