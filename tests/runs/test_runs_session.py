@@ -1,11 +1,12 @@
 """What a run folder still tells when the SLAM that filled it did not come to its end."""
 
+import os
 from pathlib import Path
 
 import pytest
 
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.robot import Odometry
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, Journal
@@ -93,6 +94,34 @@ def test_results_of_an_earlier_session_are_not_those_of_this_one(tmp_path: Path)
     assert (summary.frames, summary.keyframes) == (8, None)
     assert said
     assert len(folder.read_poses("trajectory")) == 8
+
+
+@pytest.mark.parametrize(("written", "whole"), [(8, True), (5, True), (4, False), (0, False)])
+@pytest.mark.parametrize("at_s", [1, 2**31])
+def test_the_journal_knows_whether_the_trajectory_is_of_this_session(
+    tmp_path: Path, written: int, whole: bool, at_s: int
+) -> None:
+    """And not the times of the files, which a slow clock falsifies. Three frames came while it was written."""
+    folder = RunFolder(tmp_path)
+    Journal(folder.journal).add(*(frame(k, TrackingState.GOOD) for k in range(8)))
+    poses = [StampedPose(k * 10**8, SE3.from_se2(SE2(0.1 * k, 0.0, 0.0))) for k in range(written)]
+    folder.write_poses("trajectory", poses)
+    folder.write_summary({"frames": 8, "keyframes": 2})
+    os.utime(tmp_path / "trajectory.txt", (at_s, at_s))
+    summary, said = results_of_slam(folder, MOUNT)
+    assert (summary.keyframes, said == "") == (2, whole)
+    assert len(folder.read_poses("trajectory")) == (written if whole else 8)
+
+
+@pytest.mark.parametrize(("written", "whole"), [(0, True), (4, False)])
+def test_a_map_given_up_leaves_no_trajectory(tmp_path: Path, written: int, whole: bool) -> None:
+    folder = RunFolder(tmp_path)
+    states = [TrackingState.GOOD] * 4 + [TrackingState.NOT_INITIALISED]
+    Journal(folder.journal).add(*(frame(k, state) for k, state in enumerate(states)))
+    folder.write_summary({"frames": 5})
+    folder.write_poses("trajectory", [StampedPose(k * 10**8, SE3.identity()) for k in range(written)])
+    assert (results_of_slam(folder, MOUNT)[1] == "") is whole
+    assert folder.read_poses("trajectory") == []
 
 
 def test_poses_of_a_map_that_was_begun_again_are_no_part_of_the_trajectory(tmp_path: Path) -> None:

@@ -20,13 +20,13 @@ from vsx_ros.slam.slam import TrackerAndMapper
 from vsx_ros.slam.snapshot import SlamMap
 from vsx_ros.slam.state import SlamStatistics, TrackingResult, TrackingState
 
-_LATE_FRAMES = 3  # may be tracked while the results are being written
+LATE_FRAMES = 3  # may be tracked while the results are being written
 _RECORDED = ["stamp_ns", "state", "searched", "found", "keyframe_added", "track_ms", "u2_frames"]
 
 
 def counts_all(frames: int | None, lines: Sequence[Line]) -> bool:
     """Whether a summary with this number of frames is of all the journal's lines, and not of an earlier session."""
-    return frames is not None and sum(isinstance(line, FrameLine) for line in lines) <= frames + _LATE_FRAMES
+    return frames is not None and sum(isinstance(line, FrameLine) for line in lines) <= frames + LATE_FRAMES
 
 
 class RunRecord:

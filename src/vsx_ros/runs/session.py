@@ -26,9 +26,9 @@ from vsx_ros.runs.journal import FrameLine, Journal, Line, RunEvent, read_journa
 from vsx_ros.runs.moments import Moments, MomentWriter
 from vsx_ros.runs.places import place_files
 from vsx_ros.runs.previous import PreviousSessions
-from vsx_ros.runs.record import RunRecord, counts_all
+from vsx_ros.runs.record import LATE_FRAMES, RunRecord, counts_all
 from vsx_ros.slam.slam import TrackerAndMapper
-from vsx_ros.slam.state import SlamEvent, TrackingResult
+from vsx_ros.slam.state import SlamEvent, TrackingResult, TrackingState
 
 _USUAL = RunsConfig()
 
@@ -40,7 +40,7 @@ def results_of_slam(folder: RunFolder, T_base_cam: SE3) -> tuple[Summary, str]:
     try:
         lines = read_journal(folder.journal)
         is_newest = known is not None and counts_all(known.frames, lines)
-        if known is not None and (not lines or (is_newest and _has_trajectory_of_summary(folder.path))):
+        if known is not None and (not lines or (is_newest and _has_trajectory_of(folder, lines))):
             return known, ""
         record = RunRecord(T_base_cam)
         record.restore(lines)
@@ -52,10 +52,22 @@ def results_of_slam(folder: RunFolder, T_base_cam: SE3) -> tuple[Summary, str]:
     return known, said or "vslam ended before it had written its results; kept is what its journal knows"
 
 
-def _has_trajectory_of_summary(folder: Path) -> bool:
-    """Whether trajectory.txt is of the same session as summary.json, which is written before it."""
-    trajectory = folder / "trajectory.txt"
-    return trajectory.exists() and trajectory.stat().st_mtime_ns >= (folder / "summary.json").stat().st_mtime_ns
+def _has_trajectory_of(folder: RunFolder, lines: Sequence[Line]) -> bool:
+    """Whether trajectory.txt reaches to the end of the journal, and is not of an earlier session or map."""
+    try:
+        written = folder.read_poses("trajectory")
+    except InputError:
+        return False
+    frames = [line for line in lines if isinstance(line, FrameLine)]
+    if written:
+        ends = [k for k, frame in enumerate(frames) if frame.stamp_ns == written[-1].stamp_ns]
+        frames = frames[ends[-1] + 1 :] if ends else []  # a journal that the disk cut short is behind it
+    begun = [k for k, frame in enumerate(frames) if frame.state is TrackingState.NOT_INITIALISED]
+    if begun and written:
+        return False
+    missing = frames[begun[-1] + 1 :] if begun else frames
+    there = (folder.path / "trajectory.txt").exists()
+    return there and sum(frame.state.tracked for frame in missing) <= LATE_FRAMES
 
 
 class RunWriter:
@@ -81,6 +93,7 @@ class RunWriter:
         self._kept, self._rest = kept or self._say_first, rest
         self._every_ns = round(1e9 * config.checkpoint_s)
         self._checkpoint = folder.checkpoint if folder is not None and resumable else None
+        self._beside = digests(place_files(folder)) if folder is not None else {}  # taken over, or about to be
         self._journal: Journal | None = None
         self._moments: MomentWriter | None = None
         with kept() if kept is not None else nullcontext():
@@ -93,7 +106,6 @@ class RunWriter:
         self._due_ns = 0
 
     def frame(
-        self._beside = digests(place_files(folder)) if folder is not None else {}  # taken over, or about to be
         self, result: TrackingResult, odometry: Odometry | None, track_s: float, u2_frames: float | None,
         events: Sequence[SlamEvent], mission: Sequence[MissionEvent] = (), *more: Line,
     ) -> None:  # fmt: skip
