@@ -61,10 +61,12 @@ def test_a_second_run_is_refused_and_the_first_one_s_files_stay(run, capsys):
 def test_a_run_that_was_killed_holds_nothing(run):
     code = f"import sys; sys.path[:0] = {sys.path!r}{HOLDER}"
     with subprocess.Popen([sys.executable, "-c", code, str(run.path)], stdout=subprocess.PIPE) as holder:
-        assert holder.stdout.readline() == b"held\n"
-        with pytest.raises(InputError, match="still works"):
-            hold(run.path)
-        holder.send_signal(signal.SIGKILL)
+        try:
+            assert holder.stdout.readline() == b"held\n"
+            with pytest.raises(InputError, match="still works"):
+                hold(run.path)
+        finally:
+            holder.send_signal(signal.SIGKILL)
     hold(run.path).close()
 
 
