@@ -47,7 +47,7 @@ def errors(seed: int) -> tuple[float, float, float | None, str]:
         frame, odometry = robot.step(VelocityCommand(SPEED_M_S, 0.0) if moves else STOP)
         result = slam.track(frame)
         if result.state.tracked and result.T_world_cam is not None:
-            drive.append(TrackedPose(odometry.T_odom_base, result.T_world_cam))
+            drive.append(TrackedPose(odometry.T_odom_base, result.T_world_cam, odometry.odom_epoch))
     found = calibrate_mount(drive, slam.snapshot().points_world, mount.forward_m, mount.left_m)
     ahead = robot.T_base_cam_true.rotation.T @ [1.0, 0.0, 0.0]
     off_pitch = math.degrees(found.pitch_down - math.atan2(-ahead[1], ahead[2]))

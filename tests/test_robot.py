@@ -5,7 +5,7 @@ import math
 import pytest
 
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.robot import DrivenDistance, Odometry, OdometryEpochs, PoseSpeeds, odometry_at
+from vsx_ros.robot import DrivenDistance, Odometry, OdometryEpochs, PoseSpeeds, odometry_at, with_speeds
 
 SECOND = 1_000_000_000
 
@@ -80,6 +80,14 @@ def test_the_way_adds_up_small_steps_but_not_the_noise_of_a_standing_base() -> N
     assert driven.distance_m == pytest.approx(1.0, abs=0.003)
     driven.add(Odometry(5000, SE2(), odom_epoch=1))
     assert driven.distance_m == pytest.approx(1.0, abs=0.003)  # a restarted base has not moved
+
+
+def test_a_pose_that_was_set_tells_no_speed_and_begins_an_epoch() -> None:
+    epochs, readings = OdometryEpochs(), [Odometry(0, SE2())]
+    for k, x in enumerate([0.02, 0.04, 0.31, 0.33], start=1):
+        readings.append(with_speeds(Odometry(k * SECOND // 10, SE2(x, 0.0, 0.0)), readings[-1]))
+    assert [round(reading.v, 3) for reading in readings] == [0.0, 0.2, 0.2, 0.2, 0.2]
+    assert [epochs.enter(reading).odom_epoch for reading in readings] == [0, 0, 0, 1, 1]
 
 
 def speeds(*poses: tuple[int, float, float]) -> list[tuple[float, float]]:

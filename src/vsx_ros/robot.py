@@ -181,10 +181,19 @@ def odometry_at(readings: Sequence[Odometry], stamp_ns: int) -> Odometry | None:
 
 
 def with_speeds(reading: Odometry, before: Odometry) -> Odometry:
-    """A reading that has only a pose, with speeds from the difference to the one before."""
+    """A reading that has only a pose, with speeds from the difference to the one before; where the pose was set, with
+    the speeds of that one."""
+    moving = _moving(reading, before)
+    if moving is None or (moving.impossible and not reading.impossible):
+        return reading._replace(v=before.v, omega=before.omega)
+    return moving
+
+
+def _moving(reading: Odometry, before: Odometry) -> Odometry | None:
+    """The reading with speeds from the difference to the one before; None if that is as late."""
     moved, seconds = before.T_odom_base.inverse() @ reading.T_odom_base, (reading.stamp_ns - before.stamp_ns) * 1e-9
     if seconds <= 0.0:
-        return reading._replace(v=before.v, omega=before.omega)
+        return None
     return reading._replace(v=moved.x / seconds, omega=moved.wrapped().theta / seconds)
 
 
@@ -206,7 +215,7 @@ class PoseSpeeds:
         self._recent.append(reading)
         while len(self._recent) > 1 and reading.stamp_ns - self._recent[1].stamp_ns >= _SPEED_OVER_NS:
             self._recent.popleft()
-        moved = with_speeds(reading, self._recent[0])
+        moved = _moving(reading, self._recent[0]) or reading
         if moved.impossible:  # the pose was set
             self._recent.clear()
         return reading if moved.stands or moved.impossible else moved

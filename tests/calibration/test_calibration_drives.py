@@ -41,6 +41,19 @@ def calibrated(words, out):
     return yaml.safe_load(out.read_text(encoding="utf-8"))["robot"]
 
 
+def counted_anew(recorded, folder, jump):
+    """The same drive, but halfway odometry jumps, because the base begins to count anew."""
+    folder.mkdir()
+    for name in ("rgb", "rgb.txt", "camera.yaml"):
+        (folder / name).symlink_to(recorded.folder / name)
+    wheels = read_trajectory(recorded.folder / "odometry.txt")
+    half, T_half = len(wheels) // 2, wheels[len(wheels) // 2].T
+    T_new_odom = T_half @ SE3.from_se2(jump) @ T_half.inverse()
+    after = [frame._replace(T=T_new_odom @ frame.T) for frame in wheels[half:]]
+    write_trajectory(folder / "odometry.txt", wheels[:half] + after)
+    return recorded._replace(folder=folder)
+
+
 def wheels_way(recorded):
     rows = np.loadtxt(recorded.folder / "odometry.txt")
     return float(np.hypot(*(rows[-1, 1:3] - rows[0, 1:3])))
@@ -55,6 +68,13 @@ def test_the_mount_is_found_from_a_straight_drive(straight, tmp_path, capsys):
     scale = straight.way / wheels_way(straight)
     assert found["height_m"] == pytest.approx(straight.T_base_cam.translation[2] / scale, abs=0.008)
     assert "good" in capsys.readouterr().out
+
+
+def test_odometry_that_counts_anew_does_not_change_the_height(straight, tmp_path):
+    anew = counted_anew(straight, tmp_path / "anew", SE2(0.25, 0.0, 0.0))
+    found = calibrated(["mount", anew.folder], tmp_path / "robot.yaml")["mount"]
+    scale = straight.way / wheels_way(straight)
+    assert found["height_m"] == pytest.approx(straight.T_base_cam.translation[2] / scale, abs=0.008)
 
 
 def test_a_map_that_was_given_up_tells_no_height(straight, tmp_path, monkeypatch):
@@ -157,6 +177,19 @@ def test_a_drive_that_does_not_tell_is_refused_in_one_sentence(what, words, said
     assert not out.exists()
 
 
+@pytest.mark.parametrize(
+    ("what", "jump", "words"),
+    [("straight", SE2(0.25, 0.0, 0.0), ["--distance", "1.6"]), ("spin", SE2(1.0, 0.0, 0.5), ["--turns", "1"])],
+)
+def test_odometry_that_counts_anew_is_refused_in_one_sentence(what, jump, words, tmp_path, capsys, request):
+    anew = counted_anew(request.getfixturevalue(what), tmp_path / "anew", jump)
+    assert execute(["calibrate", "odometry", str(anew.folder), *words, "--out", str(tmp_path / "robot.yaml")]) == 1
+    error = capsys.readouterr().err
+    assert "count anew" in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "robot.yaml").exists()
+
+
 def test_a_turn_on_the_spot_tells_no_mount(spin, tmp_path, capsys):
     assert execute(["calibrate", "mount", str(spin.folder), "--out", str(tmp_path / "r.yaml")]) == 1
     assert "straight ahead" in capsys.readouterr().err
@@ -171,8 +204,10 @@ def test_a_file_of_something_else_is_not_overwritten(straight, tmp_path, capsys)
     assert out.read_text(encoding="utf-8") == "wings: 2\n"
 
 
-def test_a_board_on_the_wall_tells_way_and_turn(tmp_path):
-    """To and fro and turning to both sides, on wheels that count 3 % too much way and 4 % too little turn."""
+@pytest.mark.parametrize("jump", [SE2(), SE2(0.3, 0.0, 0.0)])
+def test_a_board_on_the_wall_tells_way_and_turn(jump, tmp_path):
+    """To and fro and turning to both sides, on wheels that count 3 % too much way and 4 % too little turn, and jump on
+    their way if they begin to count anew there."""
     board = Board("checkerboard", 8, 6, 0.06)
     T_base_cam = mount_pose(-0.09, 0.0, 0.31, 0.0)
     facing = mount_pose(0.0, 0.0, 0.0, 0.0).rotation
@@ -182,6 +217,7 @@ def test_a_board_on_the_wall_tells_way_and_turn(tmp_path):
     (tmp_path / "rgb").mkdir()
     for k, (way, turn) in enumerate([(0.0, 0.0), *steps]):
         true, wheels = true @ SE2.exp(way, turn), wheels @ SE2.exp(way * 1.03, turn * 0.96)
+        wheels = wheels @ jump if k == 8 else wheels
         picture = photographer.picture((SE3.from_se2(true) @ T_base_cam).inverse() @ T_world_board)
         cv2.imwrite(str(tmp_path / f"rgb/{k:03d}.png"), picture)
         lines.append(f"{k * 0.1:.3f} rgb/{k:03d}.png")

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from vsx_ros.calibration.mount import TrackedPose, calibrate_mount
-from vsx_ros.calibration.odometry import closing_turn, from_camera, total_turn
+from vsx_ros.calibration.odometry import closing_turn, from_camera, from_known_turns, from_known_way, total_turn
 from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, so3_exp
+from vsx_ros.robot import Odometry, OdometryEpochs
 
 X = mount_pose(0.1, -0.02, 0.4, math.radians(7.0), math.radians(-4.0))
 
@@ -42,6 +43,46 @@ def test_a_camera_that_knows_no_metres_finds_the_turn_alone():
     result = from_camera(drive, X, metric=False)
     assert result.linear is None
     assert result.angular.value == pytest.approx(1.0, abs=1e-6)
+
+
+def counted_anew(drive, at, jump):
+    """The same drive, but at the image ``at`` odometry jumps, because it begins to count anew."""
+    T_at = drive[at].T_odom_base
+    T_new_odom = T_at @ jump @ T_at.inverse()
+    return drive[:at] + [p._replace(T_odom_base=T_new_odom @ p.T_odom_base, odom_epoch=1) for p in drive[at:]]
+
+
+@pytest.mark.parametrize("at", [25, 130, 175])
+def test_odometry_that_counts_anew_does_not_change_the_factors(at):
+    result = from_camera(counted_anew(wandering(1.03, 0.97), at, SE2(0.3, 0.1, 0.5)), X, metric=True)
+    assert result.linear.value == pytest.approx(1.03, abs=3e-4)
+    assert result.angular.value == pytest.approx(0.97, abs=1e-6)
+    assert result.verdict.grade is Grade.GOOD
+
+
+def test_a_camera_that_is_lost_while_it_turns_by_3_rad_tells_the_turn():
+    turns = [0.05 * k for k in range(200) if not 20 <= k < 80]
+    drive = [TrackedPose(SE2(0.0, 0.0, turn / 0.97), SE3.from_se2(SE2(0.0, 0.0, turn)) @ X) for turn in turns]
+    assert from_camera(drive, X, metric=False).angular.value == pytest.approx(0.97, abs=1e-6)
+
+
+@pytest.mark.parametrize("again", [0, 100, 200])
+def test_a_known_way_on_which_odometry_counts_anew_is_refused(again):
+    """2 m from x = 0.3 m on, at which it begins at 0."""
+    xs = [0.3 + 0.01 * k if k < again else 0.01 * (k - again) for k in range(201)]
+    epochs = OdometryEpochs()
+    readings = [epochs.enter(Odometry(20_000_000 * k, SE2(x, 0.0, 0.0))) for k, x in enumerate([0.3, *xs])]
+    with pytest.raises(InputError, match=f"jumps {0.02 * (again + 1):.1f} s after the start.*record the drive again"):
+        from_known_way(readings, 2.0)
+
+
+@pytest.mark.parametrize("again", [440, 700])
+def test_known_turns_in_which_odometry_counts_anew_are_refused(again):
+    thetas, epochs = np.linspace(0.0, 6.0 * math.pi, 900), OdometryEpochs()
+    counted = [theta if k < again else theta - thetas[again] for k, theta in enumerate(thetas)]
+    readings = [epochs.enter(Odometry(20_000_000 * k, SE2(0.0, 0.0, theta))) for k, theta in enumerate(counted)]
+    with pytest.raises(InputError, match="count anew.*record the drive again"):
+        from_known_turns(readings, 3.0, 0.0)
 
 
 def test_noise_is_told_as_uncertainty():
@@ -87,6 +128,14 @@ def test_the_mount_is_found_exactly_whatever_the_map_s_scale(scale):
     assert abs(result.floor.pitch_off) < 2e-3
     assert abs(result.floor.roll) < 2e-3
     assert result.verdict.grade is Grade.GOOD
+
+
+@pytest.mark.parametrize("jump", [SE2(0.25, 0.0, 0.0), SE2(0.6, 0.0, 0.0), SE2(-1.0, 0.0, 0.0)])
+def test_odometry_that_counts_anew_does_not_change_the_mount(jump):
+    drive, points = straight(1.0)
+    result = calibrate_mount(counted_anew(drive, 55, jump), points, 0.1, -0.02)
+    assert result.pitch_down == pytest.approx(math.radians(7.0), abs=1e-9)
+    assert result.floor.height == pytest.approx(0.4, abs=1e-3)
 
 
 def test_without_a_floor_there_is_no_height_and_the_verdict_says_so():

@@ -29,10 +29,12 @@ MAX_PITCH_RAD, MAX_YAW_RAD = 0.8, math.radians(30.0)  # beyond, it does not look
 
 
 class TrackedPose(NamedTuple):
-    """One image of the drive: T_odom_base by odometry, and T_ref_cam by vision alone, whose scale may be unknown."""
+    """One image of the drive: T_odom_base by odometry, and T_ref_cam by vision alone, whose scale may be unknown.
+    odom_epoch: that of T_odom_base; poses by odometry of different epochs cannot be compared."""
 
     T_odom_base: SE2
     T_ref_cam: SE3
+    odom_epoch: int = 0
 
 
 class Floor(NamedTuple):
@@ -92,7 +94,8 @@ def _straight_windows(drive: Sequence[TrackedPose], lever: FloatArray) -> tuple[
     start = 0
     for k in range(len(drive)):
         motion = drive[start].T_odom_base.inverse() @ drive[k].T_odom_base
-        if abs(motion.wrapped().theta) > STRAIGHT_RAD or motion.x < -0.02:
+        counted_anew = drive[k].odom_epoch != drive[start].odom_epoch
+        if counted_anew or abs(motion.wrapped().theta) > STRAIGHT_RAD or motion.x < -0.02:
             start = k
         elif motion.x >= WINDOW_M:
             moved_base.append((motion @ lever[None])[0] - lever)

@@ -17,6 +17,7 @@ from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.robot import Odometry
 
 RULER_M, MARK_RAD = 0.005, math.radians(1.0)  # how well a tape and a mark on the floor are read
 MAX_DRIFT_RAD, MIN_TURNS, MIN_KNOWN_WAY_M = math.radians(10.0), 0.9, 0.5  # limits of a straight drive, turns, distance
@@ -45,9 +46,10 @@ class OdometryCalibration(NamedTuple):
     verdict: Verdict
 
 
-def from_known_way(poses: Sequence[SE2], distance: float) -> OdometryCalibration:
-    """From a straight drive over a distance [m] measured with a ruler. poses: T_odom_base in order. Raises InputError
-    when the odometry is not straight or its length differs too much."""
+def from_known_way(readings: Sequence[Odometry], distance: float) -> OdometryCalibration:
+    """From a straight drive over a distance [m] measured with a ruler. readings: in order. Raises InputError when the
+    odometry counts anew on the way, is not straight or its length differs too much."""
+    poses = _of_one_epoch(readings)
     first, last = poses[0], poses[-1]
     way = first.distance_to(last)
     if distance < MIN_KNOWN_WAY_M:
@@ -63,11 +65,11 @@ def from_known_way(poses: Sequence[SE2], distance: float) -> OdometryCalibration
     return OdometryCalibration(factor, None, verdict_of(factor, None))
 
 
-def from_known_turns(poses: Sequence[SE2], turns: float, closing: float | None = None) -> OdometryCalibration:
+def from_known_turns(readings: Sequence[Odometry], turns: float, closing: float | None = None) -> OdometryCalibration:
     """From a number of full turns on the spot, counter-clockwise positive. closing: angle of the last image relative to
-    the first [rad], None if the robot was turned back to a mark by eye. Raises InputError when the odometry's turn
-    differs too much."""
-    turned = total_turn(poses)
+    the first [rad], None if the robot was turned back to a mark by eye. Raises InputError when the odometry counts anew
+    meanwhile or its turn differs too much."""
+    turned = total_turn(_of_one_epoch(readings))
     if abs(turns) < MIN_TURNS:
         raise InputError(f"{turns:g} turns are too few to be measured; turn 3 times or more")
     true = 2.0 * math.pi * turns + (closing or 0.0)
@@ -99,12 +101,24 @@ def total_turn(poses: Sequence[SE2]) -> float:
     return sum(before.angle_to(after) for before, after in zip(poses, poses[1:]))
 
 
+def _of_one_epoch(readings: Sequence[Odometry]) -> list[SE2]:
+    """T_odom_base of the readings. Raises InputError when they are of two epochs."""
+    for before, now in zip(readings, readings[1:]):
+        if now.odom_epoch != before.odom_epoch:
+            seconds = (now.stamp_ns - readings[0].stamp_ns) * 1e-9
+            raise InputError(
+                f"odometry jumps {seconds:.1f} s after the start, where the base began to count anew: what it counted "
+                "before and after does not add up; record the drive again, and restart and reset nothing meanwhile"
+            )
+    return [reading.T_odom_base for reading in readings]
+
+
 def _ways(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArray]:
     """(K, 2) progress ahead by odometry and by the camera, of each stretch that is nearly straight [m]."""
     stretches, start, rows = [], 0, [(0.0, 0.0)]
     for k in range(1, len(drive)):
         motion = (drive[start].T_odom_base.inverse() @ drive[k].T_odom_base).wrapped()
-        if abs(motion.theta) > STRAIGHT_RAD:
+        if drive[k].odom_epoch != drive[start].odom_epoch or abs(motion.theta) > STRAIGHT_RAD:
             stretches.append(np.array(rows))
             start, rows = k, [(0.0, 0.0)]
         else:
@@ -114,12 +128,13 @@ def _ways(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArray
 
 
 def _turns(drive: Sequence[TrackedPose], bases: Sequence[SE3]) -> list[FloatArray]:
-    """(K, 2) heading by odometry and by the camera, of stretches with ``STRETCH_RAD`` of turning each [rad]."""
+    """(K, 2) heading by odometry and by the camera, of stretches of one epoch with ``STRETCH_RAD`` of turning each
+    [rad]."""
     steps = [before.T_odom_base.angle_to(after.T_odom_base) for before, after in zip(drive, drive[1:])]
     seen = np.unwrap([(bases[0].inverse() @ base).to_se2().theta for base in bases])
     headings = np.column_stack([np.cumsum([0.0, *steps]), seen])
-    number = (np.cumsum([0.0, *map(abs, steps)]) / STRETCH_RAD).astype(int)
-    stretches = [headings[number == k] for k in range(int(number[-1]) + 1)]
+    number = (np.cumsum([0.0, *map(abs, steps)]) / STRETCH_RAD).astype(int) + [pose.odom_epoch for pose in drive]
+    stretches = np.split(headings, 1 + np.flatnonzero(np.diff(number)))
     return [stretch for stretch in stretches if np.ptp(stretch[:, 0]) >= PIECE_RAD]
 
 

@@ -27,9 +27,8 @@ def calibrate_odometry(args: argparse.Namespace) -> int:
     if (args.input / FILE).exists():
         return _from_run(args)
     config, recording = known_before(args), recorded_drive(args)
-    poses = [reading.T_odom_base for reading in recording.odometry]
     if args.distance is not None:
-        result = odometry.from_known_way(poses, args.distance)
+        result = odometry.from_known_way(recording.odometry, args.distance)
     elif args.turns is not None:
         result = _by_turns(recording, args.turns)
     else:
@@ -99,13 +98,13 @@ def _by_turns(recording: Recording, turns: float) -> odometry.OdometryCalibratio
         first, last = first or frame, frame
     if first is None or last is None:
         raise InputError(f"{recording.source} holds no image that could be used; record it again")
-    poses = [r.T_odom_base for r in recording.odometry if first.stamp_ns <= r.stamp_ns <= last.stamp_ns]
+    readings = [r for r in recording.odometry if first.stamp_ns <= r.stamp_ns <= last.stamp_ns]
     closing = odometry.closing_turn(camera_of(recording), first.image, last.image)
     if closing is None:
         print("the last picture does not show what the first one showed: the turn is taken as you say it")
     else:
         print(f"the last picture is turned by {math.degrees(closing):+.2f} deg against the first one")
-    return odometry.from_known_turns(poses, turns, closing)
+    return odometry.from_known_turns(readings, turns, closing)
 
 
 def _seen_from_board(recording: Recording, board: Board) -> list[TrackedPose]:
@@ -116,7 +115,7 @@ def _seen_from_board(recording: Recording, board: Board) -> list[TrackedPose]:
     seen = sum(view is not None for view in views)
     print(f"the board is wholly in sight in {seen} of {len(views)} pictures")
     placed = zip(odometry, board_poses(board, camera, views), strict=True)
-    return [TrackedPose(o.T_odom_base, T_board_cam) for o, T_board_cam in placed if o and T_board_cam]
+    return [TrackedPose(o.T_odom_base, T_board_cam, o.odom_epoch) for o, T_board_cam in placed if o and T_board_cam]
 
 
 def _seen_by_slam(recording: Recording, config: SlamConfig) -> tuple[list[TrackedPose], Points3]:
@@ -130,7 +129,7 @@ def _seen_by_slam(recording: Recording, config: SlamConfig) -> tuple[list[Tracke
         if result.state is TrackingState.NOT_INITIALISED:
             drive.clear()
         if result.state.tracked and result.T_world_cam is not None and odometry is not None:
-            drive.append(TrackedPose(odometry.T_odom_base, result.T_world_cam))
+            drive.append(TrackedPose(odometry.T_odom_base, result.T_world_cam, odometry.odom_epoch))
     print(f"{len(drive)} of {frames} pictures were tracked without odometry")
     return drive, slam.snapshot().points_world
 
