@@ -85,6 +85,25 @@ def test_known_turns_in_which_odometry_counts_anew_are_refused(again):
         from_known_turns(readings, 3.0, 0.0)
 
 
+def spinning(turns):
+    """Odometry of full turns on the spot."""
+    thetas = np.linspace(0.0, 2.0 * math.pi * turns, round(300 * turns))
+    return [Odometry(20_000_000 * k, SE2(0.0, 0.0, float(theta))) for k, theta in enumerate(thetas)]
+
+
+@pytest.mark.parametrize("turns", range(5, 11))
+@pytest.mark.parametrize("missed", [-1, 1])
+def test_a_miscounted_turn_is_refused(turns, missed):
+    with pytest.raises(InputError, match=rf"{turns + missed}\.000 turns where it was {turns}\.000: "):
+        from_known_turns(spinning(turns + missed), turns, 0.0)
+
+
+@pytest.mark.parametrize(("turns", "wheels"), [(1, 0.85), (3, 0.85), (3, 1.15), (10, 0.96), (10, 1.04)])
+def test_wheels_that_are_wrong_by_less_than_half_a_turn_are_no_miscounted_turn(turns, wheels):
+    result = from_known_turns(spinning(turns * wheels), turns, 0.0)
+    assert result.angular.value == pytest.approx(1.0 / wheels, rel=1e-6)
+
+
 def test_noise_is_told_as_uncertainty():
     rng, values, sigmas = np.random.default_rng(0), [], []
     for _ in range(30):

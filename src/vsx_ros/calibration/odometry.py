@@ -68,14 +68,20 @@ def from_known_way(readings: Sequence[Odometry], distance: float) -> OdometryCal
 def from_known_turns(readings: Sequence[Odometry], turns: float, closing: float | None = None) -> OdometryCalibration:
     """From a number of full turns on the spot, counter-clockwise positive. closing: angle of the last image relative to
     the first [rad], None if the robot was turned back to a mark by eye. Raises InputError when the odometry counts anew
-    meanwhile or its turn differs too much."""
+    meanwhile or its turn differs too much: from half a turn on, one may be miscounted."""
     turned = total_turn(_of_one_epoch(readings))
     if abs(turns) < MIN_TURNS:
         raise InputError(f"{turns:g} turns are too few to be measured; turn 3 times or more")
     true = 2.0 * math.pi * turns + (closing or 0.0)
     uncertain = MARK_RAD if closing is None else 0.3 * MARK_RAD
     factor = Factor(true / turned if turned else math.inf, uncertain / abs(true), abs(turned))
-    _check(factor, f"{turned / (2.0 * math.pi):.3f} turns", f"{true / (2.0 * math.pi):.3f}")
+    wheels, truth = f"{turned / (2.0 * math.pi):.3f} turns", f"{true / (2.0 * math.pi):.3f}"
+    _check(factor, wheels, truth)
+    if abs(turned - true) > math.pi:
+        raise InputError(
+            f"the wheels say {wheels} where it was {truth}: more than half a turn apart, one may be miscounted; count "
+            "again, or turn 3 times only"
+        )
     return OdometryCalibration(None, factor, verdict_of(None, factor))
 
 
