@@ -180,20 +180,21 @@ def test_a_short_drive_is_refused():
         calibrate_mount(drive[:40], points, 0.1, -0.02)
 
 
+@pytest.mark.parametrize("pitch_down", [0.0, 0.4, 0.8])
 @pytest.mark.parametrize("degrees", [-12.0, -0.5, 0.0, 3.0, 20.0])
-def test_the_closing_turn_is_that_of_the_camera(degrees):
+def test_the_closing_turn_is_that_of_the_base(degrees, pitch_down):
     """A far wall with random dots; left is positive."""
     camera = PinholeCamera(480, 360, 400.0, 400.0, 240.0, 180.0)
     rng = np.random.default_rng(2)
     import cv2
 
-    wall = cv2.resize(rng.integers(0, 255, (120, 240), np.uint8), (1920, 960), interpolation=cv2.INTER_CUBIC)
+    wall = cv2.resize(rng.integers(0, 255, (360, 240), np.uint8), (1920, 2880), interpolation=cv2.INTER_CUBIC)
 
     def seen(angle):
-        R_wall_cam = so3_exp(np.array([0.0, -angle, 0.0]))
+        R_wall_cam = so3_exp(np.array([0.0, -angle, 0.0])) @ so3_exp(np.array([-pitch_down, 0.0, 0.0]))
         u, v = np.meshgrid(np.arange(480.0), np.arange(360.0))
         rays = camera.unproject(np.column_stack([u.ravel(), v.ravel()])) @ R_wall_cam.T
-        at = 900.0 * rays[:, :2] / rays[:, 2:] + [960.0, 480.0]
+        at = 900.0 * rays[:, :2] / rays[:, 2:] + [960.0, 720.0]
         return cv2.remap(wall, at.astype(np.float32).reshape(360, 480, 2), None, cv2.INTER_LINEAR)
 
     turn = closing_turn(camera, seen(0.0), seen(math.radians(degrees)))

@@ -16,7 +16,7 @@ from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.se3 import SE3, so3_log
 from vsx_ros.robot import Odometry
 
 RULER_M, MARK_RAD = 0.005, math.radians(1.0)  # how well a tape and a mark on the floor are read
@@ -188,8 +188,9 @@ def verdict_of(linear: Factor | None, angular: Factor | None) -> Verdict:
 
 
 def closing_turn(camera: PinholeCamera, before: GrayImage, after: GrayImage) -> float | None:
-    """How far the camera turned to the left between two images of the same far scene [rad]; None if too few points
-    match. Images of a camera that only turns are related by the homography K R K^-1 (Hartley and Zisserman, 8.4.2)."""
+    """How far the base turned to the left between two images of the same far scene [rad], however its camera is tilted;
+    None if too few points match. Images of a camera that only turns are related by the homography K R K^-1 (Hartley and
+    Zisserman, 8.4.2)."""
     orb = cv2.ORB.create(2000)
     (keypoints_a, words_a), (keypoints_b, words_b) = (orb.detectAndCompute(image, None) for image in (before, after))
     if words_a is None or words_b is None or len(words_b) < 2:
@@ -207,4 +208,5 @@ def closing_turn(camera: PinholeCamera, before: GrayImage, after: GrayImage) -> 
     unit_a, unit_b = (rays[kept] / np.linalg.norm(rays[kept], axis=1, keepdims=True) for rays in (rays_a, rays_b))
     U, _, Vt = np.linalg.svd(unit_b.T @ unit_a)
     R_b_a = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    return math.atan2(float(R_b_a[0, 2]), float(R_b_a[2, 2]))
+    rotation = so3_log(R_b_a)  # about the upright: the same angle from any mount
+    return math.copysign(float(np.linalg.norm(rotation)), float(rotation[1]))
