@@ -157,6 +157,45 @@ def test_odometry_that_counts_anew_does_not_change_the_mount(jump):
     assert result.floor.height == pytest.approx(0.4, abs=1e-3)
 
 
+@pytest.mark.parametrize(("at", "much", "told"), [(0.8, 0.1, True), (0.6, 0.3, True), (0.2, 0.3, False)])
+def test_wheels_that_slip_in_one_place_do_not_change_the_height(at, much, told):
+    """At [m] they count so much [m] too much; near an end, much of it looks like a drift."""
+    drive, points = straight(1.0)
+    slipping = [p._replace(T_odom_base=SE2(x + min(max(0.0, x - at), much))) for p in drive for x in [p.T_odom_base.x]]
+    result = calibrate_mount(slipping, points, 0.1, -0.02)
+    assert (result.floor is not None) is told
+    assert not told or result.floor.height == pytest.approx(0.4, abs=2e-3)
+
+
+@pytest.mark.parametrize("drift", [-0.15, -0.05, 0.05, 0.15])
+def test_a_drifting_scale_makes_the_height_less_sure(drift):
+    """The map's points have the first images' scale."""
+    drive, points = straight(1.0)
+    drifting = []
+    for pose in drive:
+        x = pose.T_odom_base.x
+        T = X.inverse() @ SE3.from_se2(SE2(x + 0.25 * drift * x * x)) @ X  # the step from 1 to 1 + drift in 2 m
+        drifting.append(pose._replace(T_ref_cam=T))
+    result = calibrate_mount(drifting, points, 0.1, -0.02)
+    assert result.verdict.grade is Grade.USABLE
+    assert "wheels and camera disagree" in str(result.verdict)
+    assert result.floor is None or abs(result.floor.height - 0.4) < 2.0 * result.floor.sigma
+
+
+def test_a_scale_that_scatters_is_told_as_uncertainty():
+    """Wheels that count each decimetre with an error of 5 %."""
+    rng, off_sigmas = np.random.default_rng(3), []
+    drive, points = straight(1.0)
+    for _ in range(40):
+        steps = 0.02 * (1.0 + np.repeat(rng.normal(0.0, 0.05, 20), 5))
+        counted = np.concatenate([[0.0], np.cumsum(steps)])
+        scattered = [p._replace(T_odom_base=SE2(float(x))) for p, x in zip(drive, counted, strict=True)]
+        floor = calibrate_mount(scattered, points, 0.1, -0.02).floor
+        off_sigmas += [] if floor is None else [(floor.height - 0.4) / floor.sigma]
+    assert len(off_sigmas) > 20
+    assert 0.3 < np.std(off_sigmas) < 1.5
+
+
 def test_without_a_floor_there_is_no_height_and_the_verdict_says_so():
     drive, points = straight(1.0)
     result = calibrate_mount(drive, points[200:], 0.1, -0.02)

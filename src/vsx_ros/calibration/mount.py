@@ -24,6 +24,7 @@ FLOOR_REACH_M, FLOOR_BIN_M, FLOOR_INLIER_M = 3.0, 0.06, 0.03  # ahead; layer wit
 LOWEST_M, HIGHEST_M = 2.0, 0.05  # greatest and least distance of a floor below the camera
 MIN_FLOOR_POINTS = 30  # fewer are clutter, not a floor
 GOOD_HEIGHT_M, USABLE_HEIGHT_M = 0.005, 0.015  # standard error: of 0.3 m it scales the map by 2 % and 5 %
+GOOD_SCALE = 0.015  # relative standard error: 5 mm of 0.3 m
 LEVEL_RAD = math.radians(1.0)  # floors and brackets are usually less off; more is reported in the verdict
 MAX_PITCH_RAD, MAX_YAW_RAD = 0.8, math.radians(30.0)  # beyond, it does not look ahead; config has the same pitch bound
 
@@ -71,11 +72,11 @@ def calibrate_mount(drive: Sequence[TrackedPose], points_ref: Points3, forward: 
             f"{MIN_WINDOWS} are needed; drive 1.5 m or more straight ahead towards something with texture"
         )
     pitch, yaw, sigma = _direction(moved_base, moved_cam)
-    metres = float(np.linalg.norm(moved_base, axis=1).sum() / np.linalg.norm(moved_cam, axis=1).sum())
+    metres, scale_sigma = _scale(moved_base, moved_cam)
     T_base_cam = mount_pose(0.0, 0.0, 0.0, pitch, yaw)
     first = drive[0].T_ref_cam
     seen = metres * (first.inverse() @ np.asarray(points_ref, float).reshape(-1, 3))
-    floor = _floor(seen @ T_base_cam.rotation.T)
+    floor = _floor(seen @ T_base_cam.rotation.T, scale_sigma)
     way = float(np.linalg.norm(moved_base, axis=1).sum())
     return MountCalibration(
         pitch_down=pitch,
@@ -83,7 +84,7 @@ def calibrate_mount(drive: Sequence[TrackedPose], points_ref: Points3, forward: 
         direction_sigma=sigma,
         way=way,
         floor=floor,
-        verdict=_verdict(pitch, yaw, sigma, floor),
+        verdict=_verdict(pitch, yaw, sigma, floor, scale_sigma),
     )
 
 
@@ -116,9 +117,22 @@ def _direction(moved_base: FloatArray, moved_cam: FloatArray) -> tuple[float, fl
     return pitch, yaw, 1.25 * spread / math.sqrt(len(unit))
 
 
-def _floor(points: Points3) -> Floor | None:
-    """The floor among (N, 3) points [m], x ahead, z up, the camera at the origin; None if its points are
-    too few or too far away to tell the height."""
+def _scale(moved_base: FloatArray, moved_cam: FloatArray) -> tuple[float, float]:
+    """Metres per unit of the map, and the relative standard error: median of the pieces, robust against one in which
+    wheels slip. While vision's scale drifts, that of the map is known no better than by its drift from the middle to an
+    end."""
+    ratios = np.linalg.norm(moved_base, axis=1) / np.linalg.norm(moved_cam, axis=1)
+    metres = float(np.median(ratios))
+    off = ratios / metres - 1.0
+    spread = 1.4826 * float(np.median(np.abs(off)))
+    first, second = np.triu_indices(len(off), 1)
+    slope = float(np.median((off[second] - off[first]) / (second - first)))  # Theil and Sen's
+    return metres, math.hypot(1.25 * spread / math.sqrt(len(off)), 0.5 * (len(off) - 1) * slope)
+
+
+def _floor(points: Points3, scale_sigma: float) -> Floor | None:
+    """The floor among (N, 3) points [m], x ahead, z up, the camera at the origin; None if its points are too few or too
+    far away to tell the height, or their scale is. scale_sigma: its relative standard error."""
     near = points[(points[:, 0] > 0.0) & (points[:, 0] < FLOOR_REACH_M)]
     below = near[(near[:, 2] < -HIGHEST_M) & (near[:, 2] > -LOWEST_M)]
     if len(below) < MIN_FLOOR_POINTS:
@@ -137,7 +151,8 @@ def _floor(points: Points3) -> Floor | None:
     off = (below[:, 2] - rows @ plane)[inlier]
     covariance = np.linalg.inv(rows[inlier].T @ rows[inlier]) * float(off @ off) / (len(off) - 3)
     level = math.sqrt(1.0 + plane[1] ** 2 + plane[2] ** 2)
-    height, sigma = float(-plane[0] / level), math.sqrt(covariance[0, 0])
+    height = float(-plane[0] / level)
+    sigma = math.hypot(math.sqrt(covariance[0, 0]), scale_sigma * height)
     if sigma > USABLE_HEIGHT_M:
         return None
     return Floor(
@@ -145,17 +160,19 @@ def _floor(points: Points3) -> Floor | None:
     )
 
 
-def _verdict(pitch: float, yaw: float, sigma: float, floor: Floor | None) -> Verdict:
+def _verdict(pitch: float, yaw: float, sigma: float, floor: Floor | None, scale_sigma: float) -> Verdict:
     looks = f"{math.degrees(pitch):.0f} deg down and {math.degrees(yaw):.0f} deg left"
-    direction = [
+    drive = [
         (Grade.of(sigma <= GOOD_DIRECTION_RAD, sigma <= USABLE_DIRECTION_RAD),
          f"the direction scatters by {math.degrees(sigma):.2f} deg: drive slower and farther"),
         (Grade.of(abs(pitch) <= MAX_PITCH_RAD and abs(yaw) <= MAX_YAW_RAD, usable=False),
          f"a camera that looks {looks} cannot map what the robot drives to: turn it ahead"),
+        (Grade.of(scale_sigma <= GOOD_SCALE),
+         f"wheels and camera disagree by {100 * scale_sigma:.1f} % on the way: drive slower, and where no wheel slips"),
     ]  # fmt: skip
     if floor is None:
-        unseen = "too few points on the floor to tell the height: measure it with a ruler"
-        return Verdict([*direction, (Grade.USABLE, unseen)])
+        untold = "the floor or the scale is known too badly to tell the height: measure it with a ruler"
+        return Verdict([*drive, (Grade.USABLE, untold)])
     slopes = f"what seems to be the floor slopes by {math.degrees(floor.pitch_off):.1f} deg ahead"
     leans = f"the floor leans by {math.degrees(floor.roll):.1f} deg: mount the camera level"
     vague = f"the height is known to {1e3 * floor.sigma:.0f} mm only: see more of the floor, nearer"
@@ -164,4 +181,4 @@ def _verdict(pitch: float, yaw: float, sigma: float, floor: Floor | None) -> Ver
         (Grade.of(abs(floor.pitch_off) <= LEVEL_RAD), f"{slopes}: check the height with a ruler"),
         (Grade.of(abs(floor.roll) <= LEVEL_RAD), leans),
     ]
-    return Verdict(direction + level)
+    return Verdict(drive + level)

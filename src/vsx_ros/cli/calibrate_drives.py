@@ -144,7 +144,7 @@ def _mount_lines(result: MountCalibration, before: MountConfig) -> list[str]:
         f"yaw_left    {degrees(result.yaw_left)} (was {degrees(before.yaw_left_rad)})",
     ]
     if result.floor is None:
-        return [*lines, f"height      stays {before.height_m:.3f} m: too little of the floor is seen"]
+        return [*lines, f"height      stays {before.height_m:.3f} m: this drive does not tell"]
     height, sigma_m, pitch_off, roll, points = result.floor
     floor = f"{points} points; it slopes by {degrees(pitch_off)} ahead and {degrees(roll)} to the left"
     return [*lines, f"height      {height:.3f} m (was {before.height_m:.3f}), known to {sigma_m:.3f} m from {floor}"]
