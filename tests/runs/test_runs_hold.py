@@ -53,7 +53,7 @@ def test_a_second_run_is_refused_and_the_first_one_s_files_stay(run, capsys):
     assert capsys.readouterr().err == ""
     with begin(parse(resumed)), pytest.raises(InputError, match="still works"):
         RunFolder.create(run.path)
-    with begin(parse(anew)), pytest.raises(InputError, match="still works"), begin(parse(resumed)):
+    with begin(parse(anew)), pytest.raises(InputError, match="still works"), begin(parse([*resumed, "--fast"])):
         pass
     assert read_journal(run.journal) == []
 

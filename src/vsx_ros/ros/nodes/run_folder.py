@@ -5,8 +5,7 @@ It writes every change of state at once; at the end, after vslam's results, the 
 Subscribers: those of the monitor (explore/{status,events}, vslam/{state,stats/*}, map, odom, follower/status,
     move_base/stats/plan_ms, mobile_base/hazards, /rosout, /diagnostics; of an emulator emulator/ground_truth/*).
 Parameters: ~config (tree of 'vsx config'), ~run_dir (the folder; auto: the one that the launch file has made; none:
-    nothing is kept), ~emulated (bool, false: the robot is real, true: it is that of the node emulator), ~camera (which
-    one; "": that of the node camera)."""
+    nothing is kept), ~emulated (bool, false: is the robot that of the node emulator?), ~camera ("": that of camera)."""
 
 import time
 from pathlib import Path
