@@ -43,6 +43,7 @@ from vsx_ros.ros.run import go_on_words
 from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.start import begin
+from vsx_ros.runs.world import open_world, save_world
 
 TOKEN = "a-token-of-tests"
 
@@ -50,7 +51,8 @@ TOKEN = "a-token-of-tests"
 @pytest.fixture
 def folder(tmp_path: Path) -> RunFolder:
     made = RunFolder.create(tmp_path / "run")
-    made.write_config(Config(), ["vsx", "explore"], seed=1, time=120.0, until=0.9, fast=False)
+    made.write_config(Config(), ["vsx", "explore"], world="lab", seed=1, time=120.0, until=0.9, fast=False)
+    save_world(open_world("lab", 1), made.path / "world.yaml")
     summary = Summary(frames=40, frames_tracked=30, coverage=0.93, stop_reason="time limit of 120 s", duration_s=120.0)
     made.write_summary(summary.as_dict())
     made.write_map(OccupancyGrid(np.array([[0, 0, 100], [0, -1, 100]], np.int8), 0.5, 0.0, 0.0))
