@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from board_pictures import CAMERA, Photographer
-from calibration.drives import record
+from drives import record
 
 from vsx_ros.calibration.board import Board
 from vsx_ros.calibration.mount import TrackedPose, calibrate_mount

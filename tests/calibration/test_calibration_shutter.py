@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import yaml
-from calibration.drives import EXACT, record
+from drives import EXACT, record
 from msgspec.structs import replace
 
 from vsx_ros.calibration.odometry import Factor

@@ -50,7 +50,9 @@ class Processes:
 
     def logs(self) -> str:
         files = sorted([*self._folder.glob("*.txt"), *self._folder.glob("*/log/*.log")])  # with those of runs
-        return "\n".join(f"{file.name}: {file.read_text(errors='replace')[-500:]}" for file in files)
+        return "\n".join(
+            f"{file.relative_to(self._folder)}: {file.read_text(errors='replace')[-500:]}" for file in files
+        )
 
     def wait(self, condition: Callable[[], object], what: str) -> None:
         wait_for(condition, what, self.logs, 0.1)
