@@ -11,8 +11,9 @@ from gazebo_files import FLOOR, ROOM, WALLS, box_model, walls_of_room, write_wor
 
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.occupancy.grid import FREE, OCCUPIED
-from vsx_ros.runs.world import open_world, save_world
+from vsx_ros.runs.world import MODEL_PATHS, open_world, save_world, world_files
 from vsx_ros.sim.gazebo_world import load_gazebo
+from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.mesh_hidden import hidden_solids
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.truth import gap_to_walls, ground_truth_grid
@@ -95,6 +96,58 @@ def test_world_yaml_refers_to_the_file_and_keeps_the_start(tmp_path: Path, room:
     assert isinstance(again, MeshWorld)
     assert again.start == start
     np.testing.assert_array_equal(again.parts.seen.corners, room.parts.seen.corners)
+
+
+def write_model(folder: Path, height_m: float) -> Path:
+    """A folder of models with one, 'block', which reaches this height where it is included on the floor."""
+    (folder / "block").mkdir(parents=True)
+    (folder / "block/model.config").write_text("<model><name>block</name><sdf>model.sdf</sdf></model>")
+    block = box_model("block", "0 0 0 0 0 0", f"0.5 0.5 {2.0 * height_m}")
+    (folder / "block/model.sdf").write_text(f'<sdf version="1.6">{block}</sdf>')
+    return folder
+
+
+def test_a_world_yaml_finds_models_where_its_gazebo_file_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    usual, given, gone = write_model(tmp_path / "usual", 0.7), write_model(tmp_path / "given", 0.8), tmp_path / "gone"
+    for name in MODEL_PATHS:
+        monkeypatch.delenv(name, raising=False)
+    (tmp_path / "worlds").mkdir()
+    block = "<include><uri>model://block</uri><pose>1 1 0 0 0 0</pose></include>"
+    write_world(tmp_path / "worlds", FLOOR, WALLS, block)
+    text = tmp_path / "worlds/w.yaml"
+    text.write_text(f"gazebo: w.world\nmodels: [{gone}]\n")
+    told = " ".join(open_mesh_world(text).parts.remarks)
+    assert "model block (model://block) is in none of" in told
+    assert "give its folder with --models" in told
+    assert block_height_m(open_mesh_world(text, given)) == pytest.approx(0.8)
+    assert given / "block/model.sdf" in world_files(str(text), [given])
+    with pytest.raises(ConfigError, match="there is no such folder"):
+        open_world(str(text), 1, [gone])
+    monkeypatch.setenv("GAZEBO_MODEL_PATH", str(usual))
+    assert block_height_m(open_mesh_world(text)) == pytest.approx(0.7)
+    assert usual / "block/model.sdf" in world_files(str(text))
+    write_model(gone, 0.6)  # what the file names comes before the usual folders, and what is given before both
+    assert block_height_m(open_mesh_world(text)) == pytest.approx(0.6)
+    assert block_height_m(open_mesh_world(text, given)) == pytest.approx(0.8)
+
+
+def open_mesh_world(path: Path, *models: Path) -> MeshWorld:
+    world = open_world(str(path), 1, models)
+    assert isinstance(world, MeshWorld)
+    return world
+
+
+def block_height_m(world: MeshWorld) -> float:
+    """Height of what is drawn around (1, 1)."""
+    corners = world.parts.seen.corners.reshape(-1, 3)
+    return float(corners[np.abs(corners[:, :2] - 1.0).max(axis=1) < 0.3, 2].max())
+
+
+def test_folders_of_models_are_for_gazebo_worlds_alone(tmp_path: Path) -> None:
+    save_world(generate_world("corridor", 1), tmp_path / "w.yaml")
+    for name in ("corridor", str(tmp_path / "w.yaml")):
+        with pytest.raises(ConfigError, match="is for a Gazebo world"):
+            open_world(name, 1, [tmp_path])
 
 
 def test_the_start_is_drawn_with_the_seed(room: MeshWorld) -> None:

@@ -26,6 +26,7 @@ from vsx_ros.runs.journal import MapLine
 from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.moments import Moments
 from vsx_ros.runs.previous import BETWEEN_FRAMES_M
+from vsx_ros.runs.world import model_folders
 from vsx_ros.sim.world_file import load_world
 
 _COLUMNS = "stamp_s", *ProgressRow._fields[1:]
@@ -65,7 +66,7 @@ def judge_of(folder: RunFolder, config: Config, load_map: object) -> MapJudge | 
     if load_map or not path.exists():
         return None
     try:
-        return MapJudge(load_world(path), config)
+        return MapJudge(load_world(path, usual=model_folders()), config)
     except VsxError:
         return None
 

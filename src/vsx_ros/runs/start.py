@@ -22,7 +22,7 @@ from vsx_ros.runs.parameters import load, robot_file_here
 from vsx_ros.runs.places import given_zones
 from vsx_ros.runs.previous import end_trail
 from vsx_ros.runs.rooms import room_beside
-from vsx_ros.runs.world import open_world, save_world, world_files
+from vsx_ros.runs.world import model_folders, open_world, save_world, world_files
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.mesh_world import MeshWorld
 from vsx_ros.sim.world_file import load_world
@@ -177,7 +177,7 @@ def _begin_again(args: argparse.Namespace, folder: RunFolder) -> tuple[RunFolder
     parameters, facts = folder.read_config()
     fill(args, {name: facts.get(name) for name in REMEMBERED})
     fill(args, DEFAULTS)
-    world = load_world(folder.path / "world.yaml") if args.world else None
+    world = load_world(folder.path / "world.yaml", usual=model_folders()) if args.world else None
     if args.moved and world is not None:
         raise ConfigError(f"the emulated robot of {folder.path} stands where it stood; leave out --moved")
     if not args.fast:

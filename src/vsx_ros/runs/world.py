@@ -16,14 +16,14 @@ from vsx_ros.sim.generate import GENERATORS, generate_world, world_from_grid
 from vsx_ros.sim.hard_things import named_things
 from vsx_ros.sim.lighting import light_named
 from vsx_ros.sim.truth import with_start
-from vsx_ros.sim.world_file import check_building, load_world, named_files, with_hard_things, world_yaml
+from vsx_ros.sim.world_file import check_building, load_world, named_files, names_gazebo, with_hard_things, world_yaml
 
 _PICTURES = ".png", ".pgm"
 _SUFFIXES = *gazebo_world.SUFFIXES, *_PICTURES, ".yaml", ".yml"
 MODEL_PATHS = "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH"  # of the environment
 
 
-def model_folders(given: Sequence[Path]) -> list[Path]:
+def model_folders(given: Sequence[Path] = ()) -> list[Path]:
     """Where Gazebo's models are looked for: the given folders, those of the environment, and Gazebo's own."""
     named = [Path(folder) for name in MODEL_PATHS for folder in os.environ.get(name, "").split(os.pathsep) if folder]
     return [*given, *named, Path.home() / ".gazebo" / "models"]
@@ -33,18 +33,21 @@ def check_world(name: str, models: Sequence[Path] = ()) -> None:
     """Raises ConfigError for the name of no world or light, for folders of models that are not there or not for this
     world, and for a world.yaml that cannot be used, as far as that is known without kernels."""
     _check_name(name, models)
-    path = Path(name)
-    if path.suffix in (".yaml", ".yml") and path.is_file() and not is_map_file(path):
-        check_building(path)
+    if _is_world_yaml(Path(name)):
+        check_building(Path(name))
+
+
+def _is_world_yaml(path: Path) -> bool:
+    return path.suffix in (".yaml", ".yml") and path.is_file() and not is_map_file(path)
 
 
 def _check_name(name: str, models: Sequence[Path]) -> None:
+    path, (generator, colon, light) = Path(name), name.partition(":")
     for folder in models:
-        if Path(name).suffix not in gazebo_world.SUFFIXES:
+        if path.suffix not in gazebo_world.SUFFIXES and not (_is_world_yaml(path) and names_gazebo(path)):
             raise ConfigError(f"--models {folder} is for a Gazebo world, and {name} is none; leave it out")
         if not folder.is_dir():
             raise ConfigError(f"--models {folder}: there is no such folder")
-    path, (generator, colon, light) = Path(name), name.partition(":")
     if generator in GENERATORS:
         if colon:
             light_named(light, 0)
@@ -93,7 +96,9 @@ def _opened(name: str, seed: int, models: Sequence[Path]) -> EmulatedWorld:
     text = _map_yaml(path)
     if text is not None:
         return world_from_grid(load_map(text), path.stem, seed)
-    return world_from_grid(load_plan(path), path.stem, seed) if path.suffix in _PICTURES else load_world(path)
+    if path.suffix in _PICTURES:
+        return world_from_grid(load_plan(path), path.stem, seed)
+    return load_world(path, models, model_folders())
 
 
 def _map_yaml(path: Path) -> Path | None:
@@ -114,7 +119,7 @@ def world_files(name: str, models: Sequence[Path] = ()) -> list[Path]:
         return [path, text, map_image(text)]
     if path.suffix in gazebo_world.SUFFIXES and path.is_file():
         return gazebo_world.gazebo_files(path, model_folders(models))
-    return [path, *(named_files(path) if path.suffix in (".yaml", ".yml") and path.is_file() else ())]
+    return [path, *(named_files(path, models, model_folders()) if _is_world_yaml(path) else ())]
 
 
 def save_world(world: EmulatedWorld, path: Path) -> None:

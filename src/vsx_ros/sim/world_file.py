@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -50,13 +50,14 @@ def world_yaml(world: EmulatedWorld) -> str:
     return "# vsx_ros emulated world; metres, radians\n" + text
 
 
-def load_world(path: Path) -> EmulatedWorld:
-    """Read world.yaml, and the Gazebo file if it names one. Raises ConfigError naming the entry that is wrong, and what
-    ``load_gazebo`` raises."""
+def load_world(path: Path, given: Sequence[Path] = (), usual: Sequence[Path] = ()) -> EmulatedWorld:
+    """Read world.yaml, and the Gazebo file if it names one. given, usual: folders where models are looked for before
+    and after those that it names. Raises ConfigError naming the entry that is wrong, and what ``load_gazebo``
+    raises."""
     tree = _tree_of(path)
     known = _reference(tree, path)
     if known is not None:
-        gazebo = load_gazebo(Path(known.gazebo), [Path(folder) for folder in known.models], known.start)
+        gazebo = load_gazebo(Path(known.gazebo), [*given, *map(Path, known.models), *usual], known.start)
         return with_hard_things(gazebo, known.hard, f"world file {path}")
     building = _converted(tree, World, path)
     return with_hard_things(checked(building, str(path)), building.hard, f"world file {path}")
@@ -69,10 +70,16 @@ def check_building(path: Path) -> None:
         checked(_converted(tree, World, path), str(path))
 
 
-def named_files(path: Path) -> list[Path]:
-    """The files of the Gazebo world that a world.yaml names; none for a building. Raises as ``load_world``."""
+def names_gazebo(path: Path) -> bool:
+    """Whether a world.yaml names a Gazebo file. Raises ConfigError when it cannot be read."""
+    return _reference(_tree_of(path), path) is not None
+
+
+def named_files(path: Path, given: Sequence[Path], usual: Sequence[Path]) -> list[Path]:
+    """The files of the Gazebo world that a world.yaml names; none for a building. Folders and what is raised: as
+    ``load_world``."""
     known = _reference(_tree_of(path), path)
-    return [] if known is None else gazebo_files(Path(known.gazebo), [Path(folder) for folder in known.models])
+    return [] if known is None else gazebo_files(Path(known.gazebo), [*given, *map(Path, known.models), *usual])
 
 
 def _tree_of(path: Path) -> Any:
