@@ -13,7 +13,7 @@ from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import STOP, VelocityCommand
 from vsx_ros.sim.body import Body, BodySettings, Contacts
 from vsx_ros.sim.camera import EmulatedCamera
-from vsx_ros.sim.chairs import Chair
+from vsx_ros.sim.chairs import SIDE_M, Chair
 from vsx_ros.sim.doors import CLOSED_S, OPEN_RAD, OPEN_S, Door, doors, gaps
 from vsx_ros.sim.generate import generate_world
 from vsx_ros.sim.movers import movers_of
@@ -195,6 +195,35 @@ def test_doors_hang_in_the_gaps_of_the_walls_and_swing_free() -> None:
             assert min(float(np.hypot(*(middle - place))) for place in places) < 0.02
             assert gap_to_walls(world.obstacle_segments(0.0, 1.0), door.borders(door.state)[:, :2]).min() > 0.0
     assert hung >= 4
+
+
+def swept(door: Door) -> FloatArray:
+    """Borders of the leaf at all angles."""
+    return np.concatenate([door.borders(np.array([angle])) for angle in np.linspace(0.0, OPEN_RAD, 60)])
+
+
+@pytest.mark.parametrize(("name", "seed"), [("lab", 313), ("lab", 340), ("office", 335)])
+def test_nobody_and_nothing_stands_where_a_door_swings(name: str, seed: int) -> None:
+    world = with_hard_things(generate_world(name, seed), {"doors": 3, "chairs": 5, "people": 5}, "test")
+    movers = movers_of(world, seed)
+    leaves = [swept(mover) for mover in movers if isinstance(mover, Door)]
+    assert leaves
+    for leaf in leaves:
+        assert gap_to_walls(leaf, np.array([[world.start.x, world.start.y]]))[0] > 0.18 + 0.1
+        for mover in movers:
+            if isinstance(mover, Chair):
+                assert gap_to_walls(leaf, mover.places[:, :2]).min() > 0.5 * SIDE_M * 2.0**0.5
+            elif isinstance(mover, Person):
+                assert gap_to_walls(leaf, mover.state[None, :2])[0] > PERSON_RADIUS_M
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_door_knows_the_ground_that_its_leaf_sweeps(turn: int, rng: np.random.Generator) -> None:
+    door = Door(0, SE2(1.0, 2.0, 0.7), 1.2, turn, rng)
+    leaf = swept(door)
+    for x, y in rng.uniform((-1.0, 0.0), (3.0, 4.0), (200, 2)).tolist():
+        gap_m = float(gap_to_walls(leaf, np.array([[x, y]]))[0])
+        assert door.gap_m(x, y) == pytest.approx(gap_m, abs=0.03)
 
 
 def test_a_chair_moves_while_nobody_looks() -> None:

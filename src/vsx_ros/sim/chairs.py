@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, Points2
+from vsx_ros.sim.doors import Door
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.moving import Robot, outline
 from vsx_ros.sim.truth import free_places, gap_to_walls
@@ -42,7 +43,7 @@ class Chair:
         name = f"chair {number}"
         self.materials = {name: Material(kind="wood", seed=int(rng.integers(1 << 30)), brightness=0.4, texel_m=0.002)}
         self.parts: Sequence[Sequence[Prism]] = _parts(name)
-        self._places, self._rng = places, rng
+        self.places, self._rng = places, rng
         self._left_s = float(rng.uniform(*STAYS_S))
         self.state = np.array(places[0])
 
@@ -52,7 +53,7 @@ class Chair:
         if self._left_s > 0.0:
             return
         self._left_s = float(self._rng.uniform(*STAYS_S))
-        then = self._places[int(self._rng.integers(len(self._places)))]
+        then = self.places[int(self._rng.integers(len(self.places)))]
         taken = len(people) and float(np.hypot(*(people[:, :2] - then[:2]).T).min()) < _APART_M
         taken = taken or (len(things) and float(gap_to_walls(things, then[None, :2])[0]) < SIDE_M)
         if not taken and all(_is_unseen(robot, place) for place in (self.state, then)):
@@ -74,8 +75,8 @@ def _is_unseen(robot: Robot, place: FloatArray) -> bool:
     return robot.gap_m(x, y) > UNSEEN_M and math.cos(aside) < math.cos(UNSEEN_RAD)
 
 
-def chairs(world: EmulatedWorld, number: int, rng: np.random.Generator) -> list[Chair]:
-    """So many chairs; fewer where there is no room for them."""
+def chairs(world: EmulatedWorld, number: int, rng: np.random.Generator, hung: Sequence[Door] = ()) -> list[Chair]:
+    """So many chairs, none where one of the hung doors swings; fewer where there is no room for them."""
     free, start = free_places(world), world.start_pose
     taken: list[Point] = [(start.x, start.y)]
     found = []
@@ -83,6 +84,8 @@ def chairs(world: EmulatedWorld, number: int, rng: np.random.Generator) -> list[
         places: list[FloatArray] = []
         for _ in range(_TRIES if len(free) else 0):
             x, y = free[int(rng.integers(len(free)))].tolist()
+            if any(door.gap_m(x, y) < SIDE_M for door in hung):
+                continue
             if len(places) < PLACES and min(math.hypot(x - px, y - py) for px, py in taken) > _APART_M:
                 taken.append((x, y))
                 places.append(np.array([x, y, float(rng.uniform(-math.pi, math.pi))]))

@@ -9,7 +9,7 @@ from vsx_ros.arrays import FloatArray, Points2
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.sim.interior import jambs
 from vsx_ros.sim.moving import Borders, Robot, outline
-from vsx_ros.sim.truth import gap_to_walls
+from vsx_ros.sim.truth import ROBOT_RADIUS_M, gap_to_walls
 from vsx_ros.sim.world import Material, Prism, World, rectangle
 
 WIDTH_M = 0.7, 1.8  # of the gaps that get a door
@@ -19,6 +19,7 @@ OPEN_S, CLOSED_S = (25.0, 60.0), (20.0, 40.0)  # how long it stays so
 TURN_RAD_S = 1.0
 OPEN_RAD = 0.5 * math.pi
 _SPARE_M = 0.03  # to whoever stands in the way
+_START_M = ROBOT_RADIUS_M + 0.1  # from the robot's start to where a leaf swings
 
 
 class Door:
@@ -33,6 +34,7 @@ class Door:
         self.materials = {name: Material(kind="wood", seed=int(rng.integers(1 << 30)), brightness=0.55)}
         self.parts: Sequence[Sequence[Prism]] = [[Prism(leaf, 0.01, HIGH_M, name)]]
         self._leaf, self._hinge, self._turn, self._rng = leaf, hinge, turn, rng
+        self._width_m = width_m
         self._opens, self._left_s = True, float(rng.uniform(*OPEN_S))
         self.state = np.array([OPEN_RAD])
 
@@ -59,6 +61,10 @@ class Door:
             if gap_m < radius_m + _SPARE_M and gap_m < Borders(now).nearest(x, y).distance_m:
                 return True
         return False
+
+    def gap_m(self, x: float, y: float) -> float:
+        """From a place to the ground that the leaf sweeps [m]; 0 on it."""
+        return _swept_gap_m(self._hinge, self._width_m, self._turn, x, y)
 
     def poses(self, state: FloatArray) -> FloatArray:
         """See Mover."""
@@ -95,16 +101,28 @@ def _swings_free(segments: FloatArray, hinge: SE2, width_m: float, turn: int) ->
     return bool((gap_to_walls(segments, (np.array([hinge.x, hinge.y]) + rays).reshape(-1, 2)) > 0.05).all())
 
 
+def _swept_gap_m(hinge: SE2, width_m: float, turn: int, x: float, y: float) -> float:
+    """From a place to the quarter of a disc that a leaf sweeps [m]; 0 on it."""
+    dx, dy = x - hinge.x, y - hinge.y
+    cos, sin = math.cos(hinge.theta), math.sin(hinge.theta)
+    ahead, aside = cos * dx + sin * dy, turn * (cos * dy - sin * dx)
+    nearest = np.maximum([ahead, aside], 0.0)
+    nearest *= min(1.0, width_m / max(float(np.hypot(*nearest)), 1e-12))
+    return max(math.hypot(ahead - nearest[0], aside - nearest[1]) - 0.5 * THICK_M, 0.0)
+
+
 def doors(world: World, number: int, rng: np.random.Generator) -> list[Door]:
-    """So many doors, in gaps by rng; fewer where a leaf would not swing freely."""
+    """So many doors, in gaps by rng; fewer where a leaf would not swing freely, or through the robot's start."""
     segments, places = world.obstacle_segments(0.0, HIGH_M), gaps(world)
+    start = world.start
     found: list[Door] = []
     for k in rng.permutation(len(places)).tolist():
         for a, b in (places[k], places[k][::-1]):
             gap_m = float(np.hypot(*(b - a)))
             (dx, dy), width_m = ((b - a) / gap_m).tolist(), gap_m - 2.0 * SPLIT_M
             hinge = SE2(a[0] + SPLIT_M * dx, a[1] + SPLIT_M * dy, math.atan2(dy, dx))
-            turn = next((turn for turn in (1, -1) if _swings_free(segments, hinge, width_m, turn)), None)
+            free = (turn for turn in (1, -1) if _swings_free(segments, hinge, width_m, turn))
+            turn = next((t for t in free if _swept_gap_m(hinge, width_m, t, start.x, start.y) > _START_M), None)
             if turn is not None and len(found) < number:
                 found.append(Door(k, hinge, width_m, turn, rng))
                 break

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vsx_ros.arrays import FloatArray, Points2
-from vsx_ros.geometry.se2 import SE2
+from vsx_ros.sim.doors import Door
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.moving import PERSON_RADIUS_M, Borders, Robot, outline
 from vsx_ros.sim.truth import free_places, gap_to_walls
@@ -130,14 +130,16 @@ def _can_walk(segments: FloatArray, a: Points2, b: Points2) -> bool:
     return not len(near) or bool((gap_to_walls(near, points) > _ROOM_M).all())
 
 
-def _walk(world: EmulatedWorld, segments: FloatArray, start: SE2, rng: np.random.Generator) -> Points2 | None:
-    """(N, 2) places to walk between, the first far from the robot's start; None if nobody can walk here."""
-    free = free_places(world)
+def _walk(world: EmulatedWorld, segments: FloatArray, hung: Sequence[Door], rng: np.random.Generator) -> Points2 | None:
+    """(N, 2) places to walk between, the first far from the robot's start and from where a door swings; None if nobody
+    can walk here."""
+    free, start = free_places(world), world.start
     far = free[np.hypot(free[:, 0] - start.x, free[:, 1] - start.y) > _APART_M]
     if not len(far):
         return None
     drawn = (far[int(rng.integers(len(far)))] for _ in range(_TRIES))
-    first = next((place for place in drawn if _can_walk(segments, place, place)), None)
+    beside = (place for place in drawn if all(door.gap_m(*place.tolist()) > PERSON_RADIUS_M for door in hung))
+    first = next((place for place in beside if _can_walk(segments, place, place)), None)
     if first is None:
         return None
     places = [first]
@@ -150,8 +152,8 @@ def _walk(world: EmulatedWorld, segments: FloatArray, start: SE2, rng: np.random
     return np.array(places) if len(places) > 1 else None
 
 
-def people(world: EmulatedWorld, number: int, rng: np.random.Generator) -> list[Person]:
-    """So many people; fewer where there is no room to walk."""
+def people(world: EmulatedWorld, number: int, rng: np.random.Generator, hung: Sequence[Door] = ()) -> list[Person]:
+    """So many people, at first beside the hung doors; fewer where there is no room to walk."""
     segments = world.obstacle_segments(0.0, _BODY_HEIGHT_M)
-    walks = (_walk(world, segments, world.start_pose, rng) for _ in range(number))
+    walks = (_walk(world, segments, hung, rng) for _ in range(number))
     return [Person(k, places, rng) for k, places in enumerate(walks) if places is not None]
