@@ -109,6 +109,28 @@ def test_what_a_world_is_read_from_is_never_written_over(tmp_path: Path, monkeyp
     assert {path: path.read_bytes() for path in before} == before
 
 
+@pytest.mark.parametrize(
+    ("words", "file"),
+    [
+        (["lab", "--out", "lab.yaml", "--map", "lab.pgm"], "lab.yaml"),
+        (["lab", "--out", "lab.yaml", "--map", "sub/../lab"], "lab.yaml"),
+        (["lab", "--out", "m.pgm", "--map", "m.yaml"], "m.pgm"),
+        (["lab", "--picture", "m.pgm", "--map", "m.pgm"], "m.pgm"),
+        (["lab", "--out", "w.png", "--picture", "link/w.png"], "w.png"),
+        (["render", "lab", "--picture", "lab-view.png"], "lab-view.png"),
+    ],
+)
+def test_no_output_is_written_over_another(
+    words: list[str], file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("sub").mkdir()
+    Path("link").symlink_to(tmp_path)
+    with pytest.raises(ConfigError, match=rf"{file} would be written twice.*name another"):
+        run(*words)
+    assert {path.name for path in Path().iterdir()} == {"sub", "link"}
+
+
 def test_a_picture_beside_a_world_file_is_a_floor_plan(tmp_path: Path) -> None:
     assert run("lab", "--seed", "2", "--map", str(tmp_path / "p.pgm")) == 0
     assert run("import", str(tmp_path / "p.pgm"), "--out", str(tmp_path / "w.yaml")) == 0

@@ -53,13 +53,17 @@ def world(args: argparse.Namespace) -> int:
 
 
 def _keep_what_is_read(args: argparse.Namespace) -> None:
-    """Raises ConfigError if the command would write over a file that the world is read from."""
+    """Raises ConfigError if the command would write over a file that the world is read from, or one file twice."""
     check_world(args.name, args.models)
     read = world_files(args.name, args.models)
     maps = [args.map.with_suffix(suffix) for suffix in (".pgm", ".yaml")] if args.map is not None else []
-    for file in (args.out, args.picture, *maps):
-        if file is not None and file.exists() and any(one.exists() and file.samefile(one) for one in read):
+    written: set[Path] = set()
+    for file in filter(None, (args.out, args.picture, *maps)):
+        if file.exists() and any(one.exists() and file.samefile(one) for one in read):
             raise ConfigError(f"{file} would be written over, and {args.name} is read from it; name another")
+        if file.resolve() in written:
+            raise ConfigError(f"{file} would be written twice (--map writes a .pgm and a .yaml); name another")
+        written.add(file.resolve())
 
 
 def described(world: EmulatedWorld) -> list[str]:
