@@ -34,7 +34,7 @@ def test_words_become_amounts() -> None:
         "latency": HARD_THINGS["latency"].usual,
         "thin-legs": 2.0,
     }
-    assert named_things(["latency=0"], "--with") == {}
+    assert named_things(["latency=0"], "--with") == {"latency": 0.0}
 
 
 @pytest.mark.parametrize(
@@ -72,6 +72,26 @@ def test_a_world_file_keeps_its_hard_things_and_without_any_says_nothing_of_them
         load_world(path)
 
 
+def test_zero_takes_a_world_s_own_thing_away(tmp_path: Path, lab: World) -> None:
+    path = tmp_path / "world.yaml"
+    save_world(hard(lab, people=3.0, latency=150.0, robot_error=1.0, glossy_floor=0.2), path)
+    assert open_world(str(path), 1, hard=["people=0,latency=0"]).hard == {"robot-error": 1.0, "glossy-floor": 0.2}
+    assert open_world(str(path), 1, hard=["people=0,latency=0,robot-error=0,glossy-floor=0"]) == lab
+    assert "people" not in open_world(str(path), 1, hard=["people", "people=0,doors=0"]).hard
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_what_has_changed_a_building_is_not_taken_away(name: str, tmp_path: Path, lab: World) -> None:
+    path = tmp_path / "world.yaml"
+    save_world(with_hard_things(lab, {name: HARD_THINGS[name].usual}, "test"), path)
+    with pytest.raises(ConfigError, match=f"--with: {name}=0 .* without it"):
+        open_world(str(path), 1, hard=[f"{name}=0"])
+    save_world(lab, path)
+    assert open_world(str(path), 1, hard=[f"{name}=0"]) == lab
+    path.write_text(path.read_text() + f"hard: {{{name}: 0}}\n")
+    assert load_world(path) == lab
+
+
 @pytest.mark.parametrize("name", CHANGES)
 def test_changes_of_surfaces_are_idempotent_and_leave_ways_open(name: str) -> None:
     for seed in (0, 1):
@@ -103,6 +123,7 @@ def test_a_gazebo_file_gets_what_goes_with_it(tmp_path: Path) -> None:
     assert world.hard == {"latency": 100.0}
     save_world(world, tmp_path / "world.yaml")
     assert load_world(tmp_path / "world.yaml").hard == {"latency": 100.0}
+    assert open_world(str(tmp_path / "world.yaml"), 1, hard=["latency=0,white-walls=0"]).hard == {}
     with pytest.raises(ConfigError, match="white-walls goes with generated buildings"):
         open_world(file, 1, hard=["white-walls"])
 

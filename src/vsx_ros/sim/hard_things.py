@@ -42,14 +42,14 @@ HARD_THINGS: Registry[HardThing] = Registry(
 
 
 def checked_things(things: Mapping[str, float], where: str) -> dict[str, float]:
-    """The amounts by name, without those that are zero. where: what names them, for messages. Raises ConfigError for an
-    unknown name or an amount outside its bounds."""
+    """The amounts by name; zero takes away what a world has. where: what names them, for messages. Raises ConfigError
+    for an unknown name or an amount outside its bounds."""
     for name, amount in things.items():
         low, high = HARD_THINGS[name].bounds
         if amount != 0.0 and not low <= amount <= high:
             bounds = f"{low:g} to {high:g} {HARD_THINGS[name].unit}"
             raise ConfigError(f"{where}: {name} is {amount:g}; give {bounds}, or leave it out")
-    return {name: float(amount) for name, amount in things.items() if amount != 0.0}
+    return {name: float(amount) for name, amount in things.items()}
 
 
 def named_things(words: Iterable[str], where: str) -> dict[str, float]:

@@ -13,7 +13,7 @@ from vsx_ros.errors import ConfigError, reason_of
 from vsx_ros.limits import file_text, yaml_tree
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.gazebo_world import gazebo_files, load_gazebo
-from vsx_ros.sim.hard_surfaces import changed
+from vsx_ros.sim.hard_surfaces import CHANGES, changed
 from vsx_ros.sim.hard_things import HARD_THINGS, checked_things
 from vsx_ros.sim.mesh_world import MAX_AREA_M2, MeshWorld
 from vsx_ros.sim.truth import TOUCHING_M, checked_start
@@ -108,11 +108,16 @@ def _converted(tree: Any, kind: type[T], path: Path) -> T:
 
 
 def with_hard_things(world: EmulatedWorld, things: Mapping[str, float], where: str) -> EmulatedWorld:
-    """The world with these hard things, too; where: what names them. Raises ConfigError as ``checked_things``, and for
-    one that goes with generated buildings alone."""
+    """The world with these hard things, too, and without those of zero; where: what names them. Raises ConfigError as
+    ``checked_things``, for one that goes with generated buildings alone, and for zero of one that has changed the
+    building."""
     if not things:
         return world
-    hard = checked_things({**world.hard, **things}, where)
+    stays = next((name for name in CHANGES if things.get(name) == 0.0 and world.hard.get(name)), None)
+    if stays is not None:
+        raise ConfigError(f"{where}: {stays}=0 cannot undo what has changed the building; make the world without it")
+    amounts = checked_things({**world.hard, **things}, where)
+    hard = {name: amount for name, amount in amounts.items() if amount != 0.0}
     if isinstance(world, MeshWorld):
         wrong = next((name for name in hard if HARD_THINGS[name].generated), None)
         if wrong is not None:
