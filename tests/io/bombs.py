@@ -65,21 +65,26 @@ def with_entry(sealed, name, size, packed, declared=None):
     return resealed(buffer.getvalue()[:-64])
 
 
-def damaged_deflate(sealed):
-    """A packed entry whose stream makes no sense."""
+def all_packed(entries):
+    """An archive without its seal, of which every entry is packed, however small it becomes."""
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in unseal(sealed).items():
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, content in entries.items():
             archive.writestr(name, content)
         archive.comment = b"0" * 64
-    body = bytearray(buffer.getvalue()[:-64])
+    return buffer.getvalue()[:-64]
+
+
+def damaged_deflate(sealed):
+    """A packed entry whose stream makes no sense."""
+    body = bytearray(all_packed(unseal(sealed)))
     body[100:140] = b"\xff" * 40
     return resealed(bytes(body))
 
 
 def zero_arrays(count):
     """Arrays of a map of so many keyframes, all zero but what is checked first."""
-    sizes = {"K": count, "O": 0, "C": 0, "P": 0, "T": 0}
+    sizes = {"K": count, "O": 0, "S": 0, "C": 0, "P": 0, "T": 0}
     arrays = {n: np.zeros([sizes.get(s, s) for s in shape], kind) for n, (kind, shape, _) in LAYOUT.items()}
     for name in ("rotation", "anchor_rotation"):
         arrays[name][:] = np.eye(3)
@@ -95,7 +100,8 @@ def map_of(sealed, arrays, picture=None, width=160, height=120):
     entries["manifest.json"] = json.dumps(manifest).encode()
     entries |= {f"arrays/{name}.npy": array_bytes(array) for name, array in arrays.items()}
     living = range(len(arrays["anchor"])) if picture else ()
-    return seal(entries | {f"keyframes/{k:06d}.png": picture for k in living if arrays["anchor"][k] < 0})
+    entries |= {f"keyframes/{k:06d}.png": picture for k in living if arrays["anchor"][k] < 0}
+    return resealed(all_packed(entries))
 
 
 def png(width, height, depth=8, colour=0):

@@ -4,6 +4,7 @@ import zipfile
 import pytest
 
 from vsx_ros.io.sealed_archive import glance, seal, unseal
+from vsx_ros.limits import MIB
 
 ENTRIES = {"a.json": b'{"x": 1}', "b/c.png": bytes(range(256)), "empty": b""}
 
@@ -11,6 +12,13 @@ ENTRIES = {"a.json": b'{"x": 1}', "b/c.png": bytes(range(256)), "empty": b""}
 def test_what_was_sealed_comes_back_in_order_and_the_same_bytes_each_time():
     assert list(unseal(seal(ENTRIES)).items()) == list(ENTRIES.items())
     assert seal(ENTRIES) == seal(dict(ENTRIES))
+
+
+def test_what_packs_very_well_comes_back_too():
+    zeros = {"a.npy": bytes(24 * MIB), "b.npy": bytes(24 * MIB), "c.npy": bytes(24 * MIB)}
+    sealed = seal(zeros)
+    assert len(sealed) < 30 * MIB
+    assert unseal(sealed) == zeros
 
 
 def test_any_zip_tool_opens_it():

@@ -13,7 +13,7 @@ from vsx_ros.errors import MapFileError
 from vsx_ros.geometry.camera import PinholeCamera, kernel_camera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.io.sealed_archive import seal, unseal
+from vsx_ros.io.sealed_archive import array_bytes, seal, unseal
 from vsx_ros.io.slam_map_arrays import LAYOUT, arrays_of
 from vsx_ros.io.slam_map_file import _check_pictures, image_name, load_slam_map, save_slam_map, suffix_of
 from vsx_ros.kernels.vision.patches import PATCH
@@ -97,6 +97,43 @@ def test_a_file_from_before_scales_were_kept_is_read(saved):
     del entries["arrays/scale.npy"]
     saved.write_bytes(seal(entries))
     assert {keyframe.scale for keyframe in load_slam_map(saved).view.keyframes} == {1.0}
+
+
+def test_a_file_of_the_second_version_is_read(slam_map, saved):
+    """Its rows and levels were wider, and zeros stood for the pixels of culled keyframes."""
+    culled, entries = 1, unseal(saved.read_bytes())
+    entries["manifest.json"] = json.dumps({**json.loads(entries["manifest.json"]), "version": 2}).encode()
+    counts = [len(keyframe.observations.rows) for keyframe in slam_map.view.keyframes]
+    for name in ("row", "level"):
+        column = np.load(io.BytesIO(entries[f"arrays/observation_{name}.npy"]))
+        entries[f"arrays/observation_{name}.npy"] = array_bytes(column.astype(np.int64))
+    for name in ("uv", "ideal"):
+        pixels = np.load(io.BytesIO(entries[f"arrays/observation_{name}.npy"]))
+        padded = np.insert(pixels, [sum(counts[:culled])] * counts[culled], 0.0, axis=0)
+        entries[f"arrays/observation_{name}.npy"] = array_bytes(padded)
+    whole = saved.read_bytes()
+    saved.write_bytes(seal(entries))
+    back = load_slam_map(saved)
+    save_slam_map(back, saved)
+    assert saved.read_bytes() == whole
+    kinds = {array.dtype for keyframe in back.view.keyframes for array in keyframe.observations}
+    assert kinds == {np.dtype(np.int64), np.dtype(np.float64)}
+
+
+def test_a_map_with_ten_thousand_culled_keyframes_comes_back(slam_map, tmp_path):
+    rng, view, count = np.random.default_rng(5), slam_map.view, 10_000
+    keyframes, levels = list(view.keyframes), rng.integers(0, 4, 150)
+    for k in range(len(keyframes), len(keyframes) + count):
+        rows = np.flatnonzero(rng.random(150) < 0.9)
+        seen = Observations(rows, np.zeros((0, 2)), np.zeros((0, 2)), levels[rows])
+        keyframes.append(dataclasses.replace(view.keyframes[1], id=k, observations=seen))
+    R, t = (np.concatenate([a, np.repeat(a[1:2], count, axis=0)]) for a in (view.R_world_cam, view.centres))
+    view = view._replace(keyframes=tuple(keyframes), R_world_cam=R, centres=t, depths=np.ones(len(keyframes)))
+    save_slam_map(dataclasses.replace(slam_map, view=view), tmp_path / "long.vsxmap")
+    back = load_slam_map(tmp_path / "long.vsxmap").view
+    assert len(back.keyframes) == len(keyframes)
+    for ours, theirs in zip(keyframes, back.keyframes):
+        assert all(np.array_equal(a, b) for a, b in zip(ours.observations, theirs.observations, strict=True))
 
 
 def test_the_same_map_gives_the_same_file_and_replaces_the_old_one(slam_map, saved, tmp_path):
@@ -191,7 +228,7 @@ def put(index, value):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"version": 3}, "format version 3.*reads up to 2, update vsx_ros"),
+        ({"version": 4}, "format version 4.*reads up to 3, update vsx_ros"),
         ({"version": None}, "format version None"),
         ({"format": "another"}, "not that of a SLAM map"),
         ({"camera": {"width": 160}}, "'height' is missing"),
@@ -233,6 +270,8 @@ def test_a_file_of_the_first_version_whose_culled_keyframes_saw_nothing_is_read(
         ("observation_row", put(3, -1), "observation_row reaches from -1"),
         ("observation_level", put(0, 4), "observation_level reaches"),
         ("observation_uv", put((0, 0), 1e9), "outside an image of 160x120"),
+        ("observation_uv", lambda a: a[:-1], r"observation_ideal is float64 of shape"),
+        ("observation_row", lambda a: a.astype(np.int16), "observation_row is int16"),
         ("observation_count", put(0, 10), "observation_count does not add up"),
         ("observation_count", put(slice(0, 2), [-5, 5]), "observation_count does not add up"),
         ("point_source", put(0, 5), "point_source reaches"),

@@ -20,17 +20,21 @@ from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes
 _SEAL = 64  # hexadecimal digits of SHA-256
 _ZIP = b"PK\x03\x04"
 _FLOOR, _RATIO = 32 * MIB, 4
-"""Limits of what an archive may unpack to: most of it is images and numbers that hardly compress. Pieces of arrays may
-be used more than once: those of culled keyframes are empty and so identical."""
+"""Limits of what an archive may unpack to: most of it is images and numbers that hardly compress. What compresses
+better is stored before a limit is reached. Pieces of arrays may be used more than once: those of culled keyframes are
+empty and so identical."""
 
 
 def seal_into(file: BinaryIO, entries: Iterable[tuple[str, bytes]], *, quick: bool = False) -> None:
     """Write an archive to an empty file, one entry after the other; the same bytes for the same entries. Images are
-    stored uncompressed. quick: so is the rest, for speed."""
+    stored uncompressed, and so is what could be refused when it is unpacked. quick: so is the rest, for speed."""
+    allowed = _FLOOR  # bytes that an entry may unpack to, however small it becomes
     with zipfile.ZipFile(file, "w") as archive:
         for name, content in entries:
-            method = zipfile.ZIP_STORED if quick or name.endswith((".png", ".jpg")) else zipfile.ZIP_DEFLATED
-            archive.writestr(zipfile.ZipInfo(name), content, method, compresslevel=1)
+            stored = quick or name.endswith((".png", ".jpg")) or len(content) > allowed
+            info = zipfile.ZipInfo(name)
+            archive.writestr(info, content, zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED, compresslevel=1)
+            allowed += _RATIO * info.compress_size - len(content)
         archive.comment = b"0" * _SEAL
     left = file.tell() - _SEAL
     file.seek(0)

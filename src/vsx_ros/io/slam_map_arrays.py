@@ -1,6 +1,7 @@
 """A map of the SLAM as arrays: their names, types and shapes, and the conditions between them.
 
-K keyframes, O observations and C corners (one keyframe after the other), P points, T templates."""
+K keyframes, O observations, S of them with pixels (not those of culled keyframes) and C corners (one keyframe after the
+other), P points, T templates."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
@@ -8,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from vsx_ros.arrays import FloatArray
+from vsx_ros.arrays import IntArray
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.lens import MOTION
@@ -33,12 +34,6 @@ def _anchors(view: MapView) -> list[Anchor]:
     return [a._replace(T_keyframe_this=a.T_keyframe_this.scaled(size)) for a, size in zip(carried, sizes)]
 
 
-def _pixels(columns: list[FloatArray], view: MapView) -> FloatArray:
-    """Of all observations; zero for those of culled keyframes, which have none."""
-    counts = [len(keyframe.observations.rows) for keyframe in view.keyframes]
-    return np.concatenate([pixels if len(pixels) else np.zeros((n, 2)) for pixels, n in zip(columns, counts)])
-
-
 LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] = {
     "stamp_ns": ("<i8", ("K",), lambda v: [k.data.stamp_ns for k in v.keyframes]),
     "rotation": ("<f8", ("K", 3, 3), lambda v: v.R_world_cam),
@@ -56,10 +51,10 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] =
     "corner_count": ("<i8", ("K", LEVELS), lambda v: [k.data.corners.counts for k in v.keyframes]),
     "corner": ("<i4", ("C", 2), lambda v: np.concatenate([k.data.corners.positions for k in v.keyframes])),
     "observation_count": ("<i8", ("K",), lambda v: [len(k.observations.rows) for k in v.keyframes]),
-    "observation_row": ("<i8", ("O",), lambda v: np.concatenate([k.observations.rows for k in v.keyframes])),
-    "observation_uv": ("<f8", ("O", 2), lambda v: _pixels([k.observations.uv for k in v.keyframes], v)),
-    "observation_ideal": ("<f8", ("O", 2), lambda v: _pixels([k.observations.ideal for k in v.keyframes], v)),
-    "observation_level": ("<i8", ("O",), lambda v: np.concatenate([k.observations.level for k in v.keyframes])),
+    "observation_row": ("<i4", ("O",), lambda v: np.concatenate([k.observations.rows for k in v.keyframes])),
+    "observation_uv": ("<f8", ("S", 2), lambda v: np.concatenate([k.observations.uv for k in v.keyframes])),
+    "observation_ideal": ("<f8", ("S", 2), lambda v: np.concatenate([k.observations.ideal for k in v.keyframes])),
+    "observation_level": ("|u1", ("O",), lambda v: np.concatenate([k.observations.level for k in v.keyframes])),
     "point": ("<f8", ("P", 3), lambda v: v.points),
     "point_alive": ("|b1", ("P",), lambda v: v.alive),
     "point_source": ("<i8", ("P",), lambda v: v.source),
@@ -71,6 +66,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...], Callable[[MapView], Any]]] =
 }
 """Type and shape of every array, and how it is taken from a view. anchor: -1 for a keyframe that was not culled.
 odometry: x, y, theta where there is any. readout_motion: as ``moving`` takes it. chain: the keyframe's odom_segment."""
+_EARLIER = {"observation_row": "<i8", "observation_level": "<i8"}  # types in files up to version 2
 
 MAX_KEYFRAMES = 2**16  # many times more than the largest buildings need
 _ORTHONORMAL = 1e-6  # rounding of rotations
@@ -87,6 +83,12 @@ _RANGES: dict[str, tuple[float, float | str]] = {
 def arrays_of(view: MapView) -> Arrays:
     """All of a view except the pixels of its keyframes."""
     return {name: np.asarray(of(view), kind) for name, (kind, _, of) in LAYOUT.items()}
+
+
+def pixel_counts(arrays: Mapping[str, NDArray[Any]]) -> IntArray:
+    """(K,) how many observations of each keyframe have pixels. Up to version 2, those of culled ones had zeros."""
+    counts, padded = arrays["observation_count"], len(arrays["observation_uv"]) == len(arrays["observation_row"])
+    return counts if padded else np.where(arrays["anchor"] < 0, counts, 0)
 
 
 def check(arrays: Mapping[str, NDArray[Any]], width: int, height: int) -> None:
@@ -119,7 +121,7 @@ def _check_shapes(arrays: Mapping[str, NDArray[Any]]) -> dict[str, int]:
         fits = len(array.shape) == len(wanted) and all(
             isinstance(w, str) or w == n for w, n in zip(wanted, array.shape)
         )
-        if array.dtype != np.dtype(kind) or not fits:
+        if array.dtype not in (kind, _EARLIER.get(name, kind)) or not fits:
             raise ValueError(f"{name} is {array.dtype} of shape {array.shape}, expected {np.dtype(kind)} of {wanted}")
         sizes |= {s: n for s, n in zip(shape, array.shape) if isinstance(s, str)}
     if not 0 < sizes["K"] <= MAX_KEYFRAMES:
@@ -140,6 +142,8 @@ def _check_counts(arrays: Mapping[str, NDArray[Any]], sizes: Mapping[str, int]) 
     anchor = arrays["anchor"]
     if arrays["corner_count"][anchor >= 0].any():
         raise ValueError("corner_count is not zero for a culled keyframe")
+    if pixel_counts(arrays).sum() != sizes["S"]:
+        raise ValueError(f"observation_uv of {sizes['S']} rows does not fit observation_count")
     if anchor[0] >= 0 or (anchor[anchor[anchor >= 0]] >= 0).any():
         raise ValueError("anchor names a culled keyframe, or keyframe 0 has one")
 

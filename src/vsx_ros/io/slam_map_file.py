@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsx_ros import __version__
-from vsx_ros.arrays import GrayImage, packed
+from vsx_ros.arrays import GrayImage, IntArray, packed
 from vsx_ros.errors import MapFileError, explained, reason_of
 from vsx_ros.geometry.camera import PinholeCamera, Shutter, kernel_camera
 from vsx_ros.geometry.lens import PLUMB_BOB
@@ -24,7 +24,7 @@ from vsx_ros.geometry.se3 import SE3
 from vsx_ros.io.atomic import replacing
 from vsx_ros.io.image_file import check_image_size, picture
 from vsx_ros.io.sealed_archive import array_bytes, array_of, seal_into, unseal
-from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check
+from vsx_ros.io.slam_map_arrays import LAYOUT, Arrays, arrays_of, check, pixel_counts
 from vsx_ros.limits import DAMAGE, DATA_BYTES, MIB, Allowance, file_bytes, json_tree
 from vsx_ros.slam.anchor import Anchor
 from vsx_ros.slam.keyframe import FrameData, KeyFrame, MapView, Observations
@@ -34,7 +34,7 @@ from vsx_ros.vision.corners import PackedCorners, indexed
 from vsx_ros.vision.patch_search import moving
 from vsx_ros.vision.pyramid import JPEG, CompressedPyramid, build_pyramid, picture_file, small_image
 
-FORMAT, VERSION = "vsx_ros slam map", 2  # increased when an older vsx_ros cannot read the file
+FORMAT, VERSION = "vsx_ros slam map", 3  # increased when an older vsx_ros cannot read the file
 _PNG, _JPG = ".png", ".jpg"
 _PIXELS, _PIXELS_PER_BYTE = 64 * MIB, {_PNG: 16, _JPG: 100}
 """With a camera's noise, a byte holds two to three pixels of a .png, six of a .jpg. A black .jpg holds up to 84."""
@@ -138,9 +138,8 @@ def _mount(manifest: Mapping[str, Any]) -> SE3 | None:
 
 
 def _view(arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera, version: int) -> MapView:
-    ends = np.concatenate([[0], np.cumsum(arrays["observation_count"])]).tolist()
-    parts = (slice(*pair) for pair in pairwise(ends))
-    frames = tuple(_keyframe(k, part, arrays, entries, camera) for k, part in enumerate(parts))
+    parts = zip(_parts(arrays["observation_count"]), _parts(pixel_counts(arrays)))
+    frames = tuple(_keyframe(k, *both, arrays, entries, camera) for k, both in enumerate(parts))
     living, depths = np.flatnonzero(arrays["anchor"] < 0), np.array([k.median_depth or 1.0 for k in frames])
     names = "point_templates", "template_source", "template_basis", "template_offset", "template_patch"
     return MapView(
@@ -157,9 +156,17 @@ def _view(arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera, v
     )
 
 
-def _keyframe(k: int, part: slice, arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera) -> KeyFrame:
-    """part: its observations."""
-    observed = Observations(*(arrays[f"observation_{name}"][part] for name in ("row", "uv", "ideal", "level")))
+def _parts(counts: IntArray) -> Iterator[slice]:
+    """The rows of each keyframe in an array with so many of each."""
+    return (slice(*pair) for pair in pairwise([0, *np.cumsum(counts).tolist()]))
+
+
+def _keyframe(
+    k: int, part: slice, pixels: slice, arrays: Arrays, entries: Mapping[str, bytes], camera: PinholeCamera
+) -> KeyFrame:
+    """part, pixels: its observations, and those with pixels."""
+    rows, level = (arrays[f"observation_{name}"][part].astype(np.int64) for name in ("row", "level"))
+    observed = Observations(rows, arrays["observation_uv"][pixels], arrays["observation_ideal"][pixels], level)
     anchor = None
     if arrays["anchor"][k] >= 0:
         holder = int(arrays["anchor"][k])
