@@ -46,6 +46,12 @@ def test_thresholds_are_those_of_the_yaml(tmp_path):
     assert loaded(tmp_path, gray, YAML.replace("0.65", "0.2")).tolist() == [[100, 100, 100, 100, 0, 0]]
 
 
+def test_an_angle_of_rounding_is_none(tmp_path):
+    gray = np.array([[0, 255]], np.uint8)
+    for yaw in ("1e-17", "-9.9e-7"):
+        assert loaded(tmp_path, gray, YAML.replace("0.0]", f"{yaw}]")).tolist() == [[100, 0]]
+
+
 def test_negated_and_raw_maps(tmp_path):
     gray = np.array([[0, 100, 255]], np.uint8)
     assert loaded(tmp_path, gray, YAML.replace("negate: 0", "negate: 1")).tolist() == [[0, -1, 100]]
@@ -65,6 +71,8 @@ def test_colour_transparency_and_sixteen_bits(tmp_path):
         ("resolution: 0.1", "resolution: -1", "impossible"),
         ("resolution: 0.1", "", "'resolution'"),
         ("0.0, 0.0, 0.0]", "0.0, 0.0, 0.7]", "turned by 0.7"),
+        ("0.0, 0.0, 0.0]", "0.0, 0.0, 1.1e-6]", "turned by 1.1e-06"),
+        ("0.0, 0.0, 0.0]", "0.0, 0.0, .nan]", "turned by nan"),
         ("0.0, 0.0, 0.0]", "0.0]", "malformed"),
         ("0.0, 0.0, 0.0]", "0.0, .nan, 0.0]", "impossible"),
         ("m.png", "absent.png", r"absent\.png is missing"),

@@ -19,6 +19,7 @@ _DARKEST_FREE = 206
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196  # map_saver's, too
 _USUAL_THRESHOLDS = _FREE_THRESHOLD, _OCCUPIED_THRESHOLD
 _FINEST_M = 1e-3  # per cell; finer is a wrong unit
+_STRAIGHT_RAD = 1e-6  # an angle that programs leave by rounding
 _DIGITS = 9  # of the origin [m]: it is counted in cells, which leaves errors of rounding
 _ROWS_AT_ONCE = 64  # to save memory
 _LONGEST_NAME = 1000  # of a file; longer is invalid
@@ -79,7 +80,7 @@ def load_map(path: Path) -> OccupancyGrid:
             f"map {text}: entry {reason_of(error)} is missing or malformed; map_server needs image, resolution, "
             "origin [x, y, yaw], negate, occupied_thresh, free_thresh"
         ) from error
-    if yaw != 0.0:
+    if not abs(yaw) < _STRAIGHT_RAD:
         raise MapFileError(f"map {text} is turned by {yaw} rad, only 0 is supported; turn the image instead")
     if not (
         _FINEST_M <= resolution < 10
