@@ -32,6 +32,9 @@ DAMAGE = (
 )  # fmt: skip
 """What parsers raise when a file's content is not what they expect."""
 
+_END = "# end"
+_ENDS = f"# The last line of this file is '{_END}'; without it, the file was cut short.\n"
+
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -77,9 +80,16 @@ def json_tree(text: str | bytes) -> Any:
         raise ValueError("it is nested too deeply") from error
 
 
+def with_end(text: str) -> str:
+    """The text of a YAML with a last line that shows whether it is whole: a part of a list is a valid list."""
+    return f"{_ENDS}{text}{_END}\n"
+
+
 def yaml_tree(text: str) -> Any:
     """The result of ``yaml.safe_load``. Raises ValueError, also for a tree of more than ``YAML_NODES``; an alias counts
-    each time it is used."""
+    each time it is used; and for a text ``with_end`` that lacks it."""
+    if text.startswith(_ENDS) and _END not in text.splitlines():
+        raise ValueError(f"it is cut short: its last line, '{_END}', is missing")
     try:
         _check_yaml(text)
         return yaml.load(text, _LOADER)  # noqa: S506  # a safe one

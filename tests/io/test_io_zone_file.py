@@ -29,6 +29,21 @@ def test_what_is_saved_is_loaded(tmp_path: Path) -> None:
     assert load_zones(path) == []
 
 
+def test_a_file_cut_short_is_refused_and_one_by_hand_needs_no_mark(tmp_path: Path) -> None:
+    path = tmp_path / "lab_zones.yaml"
+    save_zones(ZONES, path)
+    whole = path.read_text(encoding="utf-8")
+    for size in range(len(whole.rstrip())):
+        path.write_text(whole[:size], encoding="utf-8")
+        with pytest.raises(MapFileError, match="lab_zones"):
+            load_zones(path)
+    one_more = "- {name: mat, kind: no-go, points: [[0, 0], [1, 0], [1, 1]]}\n"
+    path.write_text(whole + one_more, encoding="utf-8")
+    assert [zone.name for zone in load_zones(path)] == [*(zone.name for zone in ZONES), "mat"]
+    path.write_text("---\nversion: 1\nzones:\n" + one_more)
+    assert [zone.name for zone in load_zones(path)] == ["mat"]
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [

@@ -48,6 +48,19 @@ def test_wrong_values_are_named(tmp_path: Path, path: list[str | int], value: ob
         load_world(broken(tmp_path, path, value))
 
 
+def test_a_file_cut_short_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "world.yaml"
+    save_world(generate_world("corridor", 0), path)
+    lines = path.read_text().rstrip().splitlines(keepends=True)
+    for count in range(0, len(lines), 10):
+        path.write_text("".join(lines[:count]))
+        with pytest.raises(ConfigError, match="world.yaml"):
+            load_world(path)
+    path.write_text("".join(lines)[:-1])
+    with pytest.raises(ConfigError, match="it is cut short: its last line, '# end', is missing"):
+        load_world(path)
+
+
 @pytest.mark.parametrize("text", ["[1, 2", "just words", "", "\x00\x01"])
 def test_files_that_are_no_worlds_are_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "world.yaml").write_text(text)

@@ -7,7 +7,7 @@ import yaml
 
 from vsx_ros.errors import InputError, MapFileError, explained
 from vsx_ros.io.atomic import write_text
-from vsx_ros.limits import file_text, yaml_tree
+from vsx_ros.limits import file_text, with_end, yaml_tree
 from vsx_ros.occupancy.zones import MAX_ZONES, Zone, zone_of
 
 _VERSION = 1
@@ -26,7 +26,7 @@ def save_zones(zones: Sequence[Zone], path: Path, *, again: bool = False) -> Non
     with explained(MapFileError, f"zones {path} cannot be written", "choose another folder", OSError):
         tree = {"version": _VERSION, "zones": [zone.tree() for zone in zones]}
         text = yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True)
-        write_text(path, _HEADER + _AGAIN * again + text, durable=True)
+        write_text(path, with_end(_HEADER + _AGAIN * again + text), durable=True)
 
 
 def load_zones(path: Path) -> list[Zone]:

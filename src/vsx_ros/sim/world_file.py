@@ -10,7 +10,7 @@ import msgspec
 import yaml
 
 from vsx_ros.errors import ConfigError, reason_of
-from vsx_ros.limits import file_text, yaml_tree
+from vsx_ros.limits import file_text, with_end, yaml_tree
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.gazebo_world import gazebo_files, load_gazebo
 from vsx_ros.sim.hard_surfaces import CHANGES, changed
@@ -47,7 +47,7 @@ def _tree(world: EmulatedWorld) -> Any:
 def world_yaml(world: EmulatedWorld) -> str:
     """The text of world.yaml."""
     text = yaml.safe_dump(_tree(world), sort_keys=False, default_flow_style=None, width=120)
-    return "# vsx_ros emulated world; metres, radians\n" + text
+    return with_end("# vsx_ros emulated world; metres, radians\n" + text)
 
 
 def load_world(path: Path, given: Sequence[Path] = (), usual: Sequence[Path] = ()) -> EmulatedWorld:
