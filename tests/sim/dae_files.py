@@ -2,12 +2,23 @@
 
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 _HEAD = '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset><unit meter="1"/></asset>'
-_POINTS = '<float_array id="f" count="9">0 0 0 1 0 0 0 1 0</float_array><technique_common>'
-_POINTS += '<accessor source="#f" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>'
-_POINTS += '<param name="Z" type="float"/></accessor></technique_common>'
-_MESH = f'<mesh><source id="p">{_POINTS}</source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>'
-_MESH += '<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh>'
+INSTANCE = '<instance_geometry url="#g"/>'
+
+
+def _mesh(points: ArrayLike, faces: ArrayLike) -> str:
+    """Of corners (N, 3) and triangles (T, 3)."""
+    corners, index = np.asarray(points, float), np.asarray(faces)
+    array = f'<float_array id="f" count="{corners.size}">{" ".join(map(str, corners.ravel()))}</float_array>'
+    axes = "".join(f'<param name="{axis}" type="float"/>' for axis in "XYZ")
+    accessor = f'<accessor source="#f" count="{len(corners)}" stride="3">{axes}</accessor>'
+    source = f'<source id="p">{array}<technique_common>{accessor}</technique_common></source>'
+    vertices = '<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>'
+    face = f'<input semantic="VERTEX" source="#v" offset="0"/><p>{" ".join(map(str, index.ravel()))}</p>'
+    return f'<mesh>{source}{vertices}<triangles count="{len(index)}">{face}</triangles></mesh>'
 
 
 def _source(kind: str, values: str, count: int, stride: int, param: str) -> str:
@@ -27,10 +38,17 @@ _SKIN += "<vcount>1 1 1</vcount><v>0 0 0 0 0 0</v></vertex_weights>"
 SKIN = f'<library_controllers><controller id="c"><skin source="#g">{_SKIN}</skin></controller></library_controllers>'
 
 
-def write_dae(path: Path, *nodes: str, more: str = "") -> None:
-    """A DAE file with a triangle, the geometry "g" with the name "Cube.001", and a scene of these nodes; without nodes,
-    no scene. more: other libraries."""
-    geometries = f'<library_geometries><geometry id="g" name="Cube.001">{_MESH}</geometry></library_geometries>'
+def write_dae(
+    path: Path,
+    *nodes: str,
+    more: str = "",
+    points: ArrayLike = ((0, 0, 0), (1, 0, 0), (0, 1, 0)),
+    faces: ArrayLike = ((0, 1, 2),),
+) -> None:
+    """A DAE file with a mesh, at first a triangle, the geometry "g" with the name "Cube.001", and a scene of these
+    nodes; without nodes, no scene. more: other libraries."""
+    mesh = _mesh(points, faces)
+    geometries = f'<library_geometries><geometry id="g" name="Cube.001">{mesh}</geometry></library_geometries>'
     scenes = f'<visual_scene id="s">{"".join(nodes)}</visual_scene>'
     scene = f'<library_visual_scenes>{scenes}</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene>'
     path.write_text(f"{_HEAD}{geometries}{more}{scene if nodes else ''}</COLLADA>")

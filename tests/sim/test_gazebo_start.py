@@ -2,7 +2,10 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
+from dae_files import INSTANCE, write_dae
 from gazebo_files import FLOOR, box_model, walls_of_room, write_world
 
 from vsx_ros.errors import ConfigError
@@ -18,6 +21,8 @@ BED, TABLE = box_model("bed", "-1.5 0 0.25 0 0 0", "1.6 2 0.5"), box_model("tabl
 BLOCK = box_model("block", "16 0 1.5 0 0 0", "14 14 3")
 FLAT = [walls_of_room(4.0, 4.0, x, y) for x in (0.0, 4.15) for y in (0.0, 4.15)]
 SLAB = box_model("slab", "0 0 -0.05 0 0 0", "8 8 0.1")
+BLOCK_AT = '<model name="m"><pose>0 0 1 0 0 0</pose><link name="l"><collision name="c"><geometry><mesh>{}</mesh>'
+BLOCK_AT += "</geometry></collision></link></model>"
 
 
 @pytest.mark.parametrize(
@@ -73,3 +78,49 @@ def test_on_an_open_floor_a_robot_may_start_away_from_all_things(tmp_path: Path)
     for x, y in ((-3.5, 0.0), (1e5, 0.0), (1e300, 1e300), (float("nan"), 0.0)):
         with pytest.raises(ConfigError, match="it starts at|no floor at"):
             checked_start(world.starting_at(Start(x=x, y=y, theta_rad=0.0)), "w")
+
+
+def block_file(path: Path, mirrored: bool) -> None:
+    """A closed block of 3 x 3 x 2 m around the origin; mirrored: by its node, which a GLB or DAE file has."""
+    block, mirror = trimesh.creation.box((3.0, 3.0, 2.0)), np.diag([-1.0 if mirrored else 1.0, 1.0, 1.0, 1.0])
+    if path.suffix == ".dae":
+        node = f'<node id="n"><matrix>{" ".join(map(str, mirror.ravel()))}</matrix>{INSTANCE}</node>'
+        write_dae(path, node, points=block.vertices, faces=block.faces)
+        return
+    scene = trimesh.Scene()
+    scene.add_geometry(block, transform=mirror)
+    scene.export(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "scale", "mirrored"),
+    [("b.stl", "1 1 1", False), ("b.stl", "1 -1 1", False), ("b.glb", "1 1 1", True), ("b.dae", "1 1 1", True)],
+)
+def test_a_mirrored_solid_is_as_solid_as_any(tmp_path: Path, name: str, scale: str, mirrored: bool) -> None:
+    block_file(tmp_path / name, mirrored)
+    model = BLOCK_AT.format(f"<uri>{name}</uri><scale>{scale}</scale>")
+    world = load_gazebo(write_world(tmp_path, FLOOR, model, box_model("post", "4 4 0.5 0 0 0", "0.5 0.5 1")), [])
+    assert max(abs(world.start.x), abs(world.start.y)) > 1.5
+    assert world.owner_around(0.0, 0.0) == "m/l"
+
+
+@pytest.mark.parametrize("scale", ["1 1 1", "-1 1 1", "-1 -1 1"])
+def test_a_mirrored_house_of_one_mesh_has_its_floor(tmp_path: Path, scale: str) -> None:
+    walls = [((6.0, 0.1, 2.5), (0.0, y, 1.25)) for y in (-3.0, 3.0)] + [
+        ((0.1, 6.0, 2.5), (x, 0.0, 1.25)) for x in (-3.0, 3.0)
+    ]
+    boxes = [trimesh.creation.box(size, trimesh.transformations.translation_matrix(at)) for size, at in walls]
+    slab = trimesh.creation.box((6.0, 6.0, 0.1), trimesh.transformations.translation_matrix((0.0, 0.0, -0.05)))
+    trimesh.util.concatenate([slab, *boxes]).export(tmp_path / "b.stl")
+    model = BLOCK_AT.format(f"<uri>b.stl</uri><scale>{scale}</scale>")
+    world = load_gazebo(write_world(tmp_path, model), [])
+    assert world.floor_z_m == pytest.approx(1.0, abs=1e-6)
+    assert max(abs(world.start.x), abs(world.start.y)) < 3.0
+
+
+def test_a_room_whose_walls_look_inwards_is_no_solid(tmp_path: Path) -> None:
+    room = trimesh.creation.box((6.0, 5.0, 2.0))
+    room.invert()
+    room.export(tmp_path / "b.stl")
+    world = load_gazebo(write_world(tmp_path, BLOCK_AT.format("<uri>b.stl</uri>")), [])
+    assert checked_start(world.starting_at(Start(x=1.0, y=1.0, theta_rad=0.0)), "w").start.x == 1.0

@@ -183,7 +183,7 @@ class _Assembly:
             parts = [part._replace(corners=part.corners - middle) for part in parts]
         if shape.surface is not None:
             parts = [part._replace(surface=shape.surface) for part in parts]
-        return [part._replace(corners=part.corners * use.scale) for part in parts]
+        return [part._replace(corners=part.corners * use.scale).unmirrored(np.diag(use.scale)) for part in parts]
 
     def _seen(self) -> Seen:
         starts, at = [0], 0

@@ -39,6 +39,13 @@ class MeshPart(NamedTuple):
     missing: str = ""
     node: str = ""
 
+    def unmirrored(self, matrix: FloatArray) -> "MeshPart":
+        """With faces that look the same way as before a matrix (3, 3) moved their corners: one that mirrors turns them
+        around."""
+        if np.linalg.det(matrix) >= 0.0:
+            return self
+        return self._replace(corners=self.corners[:, ::-1], uv=self.uv[:, ::-1])
+
 
 def read_mesh(path: Path, find_texture: FindTexture, budget: Budget) -> list[MeshPart]:
     """The parts of a mesh file. Its unit is applied; its up axis is ignored, as Gazebo does. Raises InputError for a
@@ -112,7 +119,8 @@ def _collada_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Ite
                 surfaces[triangles.material] = _collada_surface(triangles.material, path, find_texture)
             surface, missing = surfaces[triangles.material]
             name = str(geometry.original.name or geometry.original.id)
-            yield MeshPart(corners=corners, uv=uv, surface=surface, name=name, missing=missing, node=node)
+            part = MeshPart(corners=corners, uv=uv, surface=surface, name=name, missing=missing, node=node)
+            yield part.unmirrored(geometry.matrix[:3, :3])
 
 
 def _instances(nodes: Any, name: str, matrix: Any, path: Path, budget: Budget) -> Iterator[tuple[str, Any]]:
@@ -194,7 +202,8 @@ def _trimesh_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Ite
         surface = _trimesh_surface(getattr(mesh.visual, "material", None), path)
         lost = missing[0] if missing and given is not None and surface.picture is None else ""
         surface = surface._replace(picture=substitute(lost)) if lost else surface
-        yield MeshPart(corners=corners, uv=uv, surface=surface, name=str(name), missing=lost, node=str(node))
+        part = MeshPart(corners=corners, uv=uv, surface=surface, name=str(name), missing=lost, node=str(node))
+        yield part.unmirrored(T[:3, :3])
 
 
 def _uv(given: Any, index: Any) -> FloatArray:
