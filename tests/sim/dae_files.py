@@ -18,7 +18,7 @@ def _mesh(points: ArrayLike, faces: ArrayLike) -> str:
     source = f'<source id="p">{array}<technique_common>{accessor}</technique_common></source>'
     vertices = '<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>'
     face = f'<input semantic="VERTEX" source="#v" offset="0"/><p>{" ".join(map(str, index.ravel()))}</p>'
-    return f'<mesh>{source}{vertices}<triangles count="{len(index)}">{face}</triangles></mesh>'
+    return f'<mesh>{source}{vertices}<triangles material="m" count="{len(index)}">{face}</triangles></mesh>'
 
 
 def _source(kind: str, values: str, count: int, stride: int, param: str) -> str:
@@ -36,6 +36,22 @@ _SKIN += f'<joints>{_JOINT}/><input semantic="INV_BIND_MATRIX" source="#TRANSFOR
 _SKIN += f'<vertex_weights count="3">{_JOINT} offset="0"/><input semantic="WEIGHT" source="#WEIGHT" offset="1"/>'
 _SKIN += "<vcount>1 1 1</vcount><v>0 0 0 0 0 0</v></vertex_weights>"
 SKIN = f'<library_controllers><controller id="c"><skin source="#g">{_SKIN}</skin></controller></library_controllers>'
+
+
+SURFACE = '<newparam sid="s"><surface type="2D"><init_from>rug</init_from></surface></newparam>'
+SURFACE += '<newparam sid="rug"><sampler2D><source>s</source></sampler2D></newparam>'
+
+
+def material(picture: str, effect: str | None) -> tuple[str, str]:
+    """A node of the geometry with a material "m", and its libraries. picture: the name by which the material's effect
+    uses it; effect: what declares it there; None: there is no effect."""
+    shade = f'<lambert><diffuse><texture texture="{picture}" texcoord="UV"/></diffuse></lambert>'
+    profile = f'<profile_COMMON>{effect}<technique sid="t">{shade}</technique></profile_COMMON>'
+    library = "" if effect is None else f'<library_effects><effect id="e">{profile}</effect></library_effects>'
+    library += '<library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>'
+    bound = '<technique_common><instance_material symbol="m" target="#m"/></technique_common>'
+    instance = INSTANCE.replace("/>", f"><bind_material>{bound}</bind_material></instance_geometry>")
+    return f'<node id="n">{instance}</node>', library
 
 
 def write_dae(

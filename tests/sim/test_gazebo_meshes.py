@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dae_files import SKIN, write_dae
+from dae_files import INSTANCE, SKIN, SURFACE, material, write_dae
 from gazebo_files import write_world
 
 from vsx_ros.errors import InputError
@@ -16,9 +16,9 @@ from vsx_ros.sim.gazebo.paths import ModelFolders
 from vsx_ros.sim.gazebo.sdf import read_layout
 
 
-def parts_of(folder: Path, mesh: str) -> Parts:
-    visual = f'<visual name="v"><geometry><mesh>{mesh}</mesh></geometry></visual>'
-    world = write_world(folder, f'<model name="m"><link name="l">{visual}</link></model>')
+def parts_of(folder: Path, mesh: str, kind: str = "visual") -> Parts:
+    shape = f'<{kind} name="v"><geometry><mesh>{mesh}</mesh></geometry></{kind}>'
+    world = write_world(folder, f'<model name="m"><link name="l">{shape}</link></model>')
     folders, budget = ModelFolders([]), Budget()
     return assemble(read_layout(world, folders, budget), folders, budget)
 
@@ -53,6 +53,56 @@ def test_a_mesh_file_that_shows_nothing_is_named(tmp_path: Path) -> None:
     parts = parts_of(tmp_path, "<uri>a.dae</uri>")
     assert len(parts.seen.corners) == 0
     assert any("a.dae shows no triangles" in remark for remark in parts.remarks)
+
+
+WHOLE = f'<node id="n" name="Wall">{INSTANCE}</node>'
+
+
+@pytest.mark.parametrize(
+    ("node", "more", "lost"),
+    [
+        ('<node id="o"><instance_geometry url="#h"/></node>', "", "geometry h"),
+        ('<node id="o"><instance_controller url="#c"/></node>', SKIN.replace('"#g"', '"#h"'), "controller c"),
+        (f'<node id="o" name="Door"><matrix>1 0 0</matrix>{INSTANCE}</node>', "", "matrix of Door"),
+        (f'<node id="o" name="Door"><skew>1 0 0 0 1 0 0</skew>{INSTANCE}</node>', "", "skew of Door"),
+        ('<node id="o"><node id="p"><instance_geometry url="b.dae#g"/></node></node>', "", "geometry b.dae#g"),
+    ],
+)
+def test_a_damaged_part_of_a_dae_file_is_named_and_no_solid_may_have_one(
+    tmp_path: Path, node: str, more: str, lost: str
+) -> None:
+    lamp = '<node id="e"><instance_light url="#no"/><instance_camera url="#no"/><extra/></node>'
+    write_dae(tmp_path / "a.dae", WHOLE, node, lamp, more=more)
+    parts = parts_of(tmp_path, "<uri>a.dae</uri>")
+    assert parts.remarks == [f"a.dae: {lost} is damaged and left out"]
+    assert len(parts.seen.corners) >= 1
+    with pytest.raises(InputError, match=rf"collision m/l/v: mesh .*a\.dae is damaged \({lost}\), and solid"):
+        parts_of(tmp_path, "<uri>a.dae</uri>", "collision")
+
+
+def test_a_scene_that_is_not_there_is_named(tmp_path: Path) -> None:
+    write_dae(tmp_path / "a.dae", WHOLE)
+    (tmp_path / "a.dae").write_text((tmp_path / "a.dae").read_text().replace('url="#s"', 'url="#t"'))
+    assert "a.dae: scene is damaged and left out" in parts_of(tmp_path, "<uri>a.dae</uri>").remarks
+
+
+@pytest.mark.parametrize(
+    ("effect", "remark"),
+    [
+        (SURFACE, "material m cannot be read; grey is drawn in its place"),
+        ("", "texture rug does not exist; paint is drawn in its place"),
+        (None, "material m cannot be read; grey is drawn in its place"),
+    ],
+)
+def test_a_material_without_its_picture_takes_no_geometry_with_it(
+    tmp_path: Path, effect: str | None, remark: str
+) -> None:
+    node, libraries = material("rug", effect)
+    write_dae(tmp_path / "a.dae", node, more=libraries)
+    for kind in ("visual", "collision"):
+        parts = parts_of(tmp_path, "<uri>a.dae</uri>", kind)
+        assert f"a.dae: {remark}" in parts.remarks
+        assert len(parts.seen.corners) == 1
 
 
 def write_gltf(folder: Path, corner: dict, **more: object) -> None:

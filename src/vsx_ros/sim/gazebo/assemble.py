@@ -7,10 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from vsx_ros.arrays import Float32Array, FloatArray, Int32Array, IntArray
+from vsx_ros.errors import InputError
 from vsx_ros.sim.gazebo.budget import Budget
 from vsx_ros.sim.gazebo.elements import MeshUse
 from vsx_ros.sim.gazebo.geometry import placed
-from vsx_ros.sim.gazebo.meshes import MeshPart, read_mesh
+from vsx_ros.sim.gazebo.mesh_parts import Mesh, MeshPart
+from vsx_ros.sim.gazebo.meshes import read_mesh
 from vsx_ros.sim.gazebo.paths import ModelFolders
 from vsx_ros.sim.gazebo.pictures import Picture, Textures, joined, pack
 from vsx_ros.sim.gazebo.plain import MOST_PAIRS, inset, is_shown
@@ -75,7 +77,7 @@ class _Link(NamedTuple):
 class _Assembly:
     def __init__(self, folders: ModelFolders, budget: Budget) -> None:
         self._folders, self._budget = folders, budget
-        self._meshes: dict[Path, list[MeshPart]] = {}
+        self._meshes: dict[Path, Mesh] = {}
         self._drawn: list[tuple[Float32Array, Float32Array, int]] = []
         self._surfaces: dict[Surface, int] = {}
         self._remarks: list[str] = []
@@ -164,10 +166,11 @@ class _Assembly:
             return []
         if use.path not in self._meshes:
             self._meshes[use.path] = read_mesh(use.path, self._folders.find_texture, self._budget)
-            for missing in dict.fromkeys(part.missing for part in self._meshes[use.path] if part.missing):
-                self._remarks.append(f"{use.path.name}: texture {missing} does not exist; paint is drawn in its place")
-        self._budget.take("parts of meshes", len(self._meshes[use.path]), shape.name)
-        parts = self._meshes[use.path]
+            self._remarks.extend(self._meshes[use.path].remarks)
+        parts, _, lost = self._meshes[use.path]
+        if lost and shape.solid:
+            raise InputError(f"{shape.name}: mesh {use.path} is damaged ({lost[0]}), and solid; export it again")
+        self._budget.take("parts of meshes", len(parts), shape.name)
         if not parts:
             self._remarks.append(f"{shape.name}: {use.path.name} shows no triangles; it is left out")
             return []

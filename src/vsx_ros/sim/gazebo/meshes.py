@@ -1,20 +1,21 @@
-"""Mesh files as triangles: DAE by pycollada, OBJ, STL and glTF by trimesh."""
+"""Mesh files as triangles: DAE by ``dae``; OBJ, STL and glTF here, by trimesh."""
 
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from vsx_ros.arrays import FloatArray
 from vsx_ros.errors import InputError, explained
 from vsx_ros.limits import DAMAGE, MIB, Allowance, file_bytes
 from vsx_ros.sim.gazebo import gltf
 from vsx_ros.sim.gazebo.budget import MOST_TRIANGLES, Budget
+from vsx_ros.sim.gazebo.dae import dae_parts
+from vsx_ros.sim.gazebo.mesh_parts import FindTexture, Mesh, MeshPart, colour_of, uv_of
 from vsx_ros.sim.gazebo.pictures import picture_of, read_picture, substitute
-from vsx_ros.sim.gazebo.surfaces import Colour, Surface
+from vsx_ros.sim.gazebo.surfaces import WHITE, Surface
 
 MOST_BYTES = 512 * MIB
 MOST_BESIDE = 128 * MIB  # bytes of the files that a mesh names, each time it does
@@ -25,43 +26,27 @@ _COUNT = re.compile(rb"<(?:triangles|polylist|polygons|trifans|tristrips)\b[^>]*
 
 _FACE = re.compile(rb"^f[ \t]([^\n]*)", re.MULTILINE)
 
-FindTexture = Callable[[str, Path], Path | None]
 
-
-class MeshPart(NamedTuple):
-    """Triangles of one surface: corners (T, 3, 3) [m] in the mesh's own axes, uv (T, 3, 2). name: of the geometry;
-    node: of what uses it in the file's scene. missing: name of a picture that does not exist, or empty."""
-
-    corners: FloatArray
-    uv: FloatArray
-    surface: Surface
-    name: str
-    missing: str = ""
-    node: str = ""
-
-    def unmirrored(self, matrix: FloatArray) -> "MeshPart":
-        """With faces that look the same way as before a matrix (3, 3) moved their corners: one that mirrors turns them
-        around."""
-        if np.linalg.det(matrix) >= 0.0:
-            return self
-        return self._replace(corners=self.corners[:, ::-1], uv=self.uv[:, ::-1])
-
-
-def read_mesh(path: Path, find_texture: FindTexture, budget: Budget) -> list[MeshPart]:
-    """The parts of a mesh file. Its unit is applied; its up axis is ignored, as Gazebo does. Raises InputError for a
-    file that is too large, damaged, or of an unknown kind."""
+def read_mesh(path: Path, find_texture: FindTexture, budget: Budget) -> Mesh:
+    """A mesh file. Its unit is applied; its up axis is ignored, as Gazebo does. Raises InputError for a file that is
+    too large, damaged as a whole, or of an unknown kind."""
     if path.suffix.lower() not in KINDS:
         raise InputError(f"mesh {path} is none of {', '.join(KINDS)}; convert it")
-    read = _collada_parts if path.suffix.lower() == ".dae" else _trimesh_parts
+    read = dae_parts if path.suffix.lower() == ".dae" else _trimesh_parts
+    mesh = Mesh([], [], [])
     with explained(InputError, f"mesh {path} cannot be read", "export it again", (*DAMAGE, *_foreign_errors())):
         announced = _announced(path)
         if announced > MOST_TRIANGLES:
             most = f"at most {MOST_TRIANGLES} can be drawn"
             raise InputError(f"mesh {path} has {announced} triangles, {most}; simplify it")
-        parts = [part for part in read(path, find_texture, budget) if len(part.corners)]
-    if any(not np.isfinite(part.corners).all() for part in parts):
+        mesh.parts.extend(part for part in read(path, find_texture, budget, mesh) if len(part.corners))
+    if any(not np.isfinite(part.corners).all() for part in mesh.parts):
         raise InputError(f"mesh {path} has corners that are not finite; export it again")
-    return parts
+    for missing in dict.fromkeys(part.missing for part in mesh.parts if part.missing):
+        mesh.remarks.append(f"{path.name}: texture {missing} does not exist; paint is drawn in its place")
+    for lost in dict.fromkeys(mesh.lost):
+        mesh.remarks.append(f"{path.name}: {lost} is damaged and left out")
+    return mesh
 
 
 def _foreign_errors() -> tuple[type[Exception], ...]:
@@ -91,73 +76,7 @@ def _announced(path: Path) -> int:
     return sum(int(number) for number in _COUNT.findall(content))
 
 
-def _colour(values: Any) -> Colour:
-    r, g, b = (min(max(float(value), 0.0), 1.0) for value in list(values)[:3])
-    return r, g, b
-
-
-def _collada_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Iterator[MeshPart]:
-    import collada
-
-    document = collada.Collada(str(path), ignore=[collada.common.DaeError])
-    metres = float(document.assetInfo.unitmeter or 1.0)
-    surfaces: dict[Any, tuple[Surface, str]] = {}
-    nodes = document.scene.nodes if document.scene is not None else ()
-    for node, geometry in _instances(nodes, "", None, path, budget):
-        for primitive in geometry.primitives():
-            budget.take("vertices", len(primitive.vertex) if primitive.vertex is not None else 0, str(path))
-            triangles = primitive.triangleset() if hasattr(primitive, "triangleset") else primitive
-            index = getattr(triangles, "vertex_index", None)
-            if index is None or triangles.vertex is None or np.shape(index)[1:] != (3,):
-                continue  # lines
-            budget.take("triangles", len(index), str(path))
-            corners = metres * np.asarray(triangles.vertex, float)[index]
-            uv = np.zeros((len(index), 3, 2))
-            if len(triangles.texcoordset):
-                uv = _uv(triangles.texcoordset[0], triangles.texcoord_indexset[0])
-            if triangles.material not in surfaces:
-                surfaces[triangles.material] = _collada_surface(triangles.material, path, find_texture)
-            surface, missing = surfaces[triangles.material]
-            name = str(geometry.original.name or geometry.original.id)
-            part = MeshPart(corners=corners, uv=uv, surface=surface, name=name, missing=missing, node=node)
-            yield part.unmirrored(geometry.matrix[:3, :3])
-
-
-def _instances(nodes: Any, name: str, matrix: Any, path: Path, budget: Budget) -> Iterator[tuple[str, Any]]:
-    """The geometries below nodes and the names of their nodes (name: of the nodes' parent), as
-    ``collada.scene.Scene.objects``, but each node counts each time it is used."""
-    from collada.scene import ControllerNode, Node
-
-    for node in nodes:
-        budget.take("parts of meshes", 1, str(path))
-        if isinstance(node, Node):
-            inner = node.matrix if matrix is None else np.dot(matrix, node.matrix)
-            yield from _instances(node.children, getattr(node, "node", node).name or "", inner, path, budget)
-        elif isinstance(node, ControllerNode):  # a skin at rest
-            bound = node.objects("controller", matrix)
-            yield from ((name, skin.geometry) for skin in bound if getattr(skin, "geometry", None) is not None)
-        else:
-            yield from ((name, geometry) for geometry in node.objects("geometry", matrix))
-
-
-def _collada_surface(material: Any, path: Path, find_texture: FindTexture) -> tuple[Surface, str]:
-    """Transparency is ignored: most exporters write it wrong, and Gazebo draws such files opaque."""
-    effect = getattr(material, "effect", None)
-    diffuse = getattr(effect, "diffuse", None)
-    if diffuse is None:
-        return Surface(), ""
-    if not hasattr(diffuse, "sampler"):
-        return Surface(_colour(diffuse)), ""
-    return surface_of(str(diffuse.sampler.surface.image.path), (1.0, 1.0, 1.0), path, find_texture)
-
-
-def surface_of(name: str, colour: Colour, beside: Path, find_texture: FindTexture) -> tuple[Surface, str]:
-    """The surface with a picture by its name, and the name if there is no such file."""
-    file = find_texture(name, beside)
-    return (Surface(colour, substitute(name)), name) if file is None else (Surface(colour, read_picture(file)), "")
-
-
-def _trimesh_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Iterator[MeshPart]:
+def _trimesh_parts(path: Path, find_texture: FindTexture, budget: Budget, _: Mesh) -> Iterator[MeshPart]:
     import trimesh
 
     missing: list[str] = []
@@ -198,7 +117,7 @@ def _trimesh_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Ite
         budget.take("triangles", len(faces), str(path))
         corners = (np.asarray(mesh.vertices, float) @ T[:3, :3].T + T[:3, 3])[faces]
         given = getattr(mesh.visual, "uv", None)
-        uv = _uv(given, faces) if given is not None else np.zeros((len(faces), 3, 2))
+        uv = uv_of(given, faces) if given is not None else np.zeros((len(faces), 3, 2))
         surface = _trimesh_surface(getattr(mesh.visual, "material", None), path)
         lost = missing[0] if missing and given is not None and surface.picture is None else ""
         surface = surface._replace(picture=substitute(lost)) if lost else surface
@@ -206,18 +125,11 @@ def _trimesh_parts(path: Path, find_texture: FindTexture, budget: Budget) -> Ite
         yield part.unmirrored(T[:3, :3])
 
 
-def _uv(given: Any, index: Any) -> FloatArray:
-    """(T, 3, 2) texture coordinates (N, C) of corners (T, 3); one that the file leaves out is 0."""
-    uv, shown = np.zeros((*np.shape(index), 2)), np.asarray(given, float)[index][..., :2]
-    uv[..., : shown.shape[-1]] = shown
-    return uv
-
-
 def _trimesh_surface(material: Any, path: Path) -> Surface:
     image = getattr(material, "baseColorTexture", None)
     image = getattr(material, "image", None) if image is None else image
     if image is not None:
-        return Surface((1.0, 1.0, 1.0), picture_of(f"{path} {getattr(material, 'name', '')}", image))
+        return Surface(WHITE, picture_of(f"{path} {getattr(material, 'name', '')}", image))
     given = getattr(material, "baseColorFactor", None)
     given = getattr(material, "diffuse", None) if given is None else given
-    return Surface(_colour(np.asarray(given, float) / 255.0)) if given is not None and len(given) >= 3 else Surface()
+    return Surface(colour_of(np.asarray(given, float) / 255.0)) if given is not None and len(given) >= 3 else Surface()
