@@ -12,7 +12,7 @@ from vsx_ros.sim.gazebo import geometry
 from vsx_ros.sim.gazebo.budget import Budget
 from vsx_ros.sim.gazebo.paths import ModelFolders, below
 from vsx_ros.sim.gazebo.sdf import Layout, read_layout
-from vsx_ros.sim.gazebo.surfaces import ogre_material
+from vsx_ros.sim.gazebo.surfaces import GREY, Surface, gazebo_colour, ogre_material
 
 
 def layout_of(path: Path, *folders: Path) -> Layout:
@@ -192,3 +192,36 @@ def test_an_ogre_script_with_any_words_gives_a_colour(
 ) -> None:
     (tmp_path / "a.material").write_text(f"material Rug\n{{\n technique {{ pass {{ diffuse {diffuse}\n }} }}\n}}\n")
     assert ogre_material(tmp_path, "Rug", lambda name, file: None) == (colour, None, "")
+
+
+@pytest.mark.parametrize(
+    ("material", "surface", "named"),
+    [
+        ("<script><uri>model://lost/scripts</uri><name>My/Textured</name></script>", None, "My/Textured"),
+        ("<script><uri>model://lost/scripts</uri><name>My/Red</name></script>", None, "My/Red"),
+        ("<script><name>My/Red</name></script><diffuse>0 1 0 1</diffuse>", Surface((0.0, 1.0, 0.0)), "My/Red"),
+        ("<script><uri>a.material</uri><name>My/Lamp</name></script>", None, "My/Lamp"),
+        ("<script><uri>a.material</uri><name>My/Rug</name></script>", Surface((0.0, 0.0, 1.0)), ""),
+        ("<script><name>Gazebo/Red</name></script>", Surface((0.9, 0.1, 0.1)), ""),
+        ("<script><name>Gazebo/Red</name></script><ambient>0 1 0 1</ambient>", Surface((0.0, 1.0, 0.0)), ""),
+        ("<script><uri>__default__</uri><name>__default__</name></script>", None, ""),
+        ("<script/>", None, ""),
+    ],
+)
+def test_a_material_that_is_in_no_script_is_named(
+    tmp_path: Path, material: str, surface: Surface | None, named: str
+) -> None:
+    (tmp_path / "a.material").write_text("material My/Rug\n{\n technique { pass { diffuse 0 0 1\n } }\n}\n")
+    model = box_model("m", "0 0 0 0 0 0", "1 1 1").replace("</visual>", f"<material>{material}</material></visual>")
+    shape = layout_of(write_world(tmp_path, model)).shapes[0]
+    assert shape.surface == surface
+    assert shape.missing == (f"material {named} is in none of its scripts and left out" if named else "")
+
+
+def test_colours_of_gazebo_are_whole_words() -> None:
+    same = ("Red", "red", "RedBright"), ("Blue", "SkyBlue", "BlueTransparent"), ("Wood", "WoodFloor", "LightWood")
+    for first, *others in same:
+        assert {gazebo_colour(f"Gazebo/{name}") for name in others} == {gazebo_colour(f"Gazebo/{first}")} != {GREY}
+    assert gazebo_colour("Gazebo/DarkGrey")[0] < GREY[0]
+    for name in ("Gazebo/Grey", "Gazebo/Textured", "Gazebo/Plywoodish", "Gazebo/Marigold"):
+        assert gazebo_colour(name) == GREY

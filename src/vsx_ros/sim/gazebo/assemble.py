@@ -140,7 +140,7 @@ class _Assembly:
     def _parts(self, shape: Shape) -> list[MeshPart]:
         """The triangles of a shape in the world, without those that lie far away."""
         if shape.missing:
-            self._remarks.append(f"{shape.name}: texture {shape.missing} does not exist; paint is drawn in its place")
+            self._remarks.append(f"{shape.name}: {shape.missing}")
         if shape.geometry is None:
             return []
         if isinstance(shape.geometry, MeshUse):

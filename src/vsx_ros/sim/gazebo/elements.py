@@ -14,13 +14,13 @@ from vsx_ros.limits import TEXT_BYTES, file_bytes
 from vsx_ros.sim.gazebo import geometry
 from vsx_ros.sim.gazebo.geometry import Triangles
 from vsx_ros.sim.gazebo.paths import ModelFolders
-from vsx_ros.sim.gazebo.pictures import read_picture, substitute
-from vsx_ros.sim.gazebo.surfaces import Colour, Surface, gazebo_colour, ogre_material
+from vsx_ros.sim.gazebo.pictures import no_picture, read_picture, substitute
+from vsx_ros.sim.gazebo.surfaces import GAZEBO, WHITE, Colour, Surface, gazebo_colour, ogre_material
 
 FAR_M = 1e9  # no coordinate is larger
 LONGEST = 500  # letters of a name or address: each is told with all that is inside
 MOST_MARKS = 700_000  # tags and attributes of a file
-
+_NO_SCRIPT = "__default__"  # the name of a material's script in SDF where there is none
 
 _NAMING = "name", "uri", "albedo_map"  # elements whose text is a name
 
@@ -132,7 +132,7 @@ def kind_of_shape(element: Element) -> str:
 
 
 def surface(element: Element, folder: Path, find: ModelFolders, where: str) -> tuple[Surface | None, str]:
-    """What the child <material> says, or None if it says nothing; and the name of a missing picture."""
+    """What the child <material> says, or None if it says nothing; and what does not exist of it, in words."""
     material = element.find("material")
     if material is None:
         return None, ""
@@ -140,21 +140,23 @@ def surface(element: Element, folder: Path, find: ModelFolders, where: str) -> t
     if albedo:
         file = find.find(albedo, folder) or find.find_texture(albedo, folder / "meshes" / "x")
         if file is None or not file.is_file():
-            return Surface((1.0, 1.0, 1.0), substitute(albedo)), albedo
-        return Surface((1.0, 1.0, 1.0), read_picture(file)), ""
-    if script is not None:
-        name = text(script, "name")
+            return Surface(WHITE, substitute(albedo)), no_picture(albedo)
+        return Surface(WHITE, read_picture(file)), ""
+    name, missing = text(script, "name", _NO_SCRIPT), ""
+    if script is not None and name != _NO_SCRIPT:
         for uri in script.findall("uri"):
             place = find.find((uri.text or "").strip(), folder)
             found = ogre_material(place, name, find.find_texture) if place is not None else None
             if found is not None:
                 return _ogre_surface(*found)
-        if material.find("diffuse") is None and material.find("ambient") is None:
+        if not name.startswith(GAZEBO):
+            missing = f"material {name} is in none of its scripts and left out"
+        elif material.find("diffuse") is None and material.find("ambient") is None:
             return Surface(gazebo_colour(name)), ""
     for tag in ("diffuse", "ambient"):
         if text(material, tag):
-            return Surface(_colour(numbers(material, tag, (0.0,) * 3, where))), ""
-    return None, ""
+            return Surface(_colour(numbers(material, tag, (0.0,) * 3, where))), missing
+    return None, missing
 
 
 def _colour(values: tuple[float, ...]) -> Colour:
@@ -164,8 +166,8 @@ def _colour(values: tuple[float, ...]) -> Colour:
 
 def _ogre_surface(colour: Colour, file: Path | None, name: str) -> tuple[Surface, str]:
     if file is not None:
-        return Surface((1.0, 1.0, 1.0), read_picture(file)), ""
-    return (Surface(colour, substitute(name)), name) if name else (Surface(colour), "")
+        return Surface(WHITE, read_picture(file)), ""
+    return (Surface(colour, substitute(name)), no_picture(name)) if name else (Surface(colour), "")
 
 
 def lamp(element: Element, T_world: FloatArray, where: str) -> Lamp:

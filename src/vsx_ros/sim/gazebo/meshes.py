@@ -14,7 +14,7 @@ from vsx_ros.sim.gazebo import gltf
 from vsx_ros.sim.gazebo.budget import MOST_TRIANGLES, Budget
 from vsx_ros.sim.gazebo.dae import dae_parts
 from vsx_ros.sim.gazebo.mesh_parts import FindTexture, Mesh, MeshPart, colour_of, uv_of
-from vsx_ros.sim.gazebo.pictures import picture_of, read_picture, substitute
+from vsx_ros.sim.gazebo.pictures import no_picture, picture_of, read_picture, substitute
 from vsx_ros.sim.gazebo.surfaces import WHITE, Surface
 
 MOST_BYTES = 512 * MIB
@@ -43,7 +43,7 @@ def read_mesh(path: Path, find_texture: FindTexture, budget: Budget) -> Mesh:
     if any(not np.isfinite(part.corners).all() for part in mesh.parts):
         raise InputError(f"mesh {path} has corners that are not finite; export it again")
     for missing in dict.fromkeys(part.missing for part in mesh.parts if part.missing):
-        mesh.remarks.append(f"{path.name}: texture {missing} does not exist; paint is drawn in its place")
+        mesh.remarks.append(f"{path.name}: {no_picture(missing)}")
     for lost in dict.fromkeys(mesh.lost):
         mesh.remarks.append(f"{path.name}: {lost} is damaged and left out")
     return mesh

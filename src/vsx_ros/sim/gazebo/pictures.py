@@ -117,6 +117,11 @@ def substitute(name: str) -> Picture:
     return picture_of(f"in place of {name}", Image.fromarray(grey))
 
 
+def no_picture(name: str) -> str:
+    """What is told of it."""
+    return f"texture {name} does not exist; paint is drawn in its place"
+
+
 def painted(material: Material, name: str) -> Picture:
     """A procedural surface, without its tint; its reflectance is stored as the square root, as of all pictures."""
     from PIL import Image

@@ -31,8 +31,8 @@ _UNSUPPORTED = "actor", "population", "road"
 
 class Shape(NamedTuple):
     """A visual, or a solid (collision). link: the model and link it belongs to. T_world: (4, 4). geometry: None for a
-    visual of a kind that cannot be drawn. surface: in place of its mesh's own, or None. missing: name of a picture that
-    does not exist, or empty."""
+    visual of a kind that cannot be drawn. surface: in place of its mesh's own, or None. missing: what does not exist
+    of its material, in words, or empty."""
 
     name: str
     link: str

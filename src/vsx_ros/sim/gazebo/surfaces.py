@@ -30,10 +30,14 @@ _GAZEBO_COLOURS: dict[str, Colour] = {
 }  # fmt: skip
 
 
-def gazebo_colour(script: str) -> Colour:
-    """The colour of a material that Gazebo has built in, such as Gazebo/Red; grey for others."""
-    word = script.rpartition("/")[2].lower()
-    return next((colour for name, colour in _GAZEBO_COLOURS.items() if name in word), GREY)
+GAZEBO = "Gazebo/"  # begins the names of materials that Gazebo has built in
+
+
+def gazebo_colour(name: str) -> Colour:
+    """The colour of a material that Gazebo has built in, by a word of its name, such as Gazebo/RedBright; else grey."""
+    own = name.removeprefix(GAZEBO)
+    words = {own.lower(), *(word.lower() for word in re.findall("[A-Z]?[a-z]+", own))}
+    return next((colour for word, colour in _GAZEBO_COLOURS.items() if word in words), GREY)
 
 
 _SCRIPT_BYTES = 2 * MIB
