@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from dae_files import INSTANCE, SKIN, SURFACE, material, write_dae
 from gazebo_files import write_world
+from PIL import Image
 
 from vsx_ros.errors import InputError
 from vsx_ros.sim.gazebo.assemble import Parts, assemble
@@ -151,3 +152,68 @@ def test_a_gltf_file_with_corners_that_would_be_misread_is_refused(tmp_path: Pat
     write_gltf(tmp_path, corner)
     with pytest.raises(InputError, match=words):
         parts_of(tmp_path, "<uri>a.gltf</uri>")
+
+
+def write_obj(folder: Path, *materials: str) -> None:
+    """A triangle with a texture for each of the materials a, b and c; materials: what the MTL file says of them."""
+    lines = [f"newmtl {name}\n{said}\n" for name, said in zip("abc", materials)]
+    (folder / "a.mtl").write_text("".join(lines))
+    faces = "".join(f"usemtl {name}\nf 1/1 2/2 3/3\n" for name, _ in zip("abc", materials))
+    (folder / "a.obj").write_text(f"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n{faces}")
+
+
+def test_a_lost_texture_paints_its_own_material_alone(tmp_path: Path) -> None:
+    write_obj(tmp_path, "Kd 1 0 0", "Kd 1 1 1\nmap_Kd gone.png", "map_Kd lost.png\nKd 0 1 0")
+    parts = parts_of(tmp_path, "<uri>a.obj</uri>")
+    told = [f"a.obj: texture {name} does not exist; paint is drawn in its place" for name in ("gone.png", "lost.png")]
+    assert sorted(parts.remarks) == told
+    shown = {tuple(colour): row >= 0 for colour, row in zip(parts.seen.colours.tolist(), parts.seen.pictures)}
+    assert shown == {(1.0, 0.0, 0.0): False, (1.0, 1.0, 1.0): True, (0.0, 1.0, 0.0): True}
+    assert len(parts.seen.textures.logs) == 2
+
+
+def test_a_lost_texture_of_a_gltf_file_paints_its_own_material_alone(tmp_path: Path) -> None:
+    view = {"bufferView": 0, "componentType": 5120, "count": 3}
+    plain, painted = (
+        {"pbrMetallicRoughness": {"baseColorFactor": [0, 1, 0, 1]}},
+        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}},
+    )
+    attributes = {"POSITION": 0, "TEXCOORD_0": 1}
+    write_gltf(
+        tmp_path,
+        {},
+        accessors=[{**view, "type": "VEC3"}, {**view, "type": "VEC2"}],
+        meshes=[{"primitives": [{"attributes": attributes, "material": k} for k in (0, 1)]}],
+        materials=[plain, painted],
+        textures=[{"source": 0}],
+        images=[{"uri": "gone.png"}],
+    )
+    parts = parts_of(tmp_path, "<uri>a.gltf</uri>")
+    assert parts.remarks == ["a.gltf: texture gone.png does not exist; paint is drawn in its place"]
+    shown = dict(zip(map(tuple, parts.seen.colours.tolist()), parts.seen.pictures >= 0))
+    assert shown.pop((0.0, 1.0, 0.0)) == np.False_
+    assert list(shown.values()) == [np.True_]
+
+
+@pytest.mark.parametrize(
+    "words", ["-s 2 2 1 ", "-o 0.5 -s 2 ", "-clamp on -mm 0 1 ", "-blendu off -blendv off -bm 1e-1 ", ""]
+)
+@pytest.mark.parametrize("name", ["rug.png", "old rug.png", "1.png", "rug.gif"])
+def test_the_options_of_a_texture_are_no_part_of_its_name(tmp_path: Path, words: str, name: str) -> None:
+    Image.new("RGB", (8, 8), (10, 200, 10)).save(tmp_path / name)
+    write_obj(tmp_path, f"map_Kd {words}{name}")
+    parts = parts_of(tmp_path, "<uri>a.obj</uri>")
+    assert not parts.remarks
+    assert parts.seen.textures.texels[0].tobytes()[:3] == bytes((10, 200, 10))
+
+
+def test_a_file_of_materials_is_named_or_found_in_its_model(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    write_obj(tmp_path / "meshes", "Kd 1 0 0")
+    (tmp_path / "meshes/a.mtl").rename(tmp_path / "B.mtl")
+    given = (tmp_path / "meshes/a.obj").read_text()
+    assert parts_of(tmp_path, "<uri>meshes/a.obj</uri>").remarks == ["a.obj: a.mtl does not exist and is left out"]
+    (tmp_path / "meshes/a.obj").write_text(given.replace("a.mtl", "../b.mtl"))
+    parts = parts_of(tmp_path, "<uri>meshes/a.obj</uri>")
+    assert not parts.remarks
+    assert parts.seen.colours.tolist() == [[1.0, 0.0, 0.0]]

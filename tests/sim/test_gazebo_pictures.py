@@ -105,3 +105,24 @@ def test_half_a_webp_picture_is_told(tmp_path: Path) -> None:
     (tmp_path / "a.webp").write_bytes(data[: len(data) // 2])
     with pytest.raises(InputError, match=r"a\.webp"):
         pack([read_picture(tmp_path / "a.webp")])
+
+
+@pytest.mark.parametrize(
+    ("name", "mode", "kind", "white"),
+    [
+        ("a.png", "I;16", "<u2", 65535),
+        ("a.tif", "I;16", "<u2", 65535),
+        ("a.tif", "I;16B", ">u2", 65535),
+        ("a.tif", "I", "<i4", 65535),
+        ("a.tif", "I", "<i4", 2**31 - 1),
+        ("a.tif", "F", "<f4", 1.0),
+    ],
+)
+def test_a_grey_picture_of_more_bits_keeps_its_greys(
+    tmp_path: Path, name: str, mode: str, kind: str, white: float
+) -> None:
+    shares = np.array([[0.0, 0.25], [0.5, 1.0]])
+    Image.frombytes(mode, (2, 2), (white * shares).astype(kind).tobytes()).save(tmp_path / name)
+    textures = pack([read_picture(tmp_path / name)])
+    reds = textures.texels[:4].view(np.uint8).reshape(4, 4)[:, 0]
+    np.testing.assert_allclose(reds, 255.0 * shares.ravel(), atol=1.0)

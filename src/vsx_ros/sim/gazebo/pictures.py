@@ -181,7 +181,8 @@ def _decoded(picture: Picture) -> Pixels:
                 return _decoded_webp(image, picture.size)
             clear = image.mode in ("RGBA", "LA", "PA", "RGBa", "La") or "transparency" in image.info
             mode = "RGBA" if clear else "RGB"
-            given = image if image.mode == mode else image.convert(mode)
+            read = _with_eight_bits(image) if image.mode in ("I", "F") or image.mode.startswith("I;16") else image
+            given = read if read.mode == mode else read.convert(mode)
             shares = [max(1, a // b) for a, b in zip(given.size, picture.size)]
             pixels = np.asarray(given.reduce(shares) if max(shares) > 1 else given)  # first there: it needs less memory
         finally:
@@ -189,6 +190,15 @@ def _decoded(picture: Picture) -> Pixels:
     if picture.size != (pixels.shape[1], pixels.shape[0]):
         pixels = cv2.resize(pixels, picture.size, interpolation=cv2.INTER_AREA)
     return np.asarray(pixels, np.uint8)
+
+
+def _with_eight_bits(image: Any) -> Any:
+    """Of a grey picture with 16 or 32: white is 65535, the largest integer if some are larger, or 1.0."""
+    from PIL import Image
+
+    values = np.fmax(np.asarray(image), 0)
+    white = 1.0 if image.mode == "F" else 65535.0 if values.max() <= 65535 else 2.0**31 - 1.0
+    return Image.fromarray(cv2.convertScaleAbs(values, alpha=255.0 / white))
 
 
 def _decoded_webp(image: Any, size: tuple[int, int]) -> Pixels:
