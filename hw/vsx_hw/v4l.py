@@ -1,10 +1,13 @@
 """Cameras that the kernel lists as /dev/videoN, mainly webcams: size, rate and format, the time of each image, and
 locked exposure.
 
-Sources: Linux media documentation, "Buffers" (timestamps) and "Camera control reference"; OpenCV, cap_v4l.cpp."""
+Sources: Linux media documentation, "Buffers" (timestamps) and "Camera control reference"; Linux, uvc_video.c; OpenCV,
+cap_v4l.cpp."""
 
+import logging
 import os
 import re
+import sys
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -18,6 +21,8 @@ from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.errors import DeviceError, DeviceNotFound
 from vsx_hw.readings import ImageReading, LinkStatus
 
+logger = logging.getLogger(__name__)
+
 GRBG, YUYV, MJPG = (cv2.VideoWriter.fourcc(*name) for name in ("GRBG", "YUYV", "MJPG"))
 FORMATS = {"": GRBG, "bayer": GRBG, "yuyv": YUYV, "mjpeg": MJPG}
 BACKOFF_S = (0.5, 2.0)  # between tries to open it
@@ -25,6 +30,9 @@ MOST_BAD = 10  # failed reads in a row: the device is lost; a damaged JPEG makes
 SILENT_S = 1.0  # without a new image: is told
 NEW_WITHIN_S = 5.0  # else the device is opened again, which may wake a camera that hangs
 OLDEST_S = 5.0  # no buffer waits so long: a larger age means another clock
+BUFFERS = 3  # uvcvideo drops an image that begins while none is free; OpenCV keeps one until it has decoded it
+LATE_US = 35_000  # an image that waited for so long has a newer one behind it, at 30 Hz
+RATE_OVER_S, FAR_BELOW = 10.0, 0.7  # the rate over that time is told if it is so much less than asked for
 LOCK_AFTER_S = 2.0  # automatic exposure has settled by then
 MANUAL_EXPOSURE = 1  # V4L2_EXPOSURE_MANUAL
 AUTOMATIC_EXPOSURES = (3, 0)  # V4L2_EXPOSURE_APERTURE_PRIORITY, which most webcams have, or V4L2_EXPOSURE_AUTO
@@ -61,7 +69,7 @@ def open_video(number: int, mode: V4lMode = V4lMode()) -> Any:  # noqa: B008 (im
 def set_up(capture: Any, number: int, mode: V4lMode) -> None:
     """Ask an opened device for the mode and automatic exposure. Raises DeviceError when it gives another size."""
     wanted: list[tuple[int, float]] = [(cv2.CAP_PROP_FOURCC, mode.fourcc), (cv2.CAP_PROP_FRAME_WIDTH, mode.width)]
-    wanted += [(cv2.CAP_PROP_FRAME_HEIGHT, mode.height), (cv2.CAP_PROP_BUFFERSIZE, 1)]
+    wanted += [(cv2.CAP_PROP_FRAME_HEIGHT, mode.height), (cv2.CAP_PROP_BUFFERSIZE, BUFFERS)]
     wanted += [(cv2.CAP_PROP_FPS, mode.rate_hz)] if mode.rate_hz else []
     for name, value in wanted:
         capture.set(name, value)
@@ -105,7 +113,8 @@ def grey(image: NDArray[np.uint8], mode: V4lMode) -> tuple[NDArray[np.uint8], st
 
 class V4lCamera(ConnectionThread):
     """Passes images to ``on_image`` on its own thread, but no repeated ones; reopens the device when it fails or
-    gives no new image for five seconds. Stamps are the kernel's buffer times, or the read time if the driver has none.
+    gives no new image for five seconds. Images are taken as they come; one that waited while newer ones came is passed
+    over. Stamps are the kernel's buffer times, or, if the driver has none, the time of reading from a single buffer.
     latency_s, from the start of exposure until then, is subtracted. lock_exposure: exposure and white balance are
     locked after two seconds, until the device is released. With gspca_kinect it also reads a Kinect, without the
     Kinect's clock."""
@@ -126,13 +135,16 @@ class V4lCamera(ConnectionThread):
         self._on_image, self._mode = on_image, mode
         self._lock_exposure, self._latency_ns = lock_exposure, round(1e9 * latency_s)
         self._frames = self._bad_frames = self._frozen_frames = self._unstamped_frames = self._waited_us = 0
+        self._passed_frames = self._least_us = 0
+        self._told_slow, self._counted = False, (0.0, 0)
         self._frozen_detector, self._new_s = FrozenImageDetector(), 0.0
 
     def status(self) -> LinkStatus:
-        """Health for diagnostics. bad_frames: failed reads, such as a damaged JPEG. waited_us: time from the last
-        buffer's stamp until it was read."""
+        """Health for diagnostics. bad_frames: failed reads, such as a damaged JPEG. passed_frames: passed
+        over for newer ones. waited_us: time from the last buffer's stamp until it was taken."""
         told = {"frames": self._frames, "bad_frames": self._bad_frames, "frozen_frames": self._frozen_frames}
         told |= {"unstamped_frames": self._unstamped_frames, "waited_us": self._waited_us}
+        told |= {"passed_frames": self._passed_frames}
         status, silent_s = self._status(self.serial, told), time.monotonic() - self._new_s
         if not status.connected or silent_s <= SILENT_S:
             return status
@@ -141,18 +153,23 @@ class V4lCamera(ConnectionThread):
     def _serve(self, capture: Any) -> None:
         lock_at_s = time.monotonic() + LOCK_AFTER_S if self._lock_exposure else float("inf")
         locked, failed = "", 0
-        self._new_s = time.monotonic()
+        asked_hz, first = self._mode.rate_hz or capture.get(cv2.CAP_PROP_FPS), self._frames
+        self._new_s, self._least_us = time.monotonic(), sys.maxsize
+        self._counted = self._new_s, self._frames
         while not self.closing.is_set():
-            ok, image = capture.read()
-            if not ok:
+            stamp_ns = self._grab(capture)
+            ok, image = (False, None) if stamp_ns is None else capture.retrieve()
+            if stamp_ns is None or image is None or not ok:
                 failed += 1
                 self._bad_frames += 1
                 if failed == MOST_BAD or time.monotonic() - self._new_s > NEW_WITHIN_S:
                     raise DeviceError(f"{self._name}: no image; check the cable")
                 continue
+            if self._frames == first and self._waited_us == 0:
+                capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # nothing would tell an image that waited from a new one
             failed = 0
-            stamp_ns = self._stamp_ns(capture.get(cv2.CAP_PROP_POS_MSEC))
             self._frames += 1
+            self._tell_slow(asked_hz)
             if self._frozen_detector.is_frozen(image):
                 self._frozen_frames += 1
                 self.report(False, f"{self._name}: {FROZEN}")
@@ -164,6 +181,31 @@ class V4lCamera(ConnectionThread):
                 lock_at_s, locked = float("inf"), lock(capture)
             self.report(True, f"streaming{locked}")
             self._on_image(ImageReading(stamp_ns, *grey(image, self._mode)))
+
+    def _grab(self, capture: Any) -> int | None:
+        """Take the newest image; returns its stamp [ns], None if there is no image. What is still late when no older
+        one can be left is so by its stamps."""
+        for older in range(BUFFERS, -1, -1):
+            if not capture.grab():
+                return None
+            stamp_ns = self._stamp_ns(capture.get(cv2.CAP_PROP_POS_MSEC))
+            if self._waited_us - self._least_us < LATE_US:
+                self._least_us = min(self._least_us, self._waited_us)
+                return stamp_ns
+            self._passed_frames += bool(older)
+        self._least_us = self._waited_us
+        return stamp_ns
+
+    def _tell_slow(self, asked_hz: float) -> None:
+        """Warn once if far fewer images come than asked for."""
+        (since_s, frames), now_s = self._counted, time.monotonic()
+        if now_s - since_s < RATE_OVER_S:
+            return
+        rate_hz, self._counted = (self._frames - frames) / (now_s - since_s), (now_s, self._frames)
+        if rate_hz < FAR_BELOW * asked_hz and not self._told_slow:
+            self._told_slow = True
+            told = "%s: %.0f images a second instead of %.0f; give it light, an own USB port, or another ~mode"
+            logger.warning(told, self._name, rate_hz, asked_hz)
 
     def _stamp_ns(self, buffer_ms: float) -> int:
         wall_ns = time.time_ns()
