@@ -1,8 +1,7 @@
 """Cameras that the kernel lists as /dev/videoN, mainly webcams: size, rate and format, the time of each image, and
 locked exposure.
 
-Sources: Linux media documentation, "Buffers" (timestamps) and "Camera control reference"; Linux, uvc_video.c; OpenCV,
-cap_v4l.cpp."""
+Sources: Linux media documentation, "Buffers" (timestamps); Linux, uvc_video.c; OpenCV, cap_v4l.cpp."""
 
 import logging
 import os
@@ -10,6 +9,7 @@ import re
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
@@ -20,6 +20,8 @@ from vsx_hw.cameras import FROZEN, FrozenImageDetector
 from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.errors import DeviceError, DeviceNotFound
 from vsx_hw.readings import ImageReading, LinkStatus
+from vsx_hw.v4l_exposure import lock, unlock
+from vsx_hw.video_names import video_name, video_number
 
 logger = logging.getLogger(__name__)
 
@@ -34,8 +36,6 @@ BUFFERS = 3  # uvcvideo drops an image that begins while none is free; OpenCV ke
 LATE_US = 35_000  # an image that waited for so long has a newer one behind it, at 30 Hz
 RATE_OVER_S, FAR_BELOW = 10.0, 0.7  # the rate over that time is told if it is so much less than asked for
 LOCK_AFTER_S = 2.0  # automatic exposure has settled by then
-MANUAL_EXPOSURE = 1  # V4L2_EXPOSURE_MANUAL
-AUTOMATIC_EXPOSURES = (3, 0)  # V4L2_EXPOSURE_APERTURE_PRIORITY, which most webcams have, or V4L2_EXPOSURE_AUTO
 
 
 class V4lMode(NamedTuple):
@@ -117,21 +117,25 @@ class V4lCamera(ConnectionThread):
     over. Stamps are the kernel's buffer times, or, if the driver has none, the time of reading from a single buffer.
     latency_s, from the start of exposure until then, is subtracted. lock_exposure: exposure and white balance are
     locked after two seconds, until the device is released. With gspca_kinect it also reads a Kinect, without the
-    Kinect's clock."""
+    Kinect's clock.
+
+    device: N of /dev/videoN, or a path that leads to it. ``serial`` is that camera's (``video_name``); another one that
+    comes in its place is refused. root: root of the file system, with sys."""
 
     def __init__(
         self,
-        number: int,
+        device: int | str,
         on_image: Callable[[ImageReading], None],
         open_capture: Callable[[int], Any] | None = None,
         *,
         mode: V4lMode = V4lMode(),  # noqa: B008 (immutable)
         lock_exposure: bool = False,
         latency_s: float = 0.0,
+        root: Path = Path("/"),
     ) -> None:
-        opened = open_capture or (lambda number: open_video(number, mode))
-        super().__init__(f"/dev/video{number}", lambda: opened(number), BACKOFF_S)
-        self.serial = f"video{number}"
+        super().__init__(f"/dev/video{device}" if isinstance(device, int) else device, self._open, BACKOFF_S)
+        self._open_capture, self._root = open_capture or (lambda number: open_video(number, mode)), root
+        self.serial = ""
         self._on_image, self._mode = on_image, mode
         self._lock_exposure, self._latency_ns = lock_exposure, round(1e9 * latency_s)
         self._frames = self._bad_frames = self._frozen_frames = self._unstamped_frames = self._waited_us = 0
@@ -145,10 +149,19 @@ class V4lCamera(ConnectionThread):
         told = {"frames": self._frames, "bad_frames": self._bad_frames, "frozen_frames": self._frozen_frames}
         told |= {"unstamped_frames": self._unstamped_frames, "waited_us": self._waited_us}
         told |= {"passed_frames": self._passed_frames}
-        status, silent_s = self._status(self.serial, told), time.monotonic() - self._new_s
+        status, silent_s = self._status(self.serial or self._name, told), time.monotonic() - self._new_s
         if not status.connected or silent_s <= SILENT_S:
             return status
         return status._replace(connected=False, message=f"{self._name}: no image for {silent_s:.1f} s")
+
+    def _open(self) -> Any:
+        number = video_number(self._name)
+        name = video_name(number, self._root)
+        if self.serial not in ("", name):
+            raise DeviceNotFound(f"{self._name} is {name} now; plug {self.serial} in as before, or start anew")
+        capture = self._open_capture(number)
+        self.serial = name
+        return capture
 
     def _serve(self, capture: Any) -> None:
         lock_at_s = time.monotonic() + LOCK_AFTER_S if self._lock_exposure else float("inf")
@@ -220,25 +233,3 @@ class V4lCamera(ConnectionThread):
         if self._lock_exposure:
             unlock(capture)
         capture.release()
-
-
-def unlock(capture: Any) -> None:
-    """Automatic exposure and white balance, where the camera has them. A camera keeps what was locked, also after a
-    crash."""
-    _expose_automatically(capture)
-    capture.set(cv2.CAP_PROP_AUTO_WB, 1)
-
-
-def _expose_automatically(capture: Any) -> None:
-    any(capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, automatic) for automatic in AUTOMATIC_EXPOSURES)
-
-
-def lock(capture: Any) -> str:
-    """Lock exposure and white balance; exposure that cannot be locked as it is stays automatic. Returns the result as
-    words to append to "streaming"."""
-    exposure = capture.get(cv2.CAP_PROP_EXPOSURE)
-    kept = capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL_EXPOSURE) and capture.set(cv2.CAP_PROP_EXPOSURE, exposure)
-    if not kept:
-        _expose_automatically(capture)
-    capture.set(cv2.CAP_PROP_AUTO_WB, 0)  # many cameras have none
-    return ", exposure locked" if kept else ", exposure cannot be locked"

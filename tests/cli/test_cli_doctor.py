@@ -79,6 +79,29 @@ def test_a_kinect_without_power_shows_its_motor_only(tmp_path: Path) -> None:
     assert "12 V" in found.remedy
 
 
+def test_a_webcam_is_told_with_the_name_of_its_calibration(tmp_path: Path) -> None:
+    entry, device = tmp_path / "sys/class/video4linux/video0", tmp_path / "sys/bus/usb/devices/1-1"
+    entry.mkdir(parents=True)
+    (entry / "name").write_text("UVC Camera\n", encoding="utf-8")
+    usb(tmp_path, "1-1", "0825", 2)
+    (device / "serial").write_text("A1B2\n", encoding="utf-8")
+    (device / "1-1:1.0").mkdir()
+    (entry / "device").symlink_to(device / "1-1:1.0")
+    (found,) = of("camera", list(devices(tmp_path, {}, False)))
+    assert found.level == OK
+    assert found.text == "/dev/video0: UVC Camera, as --camera v4l:0, calibrated by rgb_045e_0825_A1B2.yaml"
+
+
+def test_a_calibration_that_is_named_by_a_number_is_not_called_good(tmp_path: Path) -> None:
+    (tmp_path / "camera_info").mkdir()
+    for name, level in (("video0", WARN), ("usb-1-7", WARN), ("usb-1-port1.4", OK), ("046d_0825_A1B2", OK)):
+        file = tmp_path / f"camera_info/rgb_{name}.yaml"
+        file.write_text(CAMERA_INFO, encoding="utf-8")
+        (found,) = of("calibration", list(devices(tmp_path, {"ROS_HOME": str(tmp_path)}, False)))
+        assert (found.level, str(file) in found.text) == (level, True)
+        file.unlink()
+
+
 def become_nobody() -> None:
     """Of root; anybody else has no privilege to drop."""
     if os.geteuid() == 0:

@@ -67,6 +67,7 @@ def test_phi_has_the_bound_of_its_parameter():
         (["replay"], "INPUT"),
         (["replay", "x", "--wings"], "--wings"),
         (["explore", "--camera", "v4l"], "write kinect"),
+        (["explore", "--camera", "v4l:video0"], "v4l:/dev/v4l/by-id/..., ros or ros:TOPIC"),
         (["explore", "--time", "0"], "--time: 0: give a positive number"),
         (["record", "--time", "nan"], "--time: nan: give a positive number"),
         (["sweep", "--time", "-1"], "--time: -1: give a positive number"),

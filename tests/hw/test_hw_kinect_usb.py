@@ -62,7 +62,10 @@ class Part:
         return 1
 
     def getDeviceAddress(self) -> int:
-        return 7
+        raise AssertionError("it changes whenever the camera is plugged in")
+
+    def getPortNumberList(self) -> list[int]:
+        return [1, 4]
 
     def open(self) -> Part:
         if self.failure is not None and self.ids[1] in (0x02AE, 0x02BF):
@@ -168,8 +171,8 @@ def test_a_kinect_for_windows_needs_its_second_setting(monkeypatch: pytest.Monke
 @pytest.mark.parametrize(
     ("audio", "serial", "lacking"),
     [
-        ([], "usb-1-7", "audio part is missing"),
-        ([Part((0x045E, 0x02AD), "", usb1.USBErrorPipe())], "usb-1-7", "lamp and serial number are"),
+        ([], "usb-1-port1.4", "audio part is missing"),
+        ([Part((0x045E, 0x02AD), "", usb1.USBErrorPipe())], "usb-1-port1.4", "lamp and serial number are"),
         ([Part((0x045E, 0x02AD), "B7", usb1.USBErrorPipe())], "B7", "lamp is"),
         ([Part((0x045E, 0x02AD), "B7", usb1.USBErrorTimeout())], "B7", "lamp is"),
     ],

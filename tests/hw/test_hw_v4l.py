@@ -12,7 +12,8 @@ from waiting import PATIENCE_S, wait_for
 
 from vsx_hw import v4l
 from vsx_hw.errors import DeviceError, DeviceNotFound
-from vsx_hw.v4l import GRBG, MJPG, YUYV, V4lCamera, V4lMode, buffer_ns, grey, lock, open_video, set_up
+from vsx_hw.v4l import GRBG, MJPG, YUYV, V4lCamera, V4lMode, buffer_ns, grey, open_video, set_up
+from vsx_hw.v4l_exposure import lock
 
 
 class ScriptedCapture:

@@ -14,7 +14,7 @@ import rospy
 
 from vsx_hw.readings import ImageReading
 from vsx_ros.arrays import GrayImage
-from vsx_ros.errors import ConfigError
+from vsx_ros.errors import CalibrationError, ConfigError
 from vsx_ros.geometry.camera import KINECT_SHUTTER, PinholeCamera, Shutter
 from vsx_ros.ros import headers, topic_camera
 from vsx_ros.ros.cameras import CAMERAS, CameraCalibration, CameraEntry, nominal, open_camera
@@ -36,7 +36,8 @@ def test_an_uncalibrated_kinect_has_nominal_values_in_every_mode(
 
 
 @pytest.mark.parametrize(
-    ("device", "mode"), [("kinectt", "vga"), ("v4l:x", "vga"), ("emulator:", "vga"), ("kinect", "4k"), ("ros:", "vga")]
+    ("device", "mode"),
+    [("kinectt", "vga"), ("v4l:x", "vga"), ("v4l:", "vga"), ("emulator:", "vga"), ("kinect", "4k"), ("ros:", "vga")],
 )
 def test_a_device_or_mode_without_meaning_is_refused(device: str, mode: str) -> None:
     with pytest.raises(ConfigError, match="give"):
@@ -119,6 +120,42 @@ def test_the_users_own_calibration_comes_before_that_of_the_driver_and_the_store
     assert [later.of(source, 640, 480).fx for _ in range(3)] == [540.0] * 3
     assert later.known
     assert warned == ["calibration is of 1280x720, images are 640x480"]
+
+
+@pytest.mark.parametrize(
+    ("device", "serial", "old"), [("v4l:0", "046d_0825_A1B2", "video0"), ("kinect", "usb-1-port1.4", "usb-1-7")]
+)
+def test_a_calibration_that_is_named_by_a_number_is_not_used_but_told(
+    device: str, serial: str, old: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warned: list[str]
+) -> None:
+    """Another camera may have had that number."""
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    camera = SimpleNamespace(serial=old)
+    before = CameraCalibration(device, "").store(camera, MEASURED)
+    camera.serial = serial
+    calibration = CameraCalibration(device, "")
+    for _ in range(3):
+        assert calibration.of(camera, 640, 480) == nominal(device, 640, 480)
+    assert not calibration.known
+    wanted = tmp_path / f"camera_info/rgb_{serial}.yaml"
+    assert len(warned) == 2
+    assert f"'mv {before} {wanted}'" in warned[1]
+    before.rename(wanted)
+    moved = CameraCalibration(device, "")
+    assert moved.of(camera, 640, 480).fx == MEASURED.fx
+    assert moved.known
+    assert len(warned) == 2
+
+
+def test_no_calibration_is_stored_for_a_camera_that_is_not_known_yet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    for device in ("v4l:0", "v4l:/dev/v4l/by-id/usb-046d_0825_A1B2-video-index0", "kinect"):
+        source = open_camera(device, lambda reading: None)
+        with pytest.raises(CalibrationError, match="was not opened yet"):
+            CameraCalibration(device, "").store(source, MEASURED)
+    assert not list(tmp_path.iterdir())
 
 
 class TopicRig:

@@ -14,6 +14,7 @@ import usb1
 
 from vsx_hw.errors import DeviceError, DeviceNotFound, DeviceTimeout
 from vsx_hw.kinect.protocol import PACKET_BYTES, PacketHandler
+from vsx_hw.video_names import port_name
 
 logger = logging.getLogger(__name__)
 
@@ -120,11 +121,13 @@ class UsbTransport:
 
     def _serial_number(self, device: Any, handle: Any) -> str:
         """The camera's own number; on newer models, whose cameras report zero, that of the audio part. Without either,
-        the USB address."""
+        the USB port."""
         serial = str(handle.getSerialNumber() or "")
         if device.getbcdDevice() != FIRST_MODEL:
             serial = light_lamp(self._context) or serial
-        return serial if serial.strip("0") else f"usb-{device.getBusNumber()}-{device.getDeviceAddress()}"
+        if serial.strip("0"):
+            return serial
+        return port_name(device.getBusNumber(), ".".join(map(str, device.getPortNumberList())))
 
     def control_out(self, data: bytes) -> None:
         """See KinectTransport."""

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from vsx_hw.video_names import MOVING, content, video_name
 from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding, tried
 
 _KINECT_CAMERAS = {"045e:02ae": "Kinect", "045e:02bf": "Kinect for Windows"}
@@ -30,10 +31,10 @@ def usb_devices(root: Path) -> list[UsbDevice]:
     """All USB devices, from /sys/bus/usb/devices. root: root of the file system."""
     devices = []
     for entry in sorted((root / "sys/bus/usb/devices").glob("*")):
-        vendor, product, bus, number = (_content(entry / n) for n in ("idVendor", "idProduct", "busnum", "devnum"))
+        vendor, product, bus, number = (content(entry / n) for n in ("idVendor", "idProduct", "busnum", "devnum"))
         if vendor and product:
             node = root / f"dev/bus/usb/{int(bus or 0):03d}/{int(number or 0):03d}"
-            devices.append(UsbDevice(f"{vendor}:{product}", _content(entry / "serial"), node))
+            devices.append(UsbDevice(f"{vendor}:{product}", content(entry / "serial"), node))
     return devices
 
 
@@ -54,7 +55,12 @@ def check_devices(root: Path, environment: Mapping[str, str], speak: bool) -> It
     if not files:
         remedy = "vsx calibrate camera --live --board 8x6x0.025 (docs/how-to/calibrate.md); without it the map is bent"
         yield Finding("calibration", WARN, f"{home / 'camera_info'} holds none, nominal values will be used", remedy)
-    yield from (tried("calibration", partial(_calibration, file)) for file in files)
+    for file in files:
+        if any(file.match(form) for form in MOVING.values()):
+            remedy = "'mv' it to the name that the line of its camera tells, or delete it (docs/hardware.md)"
+            yield Finding("calibration", WARN, f"{file} is not used: any camera may have had that number", remedy)
+        else:
+            yield tried("calibration", partial(_calibration, file))
     if (home / "vsx_ros/robot.yaml").exists():
         yield tried("calibration", partial(_robot, home / "vsx_ros/robot.yaml"))
 
@@ -75,12 +81,14 @@ def _access(area: str, device: Path, name: str, remedy: str) -> Finding:
 
 
 def _cameras(root: Path, kinects: list[UsbDevice], absent: str) -> Iterator[Finding]:
-    videos = sorted((root / "sys/class/video4linux").glob("video*"))
+    videos = sorted((root / "sys/class/video4linux").glob("video[0-9]*"))
     for device in kinects:
         name = f"{_KINECT_CAMERAS[device.ids]} {device.serial}".rstrip()
         yield _access("camera", device.node, f"{name} at {device.node}", _RULE)
     for video in videos:
-        yield Finding("camera", OK, f"/dev/{video.name}: {_content(video / 'name')}, as --camera v4l:{video.name[5:]}")
+        number = int(video.name.removeprefix("video"))
+        named = f"as --camera v4l:{number}, calibrated by rgb_{video_name(number, root)}.yaml"
+        yield Finding("camera", OK, f"/dev/{video.name}: {content(video / 'name')}, {named}")
     if not kinects and any(device.ids in _KINECT_PARTS for device in usb_devices(root)):
         yield Finding("camera", FAIL, "the Kinect's motor or audio is on the USB, its camera is not", _BREAKER)
     elif not kinects and not videos:
@@ -138,10 +146,3 @@ def _robot(file: Path) -> str:
     scales = f"wheels {wheels.linear_scale:.4f}, {wheels.angular_scale:.4f}"
     camera = f"camera {mount.height_m:.3f} m high, {math.degrees(mount.pitch_down_rad):.1f} deg down"
     return f"{file}: {scales}; {camera}; 'vsx explore' takes it by itself"
-
-
-def _content(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace").strip()
-    except OSError:
-        return ""

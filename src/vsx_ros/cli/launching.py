@@ -96,7 +96,12 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--hard", default="", help="NAME=AMOUNT of what makes the world hard: docs/how-to/hard-things.md")
     else:
         add("--port", default="/dev/kobuki", help="serial port of the base (/dev/kobuki)")
-        add("--camera", type=camera, default="kinect", help="kinect (default), kinect:SERIAL, v4l:N, ros or ros:TOPIC")
+        add(
+            "--camera",
+            type=camera,
+            default="kinect",
+            help="kinect (default), kinect:SERIAL, v4l:N, v4l:PATH, ros or ros:TOPIC",
+        )
         add("--camera-info-url", type=_of_url, default="", help="file with the camera's calibration")
     if name != "bringup":
         add("--planner", choices=PLANNERS, default="fov", metavar="NAME", help="fov (default), unconstrained, paper")

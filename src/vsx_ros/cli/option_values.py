@@ -94,10 +94,11 @@ def rate(text: str) -> float:
 
 def camera(text: str) -> str:
     """A ~device of the node camera."""
-    known = re.fullmatch(r"kinect(:.+)?|v4l:\d+|emulator:.+|ros(:[\w/~]+)?", text)
+    known = re.fullmatch(r"kinect(:.+)?|v4l:(\d+|/dev/\S+)|emulator:.+|ros(:[\w/~]+)?", text)
     if not known and not os.environ.get(PLUGINS):
         raise argparse.ArgumentTypeError(
-            f"{text!r} is no camera; write kinect, kinect:SERIAL, v4l:N (e.g. v4l:0), ros or ros:TOPIC"
+            f"{text!r} is no camera; write kinect, kinect:SERIAL, v4l:N (e.g. v4l:0), v4l:/dev/v4l/by-id/..., "
+            "ros or ros:TOPIC"
         )
     return text
 

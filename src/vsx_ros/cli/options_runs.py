@@ -82,8 +82,9 @@ def _robot(parser: argparse.ArgumentParser) -> None:
     add(
         "--camera",
         type=camera,
-        metavar="kinect|v4l:N|ros[:TOPIC]",
-        help="where the pictures come from (default kinect); ros: the images of another driver, as "
+        metavar="kinect|v4l:N|v4l:PATH|ros[:TOPIC]",
+        help="where the pictures come from (default kinect); v4l: /dev/videoN, or a PATH to it that stays with the "
+        "camera, as in /dev/v4l/by-id; ros: the images of another driver, as "
         "camera/rgb/image_raw or on that topic, raw or compressed",
     )
     add("--rate", type=rate, metavar="HZ", help="images a second of a live emulated camera (default 15)")

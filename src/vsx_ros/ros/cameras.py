@@ -14,6 +14,7 @@ from vsx_hw.kinect.socket_transport import SocketTransport
 from vsx_hw.kinect.usb_transport import UsbTransport
 from vsx_hw.readings import ImageReading, LinkStatus
 from vsx_hw.v4l import V4lCamera, V4lMode
+from vsx_hw.video_names import MOVING
 from vsx_ros.errors import CalibrationError, ConfigError
 from vsx_ros.geometry.camera import KINECT_SHUTTER, PinholeCamera, nominal_camera
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
@@ -66,13 +67,14 @@ def _emulated(wanted: CameraSettings) -> Camera:
 
 
 def _v4l(wanted: CameraSettings) -> Camera:
-    if not wanted.name.isdigit():
-        raise ConfigError(f"camera v4l:{wanted.name}: give the number N of /dev/videoN, e.g. v4l:0")
+    if not wanted.name.isdigit() and not wanted.name.startswith("/dev/"):
+        raise ConfigError(f"camera v4l:{wanted.name}: give N of /dev/videoN, e.g. v4l:0, or v4l:/dev/v4l/by-id/...")
+    device = int(wanted.name) if wanted.name.isdigit() else wanted.name
     mode = V4lMode() if wanted.mode == "vga" else V4lMode.parse(wanted.mode)
     if mode is None:
         raise ConfigError(f"camera ~mode {wanted.mode!r}: give size, rate and format, e.g. 1280x720@30/mjpeg")
     locked, latency_s = wanted.lock_exposure, wanted.latency_s
-    return V4lCamera(int(wanted.name), wanted.on_image, mode=mode, lock_exposure=locked, latency_s=latency_s)
+    return V4lCamera(device, wanted.on_image, mode=mode, lock_exposure=locked, latency_s=latency_s)
 
 
 def _nominal_kinect(width: int, height: int) -> PinholeCamera:
@@ -162,8 +164,11 @@ class CameraCalibration:
             yield self._stored
 
     def store(self, source: Camera, camera: PinholeCamera) -> Path:
-        """Store a new calibration where the node reads it. Raises OSError."""
+        """Store a new calibration where the node reads it. Raises OSError, or CalibrationError while the camera is not
+        known."""
         path = self._file(source)
+        if path.name == "rgb_.yaml" and not source.status().counters["frames"]:
+            raise CalibrationError(f"{self._device} was not opened yet, so its serial number is unknown; try again")
         if self._camera is not None:
             camera = replace(camera, shutter=camera.shutter or self._camera.shutter)  # not part of CameraInfo
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -184,7 +189,17 @@ class CameraCalibration:
             return read_calibration(self._file(source))
         except CalibrationError as error:
             rospy.logwarn("camera is not calibrated: %s. Nominal values are used; expect a bent map", error)
+            self._tell_moving(self._file(source))
             return None
+
+    def _tell_moving(self, wanted: Path) -> None:
+        """Tell of files that are named by a number which other cameras may have had meanwhile; none is used."""
+        form = MOVING.get(self._device.partition(":")[0])
+        if form is None or self._url or wanted.exists():
+            return
+        for found in sorted(wanted.parent.glob(form)):
+            remedy = f"if it is of this camera, 'mv {found} {wanted}' and start anew"
+            rospy.logwarn("%s is not used, as any camera may have had that number; %s", found.name, remedy)
 
 
 def nominal(device: str, width: int, height: int) -> PinholeCamera:

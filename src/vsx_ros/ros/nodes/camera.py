@@ -4,7 +4,8 @@ Subscribers: none; with ros:TOPIC that topic and its camera_info.
 Publishers: camera/rgb/image_raw (bayer_grbg8 or mono8), camera/rgb/camera_info with the same stamps,
     camera/rgb/shutter (latched: readout and exposure [s], empty if unknown).
 Services: camera/rgb/set_camera_info (stores the calibration where the node reads it).
-Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N, emulator:SOCKET or ros:TOPIC.
+Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or v4l:PATH (of /dev/videoN, or a link to it as in
+    /dev/v4l/by-id), emulator:SOCKET or ros:TOPIC.
     ~camera_info_url (""): file with the calibration; default $ROS_HOME/camera_info/rgb_SERIAL.yaml, for an emulated
     camera SOCKET.yaml; before that file comes the newest camera_info of ros:TOPIC, if it has the size of the images;
     without any, nominal values with a warning.
