@@ -135,7 +135,8 @@ class BaseReading(NamedTuple):
 
     mode names the operating mode where the base has several; buttons is the protocol's bit mask; gyro is None for a
     base without one, or before its zero is known. refusal: why this base must not be driven as it is, with the remedy.
-    warnings: reported values that the driver does not know. dock: None for a base without receivers."""
+    warnings: reported values that the driver does not know. dock: None for a base without receivers. disobeys: why it
+    ignores the present commands, with the remedy; it is told them on, as it may obey again."""
 
     stamp_ns: int
     odometry: OdometryReading
@@ -147,6 +148,7 @@ class BaseReading(NamedTuple):
     refusal: str = ""
     warnings: tuple[str, ...] = ()
     dock: DockSignals | None = None
+    disobeys: str = ""
 
 
 class ImageReading(NamedTuple):

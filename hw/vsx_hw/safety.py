@@ -34,8 +34,8 @@ class SpeedLimits(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """The command for the wheels, its source, and why it differs from what the source sent (empty if it does not).
-    until_ns: when the command expires, on the clock of ``decide``."""
+    """The command for the wheels, its source, and why it differs from what the source sent, or why the base ignores it
+    (empty if neither). until_ns: when the command expires, on the clock of ``decide``."""
 
     v_m_s: float
     omega_rad_s: float
@@ -113,6 +113,7 @@ class Supervisor:
         with self.lock:
             self.hold = hold or reading.refusal
             decision = self.decide(now_ns, reading.hazards)
+            decision = decision._replace(reason=decision.reason or reading.disobeys)
             self.observe(reading.odometry.fault)
             held = Signal.HELD if decision.reason and decision.source else Signal.READY
             return decision, Signal.ALARM if self.locked else held

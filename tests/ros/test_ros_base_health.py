@@ -17,6 +17,7 @@ from vsx_hw.readings import BaseReading, BatteryReading, Hazard, LinkStatus, Odo
 from vsx_hw.safety import Decision, SpeedLimits, Supervisor
 from vsx_ros.ros import base_health
 from vsx_ros.ros.base_health import BaseHealth
+from vsx_ros.ros.logs import WARN
 
 CONNECTED = LinkStatus(True, "connected", "mine", {})
 MS = 1_000_000
@@ -201,3 +202,21 @@ def test_a_base_whose_driver_has_told_nothing_at_all_is_waited_for(
     rig.serve(10.0, readings=False)
     assert rig.told[-1] == (False, "the driver has not answered yet")
     assert not rig.health.silence
+
+
+def test_a_base_that_disobeys_is_warned_of_with_its_reason(monkeypatch: pytest.MonkeyPatch, driver: Driver) -> None:
+    rig, logged, told = Rig(monkeypatch, driver), [], {}
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *values: logged.append(text % values))
+    monkeypatch.setattr(
+        rig.health._diagnostics, "set", lambda part, level, words, **_: told.update({part: (level, words)})
+    )
+    rig.serve(0.4)
+    odometry = OdometryReading(rig.now_ns, 0.0, 0.0, 0.0, 0.0, 0.0)
+    battery = BatteryReading(12.0, 1.0, False, "full")
+    reading = BaseReading(rig.now_ns, odometry, Hazard.NONE, battery, disobeys="stays in passive mode; switch it off")
+    rig.supervisor.command("navi", 0.2, 0.0, rig.now_ns)
+    rig.health.heard(reading, rig.supervisor.answer(rig.now_ns, reading, "")[0])
+    assert rig.health.report() is not None
+    assert rig.health.report() is not None
+    assert told["safety"] == (WARN, reading.disobeys)
+    assert logged == [reading.disobeys]

@@ -24,6 +24,7 @@ QUESTION = [1, 18, 3, 34, 35]
 """Both of them within groups: a Create at twice the baud rate hears the id 9 or 25 as the command to clean."""
 
 CYCLES_TO_RETRY_MODE = 25  # half a second at 20 ms each
+DISOBEYS_NS = 1_000_000_000  # so long it may need for a change of its mode: two tries
 CYCLES_TO_STAY_AWAKE = 3000  # a minute: in Passive a robot without commands falls asleep after five
 
 MODE_PAUSE_S = 0.05  # Commands within 20 ms of a change of mode are lost
@@ -64,6 +65,7 @@ class CreateDialect(Dialect):
         self._charges = self._docked = self._doubted = self.driving = self.deaf = False
         self._last: Mapping[int, int] = {}
         self._cycles_in_wrong_mode = 0
+        self._wanted, self._obeyed, self._obeyed_ns = (0.0, 0.0), False, 0
         self._rounding = TurnErrorFeedback()
 
     @property
@@ -73,7 +75,8 @@ class CreateDialect(Dialect):
 
     def drive(self, v_m_s: float, omega_rad_s: float) -> bytes:
         """See Dialect. Changes the mode first, if it is not the one to drive, or to charge, in."""
-        if self._docked and (v_m_s >= 0.0 or omega_rad_s != 0.0):
+        self._wanted = v_m_s, omega_rad_s
+        if self._must_stay():
             v_m_s = omega_rad_s = 0.0
         limit_m_s = 0.001 * protocol.SPEED_LIMIT_MM_S
         v_m_s, omega_rad_s = within_limit(v_m_s, omega_rad_s, self._model.wheel_base_m, limit_m_s)
@@ -86,6 +89,11 @@ class CreateDialect(Dialect):
             self.deaf = True
             return still + change
         return self._rounding.command(v_m_s, omega_rad_s, self._encoded) if self.obeys else still
+
+    def _must_stay(self) -> bool:
+        """Whether it is on its dock, and wanted to move otherwise than straight back."""
+        v_m_s, omega_rad_s = self._wanted
+        return self._docked and (v_m_s >= 0.0 or omega_rad_s != 0.0)
 
     def _change_of_mode(self, wanted: bool, v_m_s: float) -> bytes:
         """The command that changes to the mode for this motion; empty if the mode is right, or not now. An ignored one
@@ -154,9 +162,26 @@ class CreateDialect(Dialect):
                 "robot off and on"
             )
         return BaseReading(
-            odometry.stamp_ns, odometry, held, battery, buttons=values[18], mode=mode, gyro=gyro,
-            refusal=refusal, warnings=warnings_of(values), dock=dock_of(values, self._model),
+            odometry.stamp_ns, odometry, held, battery, buttons=values[18], mode=mode, gyro=gyro, refusal=refusal,
+            disobeys=self._disobeys(bool(values[34] & 1), odometry.stamp_ns), warnings=warnings_of(values),
+            dock=dock_of(values, self._model),
         )  # fmt: skip
+
+    def _disobeys(self, plugged_in: bool, now_ns: int) -> str:
+        """Why motion has been wanted in vain for DISOBEYS_NS; empty if it has not, or a sensor of the robot tells why.
+        One report in Safe is no obedience: with a charger the robot falls from there at once. plugged_in: the plug of a
+        charger, in the robot."""
+        stopped = self._hazards & (Hazard.WHEEL_DROP | Hazard.CLIFF)
+        before, self._obeyed = self._obeyed, self.obeys and not self._must_stay()
+        if (before and self._obeyed) or stopped or not any(self._wanted) or now_ns < self._obeyed_ns:
+            self._obeyed_ns = now_ns
+        if now_ns - self._obeyed_ns < DISOBEYS_NS:
+            return ""
+        if plugged_in:
+            return "charger plugged in; unplug it"
+        if self._must_stay():
+            return "on its dock; undock first"
+        return f"stays in {self._mode.name.lower()} mode; switch it off and on"
 
     def believes(self, values: Mapping[int, int], follows: bool = True) -> bool:
         """Whether these values can follow those of the last report. If not, they are refused once: the next plausible

@@ -97,7 +97,7 @@ class BaseHealth:
         agree = "all sensors agree" if odometry.trusted else "pushed, or not sure of its heading"
         level = OK if odometry.trusted else WARN
         self._diagnostics.set("odometry", level, odometry.doubt or agree, gaps=odometry.gaps)
-        troubles = reading.warnings + ((reading.refusal,) if reading.refusal else ())
+        troubles = (*reading.warnings, *filter(None, (reading.refusal, reading.disobeys)))
         for trouble in set(troubles) - set(self._troubles):
             rospy.logwarn("%s", trouble)
         self._troubles = troubles
