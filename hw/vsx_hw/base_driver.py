@@ -35,6 +35,9 @@ class Dialect(Protocol):
     odometry: WheelOdometry
     deaf: bool = False
     """Whether the base does not hear for a moment after what was sent last: nothing is sent for KEEP_ALIVE_NS."""
+    row_ns: int = ROW_NS
+    late: str = ""
+    """The longest time between good reports in a row; what comes too late to be a report, in words."""
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """Opening bytes, each with the pause [s] that the base needs afterwards."""
@@ -221,13 +224,13 @@ class BaseDriver(ConnectionThread):
         if self._row < ROW:
             counters = self._dialect.counters()
             damage = sum(counters.values()) - counters["frames"]
-            in_row = gap_ns <= ROW_NS and damage == self._damage
+            in_row = gap_ns <= self._dialect.row_ns and damage == self._damage
             self._row, self._damage = self._row + 1 if in_row else 1, damage
 
     def _heard(self) -> str:
         """The rest of a report that a silence cut off is not what is wrong."""
         garbage = self._heard_bytes > 0 and time.monotonic_ns() - self._last_bytes_ns <= STALE_NS
-        return f"{self._heard_bytes} bytes that make no sense" if garbage else "no data"
+        return self._dialect.late or (f"{self._heard_bytes} bytes that make no sense" if garbage else "no data")
 
     def _current(self, now_ns: int) -> tuple[float, float]:
         command = self._command

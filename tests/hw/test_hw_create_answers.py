@@ -5,7 +5,7 @@ import struct
 
 import pytest
 
-from vsx_hw.create.driver import Create1Dialect, Create2Dialect
+from vsx_hw.create.driver import LONGEST_REST, Create1Dialect, Create2Dialect
 from vsx_hw.create.odometry import BoardGyro, counts_of
 from vsx_hw.create.protocol import Mode, Opcode, encode_packets, single_packets
 
@@ -57,10 +57,10 @@ def test_until_the_next_measurement_the_odometry_is_not_trusted():
     converse(dialect, 25)
     lost = dialect.drive(0.1, 0.0)
     dialect.drive(0.1, 0.0)
-    dialect._queries = 1
+    dialect._commands = 1
     (reading,) = dialect.receive(answer(dialect.drive(0.1, 0.0)), 580 * MS)
     assert not reading.odometry.trusted
-    dialect._queries = 0
+    dialect._commands = 0
     question = dialect.drive(0.1, 0.0)
     (reading,) = dialect.receive(answer(question, distance_mm=12), 600 * MS)
     assert asks_motion(lost)
@@ -181,18 +181,23 @@ def test_late_bytes_are_not_taken_for_the_next_answer():
     late = answer(dialect.drive(0.1, 0.0), bump=1)
     assert dialect.drive(0.1, 0.0)
     assert dialect.receive(late, 560 * MS) == []
+    for _ in range(LONGEST_REST):
+        assert Opcode.QUERY_LIST not in dialect.drive(0.1, 0.0), "more may be on their way"
     question = dialect.drive(0.1, 0.0)
     (reading,) = dialect.receive(answer(question, distance_mm=3), 600 * MS)
     assert reading.odometry.wheels_m == pytest.approx((0.003, 0.003))
 
 
-@pytest.mark.parametrize("spoil", [lambda a: a[1:] + b"\0", lambda a: a + b"\0", lambda a: bytes(len(a))])
-def test_slipped_bytes_are_refused(spoil):
+@pytest.mark.parametrize(
+    ("spoil", "rest"), [(lambda a: a[1:] + b"\0", 0), (lambda a: a + b"\0", LONGEST_REST), (lambda a: bytes(len(a)), 0)]
+)
+def test_slipped_bytes_are_refused(spoil, rest):
     dialect = Create1Dialect()
     converse(dialect, 3)
     question = dialect.drive(0.0, 0.0)
     assert dialect.receive(spoil(answer(question)), 80 * MS) == []
     assert dialect.counters()["refused_frames"] == 1
+    assert not any(Opcode.QUERY_LIST in dialect.drive(0.0, 0.0) for _ in range(rest))
     assert len(converse(dialect, 2, 100 * MS)) == 2
 
 

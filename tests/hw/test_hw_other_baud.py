@@ -51,9 +51,9 @@ def test_no_byte_of_a_driver_drives_the_other_create(dialect, sent):
     """A driver of the wrong kind hears no answer, so it commands standstill only."""
     create: CreateDialect = dialect()
     said = [data for data, _ in create.hello()] + [create.halt(), create.farewell()]
-    said += [create.drive(0.0, 0.0)]
-    create._asked = []
-    said += [create.drive(0.0, 0.0)]
+    for commands in (0, 0, 1, 1):  # both questions of a Create 1, each with and without its first byte
+        create._asked, create._commands = [], commands
+        said += [create.drive(0.0, 0.0)]
     create._mode = Mode.SAFE
     said += [create.show(signal) for signal in Signal] + [create.drive(0.0, 0.0)]
     assert [data.hex(" ") for data in said if drives(data, sent)] == []

@@ -16,7 +16,7 @@ from vsx_hw.readings import GyroReading, OdometryReading
 LONGEST_GAP_S = 0.5  # over longer ones counters may have wrapped or the robot may have been carried
 FASTEST_M_S = 0.6  # of a wheel; the robot drives 0.5
 LONGEST_SPAN_S, LATE_M = 1.5, 0.1
-"""Longest time between two readings of a Create 1's distance, 25 answers of 50 ms; what a late answer may add."""
+"""Longest time between two readings of a Create 1's distance, 25 commands of 50 ms; what a late answer may add."""
 SPEED_WINDOW = 5  # reports over which the speed is taken: encoders step coarsely
 CORRECTION_M, CORRECTION_RAD = 0.03, 0.02
 """Largest correction of the shown pose per report: a jump would look like a base that restarted at zero."""
