@@ -226,6 +226,83 @@ def test_an_unpowered_board_tells_nothing(counts):
     assert [gyro.rate_rad_s(counts, True) for _ in range(200)][-1] is None
 
 
+def test_a_zero_learned_while_it_was_twisted_is_learned_anew():
+    """Put down with a constant twist of 20 deg/s in the first 1.2 s."""
+    gyro = BoardGyro()
+    twisted = [gyro.rate_rad_s(461, True) for _ in range(60)]
+    assert abs(twisted[-1]) < 0.01
+    still = [gyro.rate_rad_s(512 + k % 2, True) for k in range(70)]
+    assert gyro.offset == pytest.approx(512.5, abs=0.1)
+    assert abs(still[-1]) < 0.01
+
+
+def test_samples_that_differ_give_no_zero():
+    gyro = BoardGyro()
+    swung = [gyro.rate_rad_s(round(512 + 25 * math.sin(0.2 * k)), True) for k in range(200)]
+    assert set(swung) == {None}
+    assert abs([gyro.rate_rad_s(512, True) for _ in range(60)][-1]) < 0.01
+
+
+def test_a_board_that_gets_its_power_late_gives_rates():
+    gyro = BoardGyro()
+    assert {gyro.rate_rad_s(0, True) for _ in range(50)} == {None}
+    assert abs([gyro.rate_rad_s(512, True) for _ in range(60)][-1]) < 0.01
+
+
+@pytest.mark.parametrize("counts", [9, -9, 25, -50])
+def test_a_zero_is_not_overruled_by_a_turn_shorter_than_it_stood(counts):
+    """On a turntable a robot turns as steadily as it stands: 4, 10 and 20 deg/s for 15 of 20 s; and while driven."""
+    gyro = BoardGyro()
+    for _ in range(1000):
+        gyro.rate_rad_s(512, True)
+    turned = [gyro.rate_rad_s(512 + counts, True) for _ in range(750)]
+    assert gyro.offset == pytest.approx(512)
+    assert turned[-1] == pytest.approx(-math.radians(counts / 512 * 150 * 1.35))
+    for _ in range(10):
+        gyro.rate_rad_s(512, True)
+    for _ in range(2000):
+        gyro.rate_rad_s(512 + counts, False)
+    assert gyro.offset == pytest.approx(512)
+
+
+def test_no_zero_is_learned_while_the_wheels_are_pushed():
+    """Two seconds still, then five in a steady curve without a command."""
+    dialect = Create1Dialect()
+    converse(dialect, 100)
+    pushed = converse(dialect, 250, 2000 * MS, gyro=555, angle_deg=-9)
+    assert pushed[-1].gyro.rate_rad_s == pytest.approx(math.radians(-43 / 512 * 150 * 1.35))
+    converse(dialect, 40, 7000 * MS)
+    assert dialect._gyro.offset == pytest.approx(512)
+
+
+def test_a_reconnection_learns_the_zero_anew():
+    dialect = Create1Dialect()
+    assert converse(dialect, 75, gyro=505)[-1].gyro is not None
+    list(dialect.hello())
+    after = converse(dialect, 75, 2000 * MS, gyro=520)
+    assert after[0].gyro is None
+    assert abs(after[-1].gyro.rate_rad_s) < 0.01
+
+
+def test_odometry_is_trusted_again_once_a_twisted_zero_is_corrected():
+    """Turned by hand in the first 1.2 s, then 10 s still, then a turn to each side."""
+    dialect = Create1Dialect()
+    twist = counts_of(math.radians(20.0))
+    readings = converse(dialect, 60, gyro=twist) + converse(dialect, 500, 1200 * MS)
+    assert abs(readings[-1].gyro.rate_rad_s) < 0.01
+    turned_rad = told_rad = 0.0
+    for k in range(300):
+        rate = 0.5 if k < 150 else -0.5
+        turned_rad += rate * 0.02
+        question = dialect.drive(0.0, rate)
+        angle_deg = round(math.degrees(turned_rad - told_rad)) if asks_motion(question) else 0
+        told_rad += math.radians(angle_deg)
+        now_ns = (11200 + 20 * k) * MS
+        readings += dialect.receive(answer(question, angle_deg=angle_deg, gyro=counts_of(rate)), now_ns)
+    assert readings[-1].odometry.trusted
+    assert readings[-1].gyro.trusted
+
+
 def test_the_heading_follows_the_gyro_between_and_at_the_measurements():
     dialect = Create1Dialect()
     converse(dialect, 75)

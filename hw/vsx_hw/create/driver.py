@@ -84,7 +84,7 @@ class Create1Dialect(CreateDialect):
         self._telltale, self._heard = False, True
         self._commands = self._waited = self._rest = self._quick = self._silent = 0
         self._frames = self._lost = 0
-        self._measured_once = False
+        self._measured_once = self._rolled = False
 
     def hello(self) -> Iterable[tuple[bytes, float]]:
         """See Dialect. The robot's start-up text is not an answer. The motion since the last reading is lost, as the
@@ -92,6 +92,7 @@ class Create1Dialect(CreateDialect):
         if self._measured_once:
             self.odometry.lose()
         self._asked, self._measured_once = [], False
+        self._gyro = BoardGyro()  # its board may have been off
         self._heard, self._rest, self._quick, self.late = True, 0, 0, ""
         yield from super().hello()
         yield bytes((protocol.Opcode.PAUSE_STREAM, 0)), 0.0
@@ -124,12 +125,13 @@ class Create1Dialect(CreateDialect):
     def _reading(self, values: Mapping[int, int], now_ns: int) -> BaseReading:
         if 19 in values:
             # The first reading also contains the motion before this connection.
+            self._rolled = self._measured_once and any((values[19], values[20]))
             if self._measured_once:
                 self.odometry.measure(values[19], values[20], now_ns)
             else:
                 self.odometry.begin(now_ns)
             self._measured_once = True
-        gyro = self._gyro.reading(values[GYRO_PACKET], not self.driving, now_ns)
+        gyro = self._gyro.reading(values[GYRO_PACKET], not (self.driving or self._rolled), now_ns)
         odometry = self.odometry.reading(now_ns, None if gyro is None else gyro.rate_rad_s)
         if gyro is not None:
             gyro = gyro._replace(trusted=self.odometry.gyro_trusted)

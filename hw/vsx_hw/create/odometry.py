@@ -28,9 +28,9 @@ RANGE_DEG_S = 150.0  # of the ADXRS613
 _MIDDLE = 512.0  # counts at rest of a perfect gyro
 RANGE_FACTOR = 1.35  # see above
 ENOUGH_SAMPLES, MOST_SAMPLES = 50, 1000  # of a standing robot: to know the offset; at most in its mean
-HEALTHY_OFFSET = (425.0, 575.0)  # of 1023 counts, around the middle of the range
+HEALTHY_OFFSET = (425.0, 575.0)  # of 1023 counts, around the middle of the range; others: unpowered, or turning
 STILL_COUNTS = 8.0
-"""Three deg/s: a robot that turns faster on a command to stand is being carried; its samples give no offset."""
+"""Three deg/s: a robot that turns faster on a command to stand is being carried; its samples are not in the mean."""
 
 
 class EncoderOdometry(WheelOdometry):
@@ -202,13 +202,15 @@ def _since(then_ns: int, now_ns: int) -> float:
 
 
 class BoardGyro:
-    """Turns 10-bit counts into a rate and a heading; learns its zero while the wheels stand."""
+    """Turns 10-bit counts into a rate and a heading; learns its zero while the wheels stand.
+
+    A robot may be turned as steadily as it stands: on a turntable now, or in the hand when the zero was learned. So
+    another zero is believed once as many samples in a row agree on it as on the present one."""
 
     def __init__(self) -> None:
-        self.offset = 0.0
-        self._samples = 0
-        self._heading_rad = 0.0
-        self._then_ns = 0
+        self.offset = self._other = 0.0
+        self._samples = self._other_samples = 0
+        self._heading_rad, self._then_ns = 0.0, 0
 
     def reading(self, counts: int, standing: bool, now_ns: int) -> GyroReading | None:
         """Heading and rate, or None where the rate is not known."""
@@ -221,14 +223,25 @@ class BoardGyro:
         return GyroReading(self._heading_rad, rate)
 
     def rate_rad_s(self, counts: int, standing: bool) -> float | None:
-        """Counter-clockwise rate, or None while the zero is unknown or outside of 425..575: the board is unpowered."""
-        learned = self._samples >= ENOUGH_SAMPLES
-        if standing and (not learned or abs(counts - self.offset) < STILL_COUNTS):
-            self._samples = min(self._samples + 1, MOST_SAMPLES)
-            self.offset += (counts - self.offset) / self._samples
-        if not learned or not HEALTHY_OFFSET[0] <= self.offset <= HEALTHY_OFFSET[1]:
+        """Counter-clockwise rate, or None while the zero is unknown."""
+        if standing and HEALTHY_OFFSET[0] <= counts <= HEALTHY_OFFSET[1]:
+            self._learn(counts)
+        else:
+            self._other_samples = 0
+        if not self._samples:
             return None
         return -math.radians((counts - self.offset) / self.offset * RANGE_DEG_S * RANGE_FACTOR)
+
+    def _learn(self, counts: int) -> None:
+        if self._samples and abs(counts - self.offset) < STILL_COUNTS:
+            self._other_samples = 0
+            self._samples = min(self._samples + 1, MOST_SAMPLES)
+            self.offset += (counts - self.offset) / self._samples
+        else:
+            self._other_samples = self._other_samples + 1 if abs(counts - self._other) < STILL_COUNTS else 1
+            self._other += (counts - self._other) / self._other_samples
+            if self._other_samples >= max(ENOUGH_SAMPLES, self._samples):
+                self.offset, self._samples = self._other, self._other_samples
 
 
 def counts_of(rate_rad_s: float) -> int:
