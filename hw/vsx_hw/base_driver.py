@@ -7,7 +7,7 @@ nothing moves until a new command; closing sends the stop bytes."""
 
 import time
 from collections.abc import Callable, Iterable
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol
 
 from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.errors import DeviceTimeout
@@ -24,9 +24,6 @@ ROW, ROW_NS = 3, 60_000_000
 """Number of good reports after a silence before the wheels may turn, and the longest time between two of them."""
 SILENT_NS = 2_000_000_000  # then the connection is reopened
 BACKOFF_S = (0.2, 0.5, 1.0, 2.0)  # between tries to open it
-COARSEST_RAD_S = 0.02  # The coarsest rounding of any protocol: a larger error comes from a speed limit
-
-Command = TypeVar("Command")
 
 
 class Dialect(Protocol):
@@ -67,32 +64,6 @@ class Dialect(Protocol):
 
     def silence(self) -> str:
         """What to check when an open port stays silent."""
-
-
-class TurnErrorFeedback:
-    """Turn rates for a protocol with integers: the rounding error of one command is added to the next.
-
-    With evenly spaced commands (one per report) the mean turn rate is the requested one. Driving straight or standing
-    still resets the error."""
-
-    def __init__(self) -> None:
-        self._error_rad_s = 0.0
-
-    def command(
-        self, v_m_s: float, omega_rad_s: float, encode: Callable[[float, float], tuple[Command, float]]
-    ) -> Command:
-        """encode: from (v, omega) to the encoded command and the turn rate that it really drives."""
-        wanted = omega_rad_s + self._error_rad_s if omega_rad_s else 0.0
-        command, driven = encode(v_m_s, wanted)
-        self._error_rad_s = max(-COARSEST_RAD_S, min(COARSEST_RAD_S, wanted - driven)) if omega_rad_s else 0.0
-        return command
-
-
-def within_limit(v_m_s: float, omega_rad_s: float, wheel_base_m: float, limit_m_s: float) -> tuple[float, float]:
-    """(v, omega) scaled down alike, so that no wheel exceeds its limit; this keeps the curve."""
-    wheel_m_s = abs(v_m_s) + 0.5 * wheel_base_m * abs(omega_rad_s)
-    share = min(1.0, limit_m_s / wheel_m_s) if wheel_m_s else 1.0
-    return share * v_m_s, share * omega_rad_s
 
 
 class _Command(NamedTuple):

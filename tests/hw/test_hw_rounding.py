@@ -5,7 +5,7 @@ import math
 import pytest
 from hw_wire import MS, Wire
 
-from vsx_hw.base_driver import TurnErrorFeedback
+from vsx_hw.wheel_commands import TurnErrorFeedback
 
 SECONDS = 10.0
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from functools import reduce
 from operator import or_
 
-from vsx_hw.base_driver import Dialect, TurnErrorFeedback, within_limit
+from vsx_hw.base_driver import Dialect
 from vsx_hw.create import protocol
 from vsx_hw.create.protocol import CREATE_1, CREATE_2, Mode, Model, Opcode
 from vsx_hw.readings import (
@@ -17,6 +17,7 @@ from vsx_hw.readings import (
     OdometryReading,
     Signal,
 )
+from vsx_hw.wheel_commands import TurnErrorFeedback, within_limit
 
 SAFETY_PACKETS = [7, 9, 10, 11, 12, 14, 18, 35]  # bumps and drops, cliffs, overcurrents, buttons, mode (Open Interface)
 BATTERY_PACKETS = [21, 22, 23, 25, 26, 34]  # charging state, voltage, current, charge, capacity, chargers

@@ -2,13 +2,14 @@
 
 from collections.abc import Iterable
 
-from vsx_hw.base_driver import Dialect, TurnErrorFeedback, within_limit
+from vsx_hw.base_driver import Dialect
 from vsx_hw.kobuki import protocol
 from vsx_hw.kobuki.feedback import CHARGER_STATES, STEADY_GYRO, Core, Feedback, Version, battery_of, objection
 from vsx_hw.kobuki.odometry import KobukiOdometry, gyro_reading
 from vsx_hw.kobuki.protocol import BaseControl, Led, encode_frame
 from vsx_hw.kobuki.stream import StreamParser
 from vsx_hw.readings import BaseReading, DeviceClock, DockBeam, DockSignals, Hazard, Signal
+from vsx_hw.wheel_commands import TurnErrorFeedback, within_limit
 
 _LAMPS = {Signal.READY: Led.GREEN, Signal.HELD: Led.ORANGE, Signal.ALARM: Led.RED}
 _STILL = protocol.drive_payload(BaseControl(0, 0))
