@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol
 
 from vsx_hw.connection_thread import ConnectionThread
-from vsx_hw.errors import DeviceTimeout
+from vsx_hw.errors import DeviceError, DeviceTimeout
 from vsx_hw.odometry import WheelOdometry
 from vsx_hw.readings import BaseReading, LinkStatus, Signal
 from vsx_hw.transport import SerialTransport
@@ -212,10 +212,15 @@ class BaseDriver(ConnectionThread):
 
     def _leave(self, transport: SerialTransport) -> None:
         """Send the stop bytes on every exit; a base that did not receive them may still drive. To a deaf one they are
-        said again when it hears."""
-        transport.write(self._dialect.farewell())
-        if self._dialect.deaf:
-            time.sleep(KEEP_ALIVE_NS * 1e-9)
+        said again when it hears. The watchdogs go on at a port that takes no bytes, not in place of a lost one."""
+        try:
             transport.write(self._dialect.farewell())
+            if self._dialect.deaf:
+                time.sleep(KEEP_ALIVE_NS * 1e-9)
+                transport.write(self._dialect.farewell())
+        except DeviceError as error:
+            if not isinstance(error, DeviceTimeout):
+                self._on_command(False)
+            raise
         self._sent = _STILL
         self._on_command(False)

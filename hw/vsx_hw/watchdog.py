@@ -126,9 +126,9 @@ class _Watchdog:
                 self._process.kill()
 
 
-def take_over(port: str, baud: int, data: bytes) -> bool:
-    """Open the port of a dead driver and write; True when it worked within two seconds."""
-    for _ in range(ATTEMPTS):
+def take_over(port: str, baud: int, data: bytes, attempts: int = ATTEMPTS) -> bool:
+    """Open the port of a dead driver and write; True when it worked, by default within two seconds."""
+    for _ in range(attempts):
         try:
             with contextlib.closing(SerialTransport(port, baud)) as transport:
                 transport.write(data)
@@ -138,30 +138,63 @@ def take_over(port: str, baud: int, data: bytes) -> bool:
     return False
 
 
-def write_past_lock(port: str, data: bytes) -> None:
-    """Write to the port that a hanging driver holds, past its lock and without touching settings or buffers."""
+def write_past_lock(port: str, data: bytes) -> bool:
+    """Write to the port that a hanging driver holds, past its lock and without touching settings or buffers. True when
+    it took all."""
     with contextlib.suppress(OSError):
         descriptor = os.open(port, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK)
         try:
-            os.write(descriptor, data)
+            return os.write(descriptor, data) == len(data)
         finally:
             os.close(descriptor)
+    return False
 
 
 def watch(port: str, baud: int, stop: StopBytes, beats: int, answers: int) -> bool:
     """The watchdog's loop, until the file descriptor ``beats`` ends. True when it sent the farewell for a dead driver.
     Another driver may have taken the port meanwhile; it stops the wheels itself when it starts."""
-    last = STANDING
+    last, held = STANDING, _HeldPort(port, baud, stop.halt)
     _answer(answers)
     while True:
         if select.select([beats], [], [], HUNG_AFTER_S)[0]:
             data = os.read(beats, 4096)
             if not data:
                 return last != RELEASED and take_over(port, baud, stop.farewell)
+            held.beaten(began=STANDING in last + data)
             last = data[-1:]
             _answer(answers)
         elif last == TURNING:
-            write_past_lock(port, stop.halt)
+            held.halt()
+
+
+class _HeldPort:
+    """The port through which a driver lets the wheels turn. Another device may take its name when it is lost."""
+
+    def __init__(self, port: str, baud: int, halt: bytes) -> None:
+        self._port, self._baud, self._halt = port, baud, halt
+        self._device, self._halted = _device_at(port), False
+
+    def beaten(self, began: bool) -> None:
+        """The driver works. began: its wheels stood before, so whatever has the port's name now is its port."""
+        self._halted = False
+        if began:
+            self._device = _device_at(self._port)
+
+    def halt(self) -> None:
+        """The driver hangs while the wheels turn: say standstill to its port, again and again. To another device of
+        that name, such as the base plugged in again, say it once, and only if the port has not taken it."""
+        if _device_at(self._port) == self._device:
+            self._halted |= write_past_lock(self._port, self._halt)
+        elif not self._halted:
+            self._halted = take_over(self._port, self._baud, self._halt, attempts=1)
+
+
+def _device_at(port: str) -> tuple[int, int, int] | None:
+    """Which device has this name; None if none has. One that is plugged in again is another one."""
+    with contextlib.suppress(OSError):
+        found = os.stat(port)
+        return found.st_dev, found.st_ino, found.st_rdev
+    return None
 
 
 def _answer(answers: int) -> None:

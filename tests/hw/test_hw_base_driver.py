@@ -7,7 +7,7 @@ from hw_null_modem import LoopbackTransport
 from hw_wire import MS, Wire
 
 from vsx_hw.connection_thread import ConnectionThread
-from vsx_hw.errors import DeviceTimeout
+from vsx_hw.errors import DeviceError, DeviceTimeout
 from vsx_hw.kobuki.protocol import (
     ERROR_MELODY,
     FrameScanner,
@@ -189,6 +189,27 @@ def test_wheels_whose_stop_bytes_were_not_taken_are_not_said_to_stand(kind, monk
     wire.driver._leave(wire)
     assert not turning[-1]
     assert wire.driver.close()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_port_that_is_lost_while_the_wheels_turn_is_no_longer_watched(kind, monkeypatch):
+    """Another device may get its name. Whether the wheels stand is not known."""
+    wire = Wire(kind, monkeypatch)
+    turning: list[bool] = []
+    wire.driver._on_command = turning.append
+    monkeypatch.setattr(ConnectionThread, "close", lambda *_: True)
+    wire.each_ms = lambda: wire.driver.drive(0.2, 0.0)
+    wire.serve(1.0)
+    assert turning[-1]
+
+    def lost(data: bytes) -> None:
+        raise DeviceError("lost while writing")
+
+    monkeypatch.setattr(wire, "write", lost)
+    with pytest.raises(DeviceError):
+        wire.driver._leave(wire)
+    assert not turning[-1]
+    assert not wire.driver.close()
 
 
 def test_a_keeper_whose_thread_hangs_says_so():

@@ -3,11 +3,14 @@
 import contextlib
 import math
 import os
+import pty
 import signal
 import subprocess
 import sys
+import termios
 import threading
 import time
+import tty
 from pathlib import Path
 
 import pytest
@@ -35,31 +38,31 @@ time.sleep(60)
 
 @pytest.fixture
 def driven(tmp_path):
-    """Wheels that a driver in another process lets turn."""
+    """Wheels that a driver in another process lets turn; this process; their emulator."""
     port = str(tmp_path / "ttyKOBUKI")
     plant = FreeWheels(WHEEL_BASE_M)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-    with base_emulator("kobuki", plant, port):
+    with base_emulator("kobuki", plant, port) as emulator:
         process = subprocess.Popen([sys.executable, "-c", DRIVER, port], env=environment)
         try:
             wait_for(lambda: plant.speeds[0] > 0.1, "it takes long to start on a busy machine")
             time.sleep(0.5)
             wait_for(lambda: plant.speeds[0] > 0.1, "it to drive on")
-            yield plant, process
+            yield plant, process, emulator
         finally:
             process.kill()
             process.wait()
 
 
 def test_a_killed_driver_leaves_the_wheels_stopped(driven):
-    plant, process = driven
+    plant, process, _ = driven
     process.kill()
     process.wait()
     wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
 
 
 def test_a_hanging_driver_leaves_the_wheels_stopped_and_may_go_on_later(driven):
-    plant, process = driven
+    plant, process, _ = driven
     process.send_signal(signal.SIGSTOP)
     wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
     time.sleep(0.3)
@@ -74,7 +77,7 @@ def test_a_hanging_driver_leaves_the_wheels_stopped_and_may_go_on_later(driven):
 def test_whoever_is_killed_or_hangs_beside_the_driver_the_last_one_stops_the_wheels(
     driven, driver_end, watchdog_end, which
 ):
-    plant, process = driven
+    plant, process, _ = driven
     watchdogs = sorted(
         int(pid)
         for children in Path(f"/proc/{process.pid}/task").glob("*/children")
@@ -160,6 +163,105 @@ def test_a_driver_that_stands_is_left_alone_by_its_watchdogs(tmp_path):
         watchdogs.beat(True)
         wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
         watchdogs.release()
+
+
+@contextlib.contextmanager
+def another_device():
+    """A terminal; yields a function that gives it a name, and one that returns all bytes written to it so far."""
+    ours, its = pty.openpty()
+    tty.setraw(its)
+    os.set_blocking(ours, False)
+    heard = bytearray()
+
+    def all_bytes():
+        with contextlib.suppress(BlockingIOError):
+            heard.extend(os.read(ours, 4096))
+        return bytes(heard)
+
+    try:
+        yield lambda name: os.symlink(os.ttyname(its), name), all_bytes
+    finally:
+        os.close(ours)
+        os.close(its)
+
+
+@pytest.fixture
+def hung(tmp_path):
+    """Wheels that turn, their emulator, and their port, of which a driver that hangs said last that they may."""
+    port, plant = str(tmp_path / "ttyKOBUKI"), FreeWheels(WHEEL_BASE_M)
+    with base_emulator("kobuki", plant, port) as emulator:
+        watchdogs = Watchdogs(port, BAUD, STOP)
+        try:
+            wait_for(lambda: watchdogs.answer)
+            plant.speeds = (0.1, 0.1)
+            watchdogs.beat(True)
+            wait_for(lambda: watchdogs.answer)
+            yield plant, emulator, port
+        finally:
+            watchdogs.release()
+
+
+def test_the_halt_goes_to_no_other_device_that_takes_the_name_of_the_port(hung):
+    plant, emulator, port = hung
+    wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
+    time.sleep(0.5)  # the other watchdog has said it, too
+    with another_device() as (take, heard):
+        emulator.unplug()
+        take(port)
+        time.sleep(1.5)
+        assert heard() == b""
+
+
+def test_a_base_plugged_in_again_that_heard_no_halt_is_stopped_once_by_each_watchdog(hung):
+    """Who has the name then cannot be told; the driver hangs, and the wheels may turn."""
+    plant, emulator, port = hung
+    emulator.unplug()
+    time.sleep(0.6)
+    assert plant.speeds == (0.1, 0.1)
+    emulator.replug()
+    wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
+    assert termios.tcgetattr(emulator._master)[5] == termios.B115200, "a new terminal has another baud rate"
+    time.sleep(1.0)
+    with another_device() as (take, heard):
+        emulator.unplug()
+        take(port)
+        time.sleep(1.5)
+        assert heard() == b""
+
+
+def states(pid):
+    """The state, as a letter, of each thread that a process still has (man 5 proc)."""
+    told = set()
+    for task in Path(f"/proc/{pid}/task").glob("*"):
+        with contextlib.suppress(OSError):  # it has ended
+            told.add((task / "stat").read_text().rpartition(") ")[2][0])
+    return told
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_base_replugged_while_its_driver_is_dead_or_hangs_is_stopped(driven, end):
+    plant, process, emulator = driven
+    process.send_signal(end)
+    wait_for(lambda: states(process.pid) <= {"T", "Z"}, "it to see nothing of that")
+    emulator.replug()
+    wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
+    time.sleep(0.3)
+    assert plant.speeds == (0.0, 0.0)
+
+
+def test_no_watchdog_writes_to_who_takes_the_name_of_a_port_lost_while_the_wheels_turned(driven, tmp_path):
+    """The driver does when it looks for its base: here it hangs before."""
+    _, process, emulator = driven
+    port = tmp_path / "ttyKOBUKI"
+    terminal = os.path.realpath(port)
+    (held,) = [fd for fd in Path(f"/proc/{process.pid}/fd").iterdir() if os.readlink(fd) == terminal]
+    with another_device() as (take, heard):
+        emulator.unplug()
+        wait_for(lambda: not held.is_symlink(), "the driver to let the port go")
+        process.send_signal(signal.SIGSTOP)
+        take(port)
+        time.sleep(1.5)
+        assert heard() == b""
 
 
 @pytest.mark.parametrize("which", [0, 1])
