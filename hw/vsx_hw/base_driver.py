@@ -2,8 +2,8 @@
 
 A Dialect holds what differs between bases. The safety rules are here, once:
 a command is valid for ``command_timeout_s``, then the wheels stop; without fresh reports the wheels are stopped, and
-turn again after three good reports in a row; a base whose report holds a refusal stands; after a lost connection
-nothing moves until a new command; closing sends the stop bytes."""
+turn again after three good reports in a row; a base whose report holds a refusal stands; after a lost connection, or a
+sleep of the machine, nothing moves until a new command; closing sends the stop bytes."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -11,6 +11,7 @@ from typing import NamedTuple, Protocol
 
 from vsx_hw.connection_thread import ConnectionThread
 from vsx_hw.errors import DeviceError, DeviceTimeout
+from vsx_hw.machine_sleep import SleepWatch, asleep_ns
 from vsx_hw.odometry import WheelOdometry
 from vsx_hw.readings import BaseReading, LinkStatus, Signal
 from vsx_hw.transport import SerialTransport
@@ -86,7 +87,7 @@ class BaseDriver(ConnectionThread):
         self, dialect: Dialect, open_transport: Callable[[], SerialTransport], device: str,
         on_reading: Callable[[BaseReading], None],
         on_link: Callable[[bool, str], None] = lambda connected, message: None, command_timeout_s: float = 0.25,
-        on_command: Callable[[bool], None] = lambda turning: None,
+        on_command: Callable[[bool], None] = lambda turning: None, asleep_ns: Callable[[], int] = asleep_ns,
     ) -> None:  # fmt: skip
         super().__init__(device, open_transport, BACKOFF_S, on_link)
         self._dialect = dialect
@@ -97,6 +98,7 @@ class BaseDriver(ConnectionThread):
         self._row, self._damage, self._refusal = 0, 0, ""
         self._sent = _STILL
         self._signal, self._shown = Signal.READY, ""
+        self._sleep = SleepWatch(asleep_ns)
 
     def drive(self, v_m_s: float, omega_rad_s: float, until_ns: int | None = None) -> None:
         """Move like this until the next command, at most until the timeout or the instant until_ns (monotonic)."""
@@ -140,6 +142,9 @@ class BaseDriver(ConnectionThread):
             readings = self._listen(transport, sent_ns + self._period_ns(answered))
             now_ns = time.monotonic_ns()
             answered = answered or bool(readings)
+            if slept_s := self._sleep.slept_s():  # what was said and reported before looks fresh
+                self._command, self._row = None, 0
+                self.report(False, f"the machine slept for {slept_s:.1f} s; the wheels stand until a new command")
             if now_ns - self._last_reading_ns > SILENT_NS:
                 silent = f"{self._heard()} for {SILENT_NS / 1e9:.0f} s"
                 raise DeviceTimeout(f"{self._name}: {silent}; {self._dialect.silence()}")

@@ -172,12 +172,16 @@ class LinkStatus(NamedTuple):
 
 
 def host_ahead_ns() -> int:
-    """By how much the host's time since the epoch is ahead of its monotonic time; only a step of the clock changes it.
-    Read again when the process was interrupted."""
+    """By how much the host's time since the epoch is ahead of its monotonic time; a step of the clock changes it."""
+    return ahead_of_monotonic_ns(time.time_ns)
+
+
+def ahead_of_monotonic_ns(clock_ns: Callable[[], int]) -> int:
+    """By how much a clock is ahead of the host's monotonic time. Read again when the process was interrupted."""
     spans = []
     for _ in range(TRIES):
-        begin_ns, wall_ns, end_ns = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
-        spans.append((end_ns - begin_ns, wall_ns - begin_ns))
+        begin_ns, told_ns, end_ns = time.monotonic_ns(), clock_ns(), time.monotonic_ns()
+        spans.append((end_ns - begin_ns, told_ns - begin_ns))
         if spans[-1][0] < UNINTERRUPTED_NS:
             break
     return min(spans)[1]

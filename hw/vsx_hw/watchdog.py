@@ -3,8 +3,9 @@
 A base may follow its last command for ever. The driver sends a beat through a pipe after each command. When the beats
 stop while the wheels turn, a watchdog writes standstill to the port (the driver may still hold it and resume later).
 When the pipe closes without a release, the driver is dead and the watchdog sends the farewell. A watchdog answers each
-beat, so the driver knows that it is guarded. The two do not know each other: whichever of the three processes die or
-hang at once, the remaining one stops the wheels."""
+beat, so the driver knows that it is guarded. When the machine slept while the wheels turned, a watchdog that wakes up
+writes standstill, too: the driver slept with it. The two do not know each other: whichever of the three processes die
+or hang at once, the remaining one stops the wheels."""
 
 import contextlib
 import math
@@ -15,9 +16,11 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from typing import NamedTuple
 
 from vsx_hw.errors import DeviceError
+from vsx_hw.machine_sleep import SleepWatch, asleep_ns
 from vsx_hw.transport import SerialTransport
 
 STANDING, TURNING, RELEASED = b"s", b"t", b"r"
@@ -150,21 +153,24 @@ def write_past_lock(port: str, data: bytes) -> bool:
     return False
 
 
-def watch(port: str, baud: int, stop: StopBytes, beats: int, answers: int) -> bool:
+def watch(
+    port: str, baud: int, stop: StopBytes, beats: int, answers: int, asleep_ns: Callable[[], int] = asleep_ns
+) -> bool:
     """The watchdog's loop, until the file descriptor ``beats`` ends. True when it sent the farewell for a dead driver.
     Another driver may have taken the port meanwhile; it stops the wheels itself when it starts."""
-    last, held = STANDING, _HeldPort(port, baud, stop.halt)
+    last, held, sleep = STANDING, _HeldPort(port, baud, stop.halt), SleepWatch(asleep_ns)
     _answer(answers)
     while True:
-        if select.select([beats], [], [], HUNG_AFTER_S)[0]:
+        beaten, slept = bool(select.select([beats], [], [], HUNG_AFTER_S)[0]), sleep.slept_s() > 0.0
+        if last == TURNING and (slept or not beaten):
+            held.halt()
+        if beaten:
             data = os.read(beats, 4096)
             if not data:
                 return last != RELEASED and take_over(port, baud, stop.farewell)
             held.beaten(began=STANDING in last + data)
             last = data[-1:]
             _answer(answers)
-        elif last == TURNING:
-            held.halt()
 
 
 class _HeldPort:
@@ -181,8 +187,8 @@ class _HeldPort:
             self._device = _device_at(self._port)
 
     def halt(self) -> None:
-        """The driver hangs while the wheels turn: say standstill to its port, again and again. To another device of
-        that name, such as the base plugged in again, say it once, and only if the port has not taken it."""
+        """The driver hangs, or slept, while the wheels turn: say standstill to its port, again and again. To another
+        device of that name, such as the base plugged in again, say it once, and only if the port has not taken it."""
         if _device_at(self._port) == self._device:
             self._halted |= write_past_lock(self._port, self._halt)
         elif not self._halted:

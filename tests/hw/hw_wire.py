@@ -16,11 +16,12 @@ class Wire:
     """The cable, the board at its end, and the clock of both. ``each_ms`` is called once a simulated millisecond.
 
     written: (time_ns, bytes) of every write. now_ns starts at 1 s: the driver takes zero for never.
+    asleep_ns: how long the machine has slept.
     plant: the wheels, if not ``FreeWheels``. on_reading: who hears of the readings, if not ``readings``.
     """
 
     def __init__(self, kind: str, monkeypatch, plant=None, on_reading=None) -> None:
-        self.kind, self.now_ns = kind, 1000 * MS
+        self.kind, self.now_ns, self.asleep_ns = kind, 1000 * MS, 0
         self.plant = plant or FreeWheels(BASES[kind].wheel_base_m)
         self.board = base_emulator(kind, self.plant, "", seed=4)._board
         self.written: list[tuple[int, bytes]] = []
@@ -29,7 +30,9 @@ class Wire:
         self._inbox = b""
         self._end_ns = 0
         on_reading = on_reading or self.readings.append
-        self.driver = base_driver.BaseDriver(BASES[kind].dialect(1.0, 1.0), lambda: self, kind, on_reading)
+        self.driver = base_driver.BaseDriver(
+            BASES[kind].dialect(1.0, 1.0), lambda: self, kind, on_reading, asleep_ns=lambda: self.asleep_ns
+        )
         self.driver.closing = self
         clock = SimpleNamespace(monotonic_ns=lambda: self.now_ns, time_ns=lambda: self.now_ns, sleep=self.sleep)
         monkeypatch.setattr(base_driver, "time", clock)

@@ -17,7 +17,8 @@ from vsx_hw.kobuki.protocol import (
     outputs_payload,
     sub_payloads,
 )
-from vsx_hw.readings import Signal
+from vsx_hw.readings import BaseReading, Signal
+from vsx_hw.safety import SpeedLimits, Supervisor
 
 KINDS = ["kobuki", "create", "create2"]
 
@@ -210,6 +211,41 @@ def test_a_port_that_is_lost_while_the_wheels_turn_is_no_longer_watched(kind, mo
         wire.driver._leave(wire)
     assert not turning[-1]
     assert not wire.driver.close()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_after_a_sleep_of_the_machine_the_wheels_stand_until_a_new_command(kind, monkeypatch):
+    """The clock of the commands and reports stood meanwhile: what was said last seems to be 10 ms old."""
+    wire = Wire(kind, monkeypatch)
+    supervisor, links = Supervisor(SpeedLimits()), []
+    asleep_from_ns, commands_again_ns = 2000 * MS, 3000 * MS
+
+    def answer(reading: BaseReading) -> None:
+        supervisor.answer(wire.now_ns, reading, "")
+        decision = supervisor.decide(wire.now_ns, reading.hazards)
+        wire.driver.drive(decision.v_m_s, decision.omega_rad_s, decision.until_ns)
+
+    def forget(connected: bool, message: str) -> None:
+        supervisor.forget_commands()
+        links.append((connected, message))
+
+    def command() -> None:
+        if wire.now_ns <= asleep_from_ns or wire.now_ns >= commands_again_ns:
+            supervisor.command("teleop", 0.2, 0.0, wire.now_ns)  # valid for half a second
+        if wire.now_ns == asleep_from_ns + 10 * MS:
+            wire.asleep_ns += 35_000 * MS
+
+    wire.driver._on_reading, wire.driver._on_link, wire.each_ms = answer, forget, command
+    wire.serve(4.0)
+    told = [(time_ns - asleep_from_ns, v) for time_ns, v in wire.driven()]
+    assert max(v for time_ns, v in told if -500 * MS < time_ns < 0) == pytest.approx(0.2, abs=0.001)
+    woken = [v for time_ns, v in told if 60 * MS <= time_ns < 1000 * MS]
+    assert len(woken) > 30
+    assert set(woken) == {0.0}
+    assert told[-1][1] == pytest.approx(0.2, abs=0.001)
+    assert [message for connected, message in links if not connected] == [
+        "the machine slept for 35.0 s; the wheels stand until a new command"
+    ]
 
 
 def test_a_keeper_whose_thread_hangs_says_so():

@@ -21,7 +21,7 @@ from vsx_hw.bases import BASES, base_emulator
 from vsx_hw.errors import DeviceError
 from vsx_hw.kobuki.protocol import BAUD, WHEEL_BASE_M
 from vsx_hw.transport import SerialTransport
-from vsx_hw.watchdog import Watchdogs, take_over
+from vsx_hw.watchdog import RELEASED, STANDING, TURNING, Watchdogs, take_over, watch
 
 STOP = BASES["kobuki"].stop_bytes()
 
@@ -262,6 +262,44 @@ def test_no_watchdog_writes_to_who_takes_the_name_of_a_port_lost_while_the_wheel
         take(port)
         time.sleep(1.5)
         assert heard() == b""
+
+
+@pytest.mark.parametrize(("word", "speeds"), [(TURNING, (0.0, 0.0)), (STANDING, (0.1, 0.1))])
+def test_a_watchdog_that_wakes_from_a_sleep_of_the_machine_stops_turning_wheels(tmp_path, monkeypatch, word, speeds):
+    """Driver and watchdog slept at once, so no beat is missing."""
+    monkeypatch.setattr("vsx_hw.watchdog.HUNG_AFTER_S", 2 * PATIENCE_S)
+    port, plant, asleep_ns = str(tmp_path / "ttyKOBUKI"), FreeWheels(WHEEL_BASE_M), [7]
+    (beats, beat), (heard, answers) = os.pipe(), os.pipe()
+    arguments = (port, BAUD, STOP, beats, answers, lambda: asleep_ns[0])
+    watching = threading.Thread(target=watch, args=arguments, daemon=True)
+
+    def answered(said):
+        os.write(beat, said)
+        assert os.read(heard, 1)
+
+    with base_emulator("kobuki", plant, port):
+        plant.speeds = (0.1, 0.1)
+        watching.start()
+        assert os.read(heard, 1), "it works"
+        answered(word)
+        answered(word)
+        time.sleep(0.1)
+        assert plant.speeds == (0.1, 0.1)
+        asleep_ns[0] += 10**9
+        answered(word)
+        wait_for(lambda: plant.speeds == speeds, within_s=5.0)
+        time.sleep(0.1)
+        assert plant.speeds == speeds
+        plant.speeds = (0.2, 0.2)
+        answered(TURNING)
+        answered(TURNING)
+        time.sleep(0.1)
+        assert plant.speeds == (0.2, 0.2), "that sleep is over"
+        answered(RELEASED)
+        os.close(beat)
+        watching.join(PATIENCE_S)
+    for descriptor in (beats, heard, answers):
+        os.close(descriptor)
 
 
 @pytest.mark.parametrize("which", [0, 1])

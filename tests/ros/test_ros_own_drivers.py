@@ -127,7 +127,7 @@ class TopicRig:
     """A TopicBase without a master, on a clock of its own. sent: (now_s, v [m/s]) of every command."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.now_s = 100.0
+        self.now_s, self.asleep_ns = 100.0, 0
         self.sent: list[tuple[float, float]] = []
         self.links: list[bool] = []
         self.readings: list[int] = []
@@ -136,8 +136,9 @@ class TopicRig:
         monkeypatch.setattr(rospy, "Publisher", lambda *_, **__: self)
         monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
         self.base = topic_base.TopicBase(
-            topic_base.TopicNames(), self._on_reading, lambda connected, _: self.links.append(connected), 0.25
-        )
+            topic_base.TopicNames(), self._on_reading, lambda connected, _: self.links.append(connected), 0.25,
+            lambda: self.asleep_ns,
+        )  # fmt: skip
 
     def publish(self, twist: Twist) -> None:
         self.sent.append((self.now_s, twist.linear.x))
@@ -167,6 +168,24 @@ def test_a_base_on_topics_stands_until_three_stamps_in_a_row_have_risen(
     assert any(rig.tell(1000, 1050, 1100))
     assert rig.base.status().connected
     assert rig.links == [True]
+
+
+@pytest.mark.parametrize("first", [(), (1200,)])
+def test_a_base_on_topics_stands_after_a_sleep_of_the_machine(
+    first: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody's clock has counted it: the command and the reading seem to be fresh."""
+    rig = TopicRig(monkeypatch)
+    assert any(rig.tell(1000, 1050, 1100, 1150))
+    rig.asleep_ns += 35 * 10**9
+    told = rig.tell(*first)
+    rig.base._send()
+    assert rig.sent
+    assert not any(told + [v for _, v in rig.sent])
+    assert rig.links == [True, False]
+    assert not any(rig.tell(1250))
+    assert any(rig.tell(1300, 1350, 1400))
+    assert rig.links == [True, False, True]
 
 
 def test_odometry_without_a_twist_has_the_speeds_of_its_poses(monkeypatch: pytest.MonkeyPatch) -> None:

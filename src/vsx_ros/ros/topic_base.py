@@ -8,6 +8,7 @@ commands cease."""
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -18,6 +19,7 @@ from geometry_msgs.msg import Twist
 
 from vsx_hw.base_driver import ROW
 from vsx_hw.errors import DeviceError
+from vsx_hw.machine_sleep import SleepWatch, asleep_ns
 from vsx_hw.readings import BaseReading, BatteryReading, Hazard, LinkStatus, OdometryReading, Signal
 from vsx_ros.errors import ConfigError
 from vsx_ros.robot import STOP, Odometry, VelocityCommand
@@ -59,10 +61,11 @@ class TopicBase:
         on_reading: Callable[[BaseReading], None],
         on_link: Callable[[bool, str], None],
         command_timeout_s: float,
+        asleep_ns: Callable[[], int] = asleep_ns,
     ) -> None:
         self._names, self._on_reading, self._on_link = names, on_reading, on_link
         self._timeout_ns = round(command_timeout_s * 1e9)
-        self._lock = threading.Lock()
+        self._lock, self._sleep = threading.Lock(), SleepWatch(asleep_ns)
         self._command, self._until_ns = STOP, 0
         self._zero_until_s = self._heard_s = 0.0
         self._stamp_ns, self._row = 0, 0  # of the latest reading; readings in a row whose stamps rise, at most ROW
@@ -116,6 +119,8 @@ class TopicBase:
         return ""
 
     def _is_stale(self) -> bool:
+        if self._sleep.slept_s():  # what was heard before looks fresh
+            self._heard_s = -math.inf
         return time.monotonic() - self._heard_s >= _ODOMETRY_WITHIN_S
 
     def _is_new(self, stamp_ns: int) -> bool:
