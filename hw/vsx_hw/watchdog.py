@@ -25,6 +25,7 @@ from vsx_hw.transport import SerialTransport
 
 STANDING, TURNING, RELEASED = b"s", b"t", b"r"
 HUNG_AFTER_S = 0.25  # The driver beats at least every 50 ms
+HALTS = 2  # one may be lost with the cable that is pulled just then
 ANSWER_S = 0.3  # several beats
 PATIENCE_S = 5.0  # A new watchdog may take so long to start on a busy machine
 ATTEMPTS, PAUSE_S = 40, 0.05  # two seconds, in which the dead driver's port becomes free
@@ -178,21 +179,21 @@ class _HeldPort:
 
     def __init__(self, port: str, baud: int, halt: bytes) -> None:
         self._port, self._baud, self._halt = port, baud, halt
-        self._device, self._halted = _device_at(port), False
+        self._device, self._halts = _device_at(port), 0
 
     def beaten(self, began: bool) -> None:
         """The driver works. began: its wheels stood before, so whatever has the port's name now is its port."""
-        self._halted = False
+        self._halts = 0
         if began:
             self._device = _device_at(self._port)
 
     def halt(self) -> None:
         """The driver hangs, or slept, while the wheels turn: say standstill to its port, again and again. To another
-        device of that name, such as the base plugged in again, say it once, and only if the port has not taken it."""
+        device of that name, such as the base plugged in again, say only as many as the port has not taken."""
         if _device_at(self._port) == self._device:
-            self._halted |= write_past_lock(self._port, self._halt)
-        elif not self._halted:
-            self._halted = take_over(self._port, self._baud, self._halt, attempts=1)
+            self._halts += write_past_lock(self._port, self._halt)
+        elif self._halts < HALTS:
+            self._halts += take_over(self._port, self._baud, self._halt, attempts=1)
 
 
 def _device_at(port: str) -> tuple[int, int, int] | None:

@@ -4,6 +4,7 @@ import contextlib
 import math
 import os
 import pty
+import select
 import signal
 import subprocess
 import sys
@@ -21,7 +22,7 @@ from vsx_hw.bases import BASES, base_emulator
 from vsx_hw.errors import DeviceError
 from vsx_hw.kobuki.protocol import BAUD, WHEEL_BASE_M
 from vsx_hw.transport import SerialTransport
-from vsx_hw.watchdog import RELEASED, STANDING, TURNING, Watchdogs, take_over, watch
+from vsx_hw.watchdog import HALTS, RELEASED, STANDING, TURNING, Watchdogs, take_over, watch
 
 STOP = BASES["kobuki"].stop_bytes()
 
@@ -185,48 +186,88 @@ def another_device():
         os.close(its)
 
 
+class Watched:
+    """An emulated base and one watchdog of it, in a thread: nothing depends on how busy the machine is.
+
+    hung_after_s: holds from the next beat on. heard: all that came to the base."""
+
+    def __init__(self, port, monkeypatch):
+        self.port, self.plant, self.asleep_ns, self.heard = port, FreeWheels(WHEEL_BASE_M), 7, bytearray()
+        self.hung_after_s = 2 * PATIENCE_S
+        monkeypatch.setattr("vsx_hw.watchdog.select", self)
+        self.emulator = base_emulator("kobuki", self.plant, port)
+        receive = self.emulator._board.receive
+        monkeypatch.setattr(
+            self.emulator._board, "receive", lambda data, now: (self.heard.extend(data), receive(data, now))
+        )
+        (self._beats, self._beat), (self._answers, self._answer) = os.pipe(), os.pipe()
+        arguments = (port, BAUD, STOP, self._beats, self._answer, lambda: self.asleep_ns)
+        self._thread = threading.Thread(target=watch, args=arguments, daemon=True)
+
+    def __enter__(self):
+        self.emulator.start()
+        self._held = os.open(self.port, os.O_RDWR | os.O_NOCTTY)  # by the driver
+        self.plant.speeds = (0.1, 0.1)
+        self._thread.start()
+        assert os.read(self._answers, 1), "it works"
+        return self
+
+    def __exit__(self, *_):
+        self.say(RELEASED)
+        os.close(self._beat)
+        self._thread.join(PATIENCE_S)
+        self.emulator.close()
+        for descriptor in (self._beats, self._answers, self._answer, self._held):
+            os.close(descriptor)
+
+    def say(self, word):
+        """A beat, and its answer."""
+        os.write(self._beat, word)
+        assert os.read(self._answers, 1)
+
+    def select(self, read, write, other, _):
+        """See ``select.select``."""
+        return select.select(read, write, other, self.hung_after_s)
+
+
 @pytest.fixture
-def hung(tmp_path):
-    """Wheels that turn, their emulator, and their port, of which a driver that hangs said last that they may."""
-    port, plant = str(tmp_path / "ttyKOBUKI"), FreeWheels(WHEEL_BASE_M)
-    with base_emulator("kobuki", plant, port) as emulator:
-        watchdogs = Watchdogs(port, BAUD, STOP)
-        try:
-            wait_for(lambda: watchdogs.answer)
-            plant.speeds = (0.1, 0.1)
-            watchdogs.beat(True)
-            wait_for(lambda: watchdogs.answer)
-            yield plant, emulator, port
-        finally:
-            watchdogs.release()
+def watched(tmp_path, monkeypatch):
+    with Watched(str(tmp_path / "ttyKOBUKI"), monkeypatch) as made:
+        yield made
 
 
-def test_the_halt_goes_to_no_other_device_that_takes_the_name_of_the_port(hung):
-    plant, emulator, port = hung
-    wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
-    time.sleep(0.5)  # the other watchdog has said it, too
+def silence_after(watched):
+    """What another device hears that takes the name of the port."""
     with another_device() as (take, heard):
-        emulator.unplug()
-        take(port)
-        time.sleep(1.5)
-        assert heard() == b""
+        watched.emulator.unplug()
+        take(watched.port)
+        time.sleep(0.5)
+        return heard()
 
 
-def test_a_base_plugged_in_again_that_heard_no_halt_is_stopped_once_by_each_watchdog(hung):
+def test_the_halt_goes_to_no_other_device_that_takes_the_name_of_the_port(watched):
+    watched.hung_after_s = 0.05
+    watched.say(TURNING)
+    wait_for(lambda: watched.heard.count(STOP.halt) >= HALTS)
+    assert watched.plant.speeds == (0.0, 0.0)
+    assert silence_after(watched) == b""
+
+
+def test_a_base_plugged_in_again_that_heard_no_halt_is_stopped_twice_and_no_more(watched):
     """Who has the name then cannot be told; the driver hangs, and the wheels may turn."""
-    plant, emulator, port = hung
-    emulator.unplug()
-    time.sleep(0.6)
-    assert plant.speeds == (0.1, 0.1)
-    emulator.replug()
-    wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
-    assert termios.tcgetattr(emulator._master)[5] == termios.B115200, "a new terminal has another baud rate"
-    time.sleep(1.0)
-    with another_device() as (take, heard):
-        emulator.unplug()
-        take(port)
-        time.sleep(1.5)
-        assert heard() == b""
+    watched.say(TURNING)
+    watched.emulator.unplug()
+    watched.hung_after_s = 0.05
+    watched.say(TURNING)
+    time.sleep(0.3)
+    assert watched.plant.speeds == (0.1, 0.1)
+    watched.emulator.replug()
+    wait_for(lambda: watched.heard.count(STOP.halt) == HALTS)
+    assert watched.plant.speeds == (0.0, 0.0)
+    assert termios.tcgetattr(watched.emulator._master)[5] == termios.B115200, "a new terminal has another baud rate"
+    time.sleep(0.3)
+    assert watched.heard.count(STOP.halt) == HALTS
+    assert silence_after(watched) == b""
 
 
 def states(pid):
@@ -241,8 +282,10 @@ def states(pid):
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_base_replugged_while_its_driver_is_dead_or_hangs_is_stopped(driven, end):
     plant, process, emulator = driven
-    process.send_signal(end)
+    process.send_signal(signal.SIGSTOP)
     wait_for(lambda: states(process.pid) <= {"T", "Z"}, "it to see nothing of that")
+    emulator.unplug()
+    process.send_signal(end)
     emulator.replug()
     wait_for(lambda: plant.speeds == (0.0, 0.0), within_s=5.0)
     time.sleep(0.3)
@@ -265,41 +308,22 @@ def test_no_watchdog_writes_to_who_takes_the_name_of_a_port_lost_while_the_wheel
 
 
 @pytest.mark.parametrize(("word", "speeds"), [(TURNING, (0.0, 0.0)), (STANDING, (0.1, 0.1))])
-def test_a_watchdog_that_wakes_from_a_sleep_of_the_machine_stops_turning_wheels(tmp_path, monkeypatch, word, speeds):
+def test_a_watchdog_that_wakes_from_a_sleep_of_the_machine_stops_turning_wheels(watched, word, speeds):
     """Driver and watchdog slept at once, so no beat is missing."""
-    monkeypatch.setattr("vsx_hw.watchdog.HUNG_AFTER_S", 2 * PATIENCE_S)
-    port, plant, asleep_ns = str(tmp_path / "ttyKOBUKI"), FreeWheels(WHEEL_BASE_M), [7]
-    (beats, beat), (heard, answers) = os.pipe(), os.pipe()
-    arguments = (port, BAUD, STOP, beats, answers, lambda: asleep_ns[0])
-    watching = threading.Thread(target=watch, args=arguments, daemon=True)
-
-    def answered(said):
-        os.write(beat, said)
-        assert os.read(heard, 1)
-
-    with base_emulator("kobuki", plant, port):
-        plant.speeds = (0.1, 0.1)
-        watching.start()
-        assert os.read(heard, 1), "it works"
-        answered(word)
-        answered(word)
-        time.sleep(0.1)
-        assert plant.speeds == (0.1, 0.1)
-        asleep_ns[0] += 10**9
-        answered(word)
-        wait_for(lambda: plant.speeds == speeds, within_s=5.0)
-        time.sleep(0.1)
-        assert plant.speeds == speeds
-        plant.speeds = (0.2, 0.2)
-        answered(TURNING)
-        answered(TURNING)
-        time.sleep(0.1)
-        assert plant.speeds == (0.2, 0.2), "that sleep is over"
-        answered(RELEASED)
-        os.close(beat)
-        watching.join(PATIENCE_S)
-    for descriptor in (beats, heard, answers):
-        os.close(descriptor)
+    watched.say(word)
+    watched.say(word)
+    time.sleep(0.1)
+    assert watched.plant.speeds == (0.1, 0.1)
+    watched.asleep_ns += 10**9
+    watched.say(word)
+    wait_for(lambda: watched.plant.speeds == speeds, within_s=5.0)
+    time.sleep(0.1)
+    assert watched.plant.speeds == speeds
+    watched.plant.speeds = (0.2, 0.2)
+    watched.say(TURNING)
+    watched.say(TURNING)
+    time.sleep(0.1)
+    assert watched.plant.speeds == (0.2, 0.2), "that sleep is over"
 
 
 @pytest.mark.parametrize("which", [0, 1])
