@@ -11,6 +11,7 @@ from vsx_hw import bases
 from vsx_hw.base_driver import BaseDriver, Dialect
 from vsx_hw.errors import DeviceError
 from vsx_hw.kobuki.driver import KobukiDialect
+from vsx_hw.machine_sleep import keep_awake
 from vsx_hw.readings import BaseReading, LinkStatus, Signal
 from vsx_hw.safety import SOURCES, SpeedLimits, Supervisor
 from vsx_hw.transport import SerialTransport
@@ -134,9 +135,13 @@ class NoWatchdogs(Watchdogs):
 
 
 def base_watchdogs(settings: BaseSettings) -> Watchdogs:
-    """The processes that stop a base at a serial port if this process dies or hangs. Raises as ``base_driver`` does."""
+    """The processes that stop a base at a serial port if this process dies or hangs. All of them would sleep with
+    the machine, so that is kept awake. Raises as ``base_driver`` does."""
     entry = _entry(settings.robot_type)
-    return NoWatchdogs() if entry.stop is None else Watchdogs(settings.port, entry.baud, entry.stop)
+    if entry.stop is None:
+        return NoWatchdogs()
+    keep_awake(settings.port)
+    return Watchdogs(settings.port, entry.baud, entry.stop)
 
 
 def wired(robot_type: str) -> bases.BaseKind:
