@@ -38,6 +38,10 @@ _ENDS = f"# The last line of this file is '{_END}'; without it, the file was cut
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
+class OverLimitError(ValueError):
+    """An input asks for more than is allowed; it need not be damaged."""
+
+
 class Allowance:
     """The number of bytes that may still be created from an input."""
 
@@ -46,9 +50,9 @@ class Allowance:
         self.left = floor + ratio * given
 
     def take(self, count: int, what: str) -> None:
-        """Use count bytes. Raises ValueError, before anything is created, if that is more than is left."""
+        """Use count bytes. Raises OverLimitError, before anything is created, if that is more than is left."""
         if count > self.left:
-            raise ValueError(f"{what} asks for {count} bytes, where {self.left} are left for a file of its size")
+            raise OverLimitError(f"{what} asks for {count} bytes, where {self.left} are left for a file of its size")
         self.left -= count
 
 

@@ -17,7 +17,7 @@ from ruamel.yaml.error import YAMLError
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.io.bag_without_index import UnindexedBag
 from vsx_ros.io.bounded_rosbags import BoundedRos1, BoundedRos2, ZstdError
-from vsx_ros.limits import DAMAGE
+from vsx_ros.limits import DAMAGE, OverLimitError
 
 METADATA = "metadata.yaml"  # a folder with this file is a ROS 2 bag
 
@@ -83,6 +83,8 @@ def _damage_explained(path: Path, *, ros2: bool) -> Iterator[None]:
         raise
     except PermissionError as error:
         raise InputError(f"bag {path} may not be read; check its permissions") from error
+    except OverLimitError as error:
+        raise InputError(f"bag {path} is too large when it is unpacked ({error}); cut it into parts") from error
     except _DAMAGE as error:
         remedy = _remedy(path, error, ros2=ros2)
         raise InputError(f"bag {path} is cut short or damaged ({_detail(error)}); copy it again, {remedy}") from error
@@ -91,7 +93,7 @@ def _damage_explained(path: Path, *, ros2: bool) -> Iterator[None]:
 def _opened_ros1(path: Path, stack: ExitStack) -> Messages:
     try:
         return Messages(stack.enter_context(BoundedRos1(path)), path, ros2=False)
-    except PermissionError:
+    except (PermissionError, OverLimitError):
         raise
     except _DAMAGE as error:
         bag = UnindexedBag(path)

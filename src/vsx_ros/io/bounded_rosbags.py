@@ -1,20 +1,24 @@
 """rosbags' readers with limits: the size that a bag declares is checked first, and no more is unpacked.
 
-A packed chunk may hold an image, so its limit is a large raw image. A whole bag may unpack to a multiple of its size,
-so that bags of many gigabytes can still be read. The readers of MCAP and of single packed files and messages take their
-decompressors from their modules, so they are replaced there. Quality-of-service profiles, YAML inside YAML, are not
-needed and not parsed."""
+A packed chunk may hold an image, so its limit is a large raw image. One after the other is in memory, so a whole bag
+may unpack to many gigabytes: simulated images of plain colour pack a thousandfold. The readers of MCAP and of single
+packed files and messages take their decompressors from their modules, so they are replaced there. Quality-of-service
+profiles, YAML inside YAML, are not needed and not parsed."""
 
 import bz2
 import io
 import sqlite3
 import sys
+from collections.abc import Iterator
 from contextlib import closing
 from functools import partial
 from pathlib import Path
+from shutil import disk_usage
+from tempfile import gettempdir
 from types import SimpleNamespace
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
+import apsw
 import lz4.frame  # type: ignore[import-untyped]  # ships no types
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1.reader import Chunk, Header, IndexData, RecordType
@@ -22,7 +26,7 @@ from rosbags.rosbag2 import Reader as Ros2Reader
 from rosbags.rosbag2 import reader as ros2_reader
 from rosbags.rosbag2 import storage_mcap, storage_sqlite3
 
-from vsx_ros.limits import MIB, Allowance, file_text, yaml_tree
+from vsx_ros.limits import MIB, Allowance, OverLimitError, file_text, yaml_tree
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -31,7 +35,8 @@ else:
 
 ZstdError = zstd.ZstdError
 MAX_UNPACKED = 64 * MIB  # of a packed chunk or message: a colour image of 20 megapixels
-_FLOOR, _RATIO = 128 * MIB, 32  # bytes that any bag may unpack to; multiple of its own size
+_MOST_RECORD = 2 * MAX_UNPACKED  # bytes of a record as it is stored: of MCAP, or a row
+_FLOOR, _RATIO = 65_536 * MIB, 32  # bytes that any bag may unpack to, half an hour of raw video; multiple of its size
 _PASSES = 4  # odometry, truth and stamps of images are read one after the other
 
 
@@ -66,16 +71,17 @@ def _message(data: bytes) -> bytes:
 
 
 class _File(io.RawIOBase):
-    """A packed file, read from beginning to end."""
+    """A packed file, read from beginning to end. rosbags unpacks it to the disk: half the free space may be taken."""
 
     def __init__(self, file: BinaryIO, _mode: str) -> None:
         self._content = zstd.open(file, "rb")
-        self._allowance = unpacking_of(file.seek(0, io.SEEK_END))
-        file.seek(0)
+        self._left = disk_usage(gettempdir()).free // 2
 
     def read(self, count: int = -1) -> bytes:
         content: bytes = self._content.read(count if 0 <= count <= MIB else MIB)
-        self._allowance.take(len(content), "its packed file")
+        self._left -= len(content)
+        if self._left < 0:
+            raise OverLimitError(f"its packed file takes more than half of what is free in {gettempdir()}, see TMPDIR")
         return content
 
 
@@ -99,10 +105,11 @@ class BoundedRos1(Ros1Reader):  # type: ignore[misc]  # to mypy, rosbags is with
         chunk = super().read_chunk()
         if kind == "none":
             return chunk
-        self._declared.take(size, "what its chunks hold")
+        used = min(size, MAX_UNPACKED)
+        self._declared.take(used, "what its chunks hold")
 
         def decompressed(data: bytes) -> bytes:
-            self._unpacked.take(size, "what its chunks hold")
+            self._unpacked.take(used, "what its chunks hold")
             return _exactly(kind, data, size)
 
         return chunk._replace(decompressor=decompressed)
@@ -117,19 +124,32 @@ class BoundedRos1(Ros1Reader):  # type: ignore[misc]  # to mypy, rosbags is with
             raise ValueError("its index is longer than the file")
 
 
+def _read_exact(file: BinaryIO, size: int) -> bytes:
+    if size > _MOST_RECORD:
+        at = file.tell()
+        if size > file.seek(0, io.SEEK_END) - at:
+            raise EOFError(f"a record of {size} bytes is cut off")
+        raise OverLimitError(f"a record has {size} bytes, at most {_MOST_RECORD} can be used")
+    return bytes(_read_whole(file, size))
+
+
 class _Mcap(storage_mcap.McapReader):  # type: ignore[misc]  # as above
     def open(self) -> None:
         """Limits the chunks of the same time together: they are in memory at once."""
         super().open()
         size = Path(self.path).stat().st_size
-        total, together = unpacking_of(size), Allowance(2 * MAX_UNPACKED, size, 1)
+        total, together = unpacking_of(size), Allowance(_MOST_RECORD, size, 1)
         ends: list[tuple[int, int]] = []
         for chunk in self.chunks:
-            total.take(chunk.uncompressed_size, "what its chunks hold")
-            ends += [(chunk.message_start_time, chunk.uncompressed_size)]
-            ends += [(chunk.message_end_time + 1, -chunk.uncompressed_size)]
+            used = min(chunk.uncompressed_size, _MOST_RECORD)
+            total.take(used, "what its chunks hold")
+            ends += [(chunk.message_start_time, used), (chunk.message_end_time + 1, -used)]
         for _, change in sorted(ends):
             together.take(change, "what its chunks of one time hold")
+
+
+def _limit_rows(base: apsw.Connection) -> None:
+    base.limit(apsw.SQLITE_LIMIT_LENGTH, _MOST_RECORD)
 
 
 class _Sqlite3(storage_sqlite3.Sqlite3Reader):  # type: ignore[misc]  # as above
@@ -143,6 +163,13 @@ class _Sqlite3(storage_sqlite3.Sqlite3Reader):  # type: ignore[misc]  # as above
         if computed is not None:
             raise ValueError(f"its table {str(computed[0])[:40]!r} is computed, where a bag's hold data")
         super().open()
+
+    def messages(self, *args: Any) -> Iterator[tuple[Any, int, bytes]]:
+        """Like rosbags; raises OverLimitError at a message that would take too much memory."""
+        try:
+            yield from super().messages(*args)
+        except apsw.TooBigError as error:
+            raise OverLimitError(f"a message has more than {_MOST_RECORD} bytes") from error
 
 
 class _Directory(ros2_reader.DirectoryReader):  # type: ignore[misc]  # as above
@@ -163,6 +190,8 @@ class BoundedRos2(Ros2Reader):  # type: ignore[misc]  # as above
     STORAGE_PLUGINS = {"dir": _Directory, ".mcap": _Mcap, ".db3": _Sqlite3}
 
 
+apsw.connection_hooks.append(_limit_rows)
+_read_whole, storage_mcap.read_exact = storage_mcap.read_exact, _read_exact
 storage_mcap.DECOMPRESSORS.update({kind: partial(_exactly, kind) for kind in ("lz4", "zstd")})
 ros2_reader.zstd = SimpleNamespace(decompress=_message, open=_File)  # type: ignore[assignment]  # as above
 for module in (storage_mcap, storage_sqlite3, ros2_reader):
