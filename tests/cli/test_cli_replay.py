@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import yaml
 from chromium import EXECUTABLE, Chromium
-from ros1_bags import image as image_message
-from ros1_bags import odometry, write
-from rosbags.rosbag1 import Writer
+from ros2_bags import image as image_message
+from ros2_bags import odometry, write
+from rosbags.rosbag2 import StoragePlugin
 
 from vsx_ros.cli.main import execute
 from vsx_ros.config import Config
@@ -271,17 +271,17 @@ def test_a_bag_that_is_damaged_in_its_middle_leaves_what_was_tracked(drive, tmp_
     for number, reading in enumerate(read_trajectory(drive / "odometry.txt")):
         pixels = cv2.imread(str(drive / f"rgb/{number:06d}.png"), cv2.IMREAD_GRAYSCALE)
         messages += [("/odom", odometry(reading.stamp_ns, reading.T.translation[0])),
-                     ("/camera/image_raw", image_message(reading.stamp_ns, pixels, height=480, width=640))]  # fmt: skip
-    raw = bytearray(write(tmp_path / "drive.bag", messages, Writer.CompressionFormat.BZ2).read_bytes())
-    chunks = [found.end() for found in re.finditer(b"op=\x05", raw)]
-    at = chunks[2 * len(chunks) // 3] + 100
-    raw[at : at + 1000] = bytes(1000)
-    (tmp_path / "drive.bag").write_bytes(raw)
+                     ("/camera/image_raw", image_message(reading.stamp_ns, pixels))]  # fmt: skip
+    [database] = write(tmp_path / "drive", messages, StoragePlugin.SQLITE3).glob("*.db3")
+    raw = bytearray(database.read_bytes())
+    page = 2 * len(raw) // 3 // 4096 * 4096  # of an image, with the number of its next page
+    raw[page : page + 4096] = bytes(4096)
+    database.write_bytes(raw)
     calibration = ["--calibration", str(drive / "camera.json")]
-    assert execute(["replay", str(tmp_path / "drive.bag"), *calibration, "--out", str(tmp_path / "run")]) == 1
+    assert execute(["replay", str(tmp_path / "drive"), *calibration, "--out", str(tmp_path / "run")]) == 1
     said = capsys.readouterr()
     assert "the recording cannot be read to its end: bag" in said.out
-    assert said.err.count("cut short or damaged") == 1
+    assert said.out.count("cut short or damaged") == 1
     summary = RunFolder.open(tmp_path / "run").read_summary()
     assert summary["ended_well"] is False
     assert 30 < summary["frames"] < 60

@@ -11,7 +11,6 @@ from rosbags.rosbag1 import Writer
 
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.io.bag import open_recording
-from vsx_ros.io.left_out import until_damage
 
 
 @pytest.fixture
@@ -133,7 +132,7 @@ def test_where_no_picture_can_be_used_the_first_is_named(tmp_path):
         list(open_recording(path).frames())
 
 
-def test_a_bag_that_is_damaged_in_its_middle_is_read_up_to_there(tmp_path, long_drive):
+def test_damage_in_the_middle_of_a_bag_costs_no_more_than_its_chunk(tmp_path, long_drive):
     whole = [frame.stamp_ns for frame in open_recording(long_drive).frames()]
     raw = bytearray(long_drive.read_bytes())
     chunks = [m.end() for m in re.finditer(b"op=\x05", raw)]
@@ -141,14 +140,35 @@ def test_a_bag_that_is_damaged_in_its_middle_is_read_up_to_there(tmp_path, long_
     raw[at : at + 2000] = bytes(2000)
     path = tmp_path / "m.bag"
     path.write_bytes(raw)
-    recording, told = open_recording(path), []
-    assert recording.damage.count("cut short or damaged") == 1
-    assert 0 < len(recording.odometry) < len(whole)
-    frames = [frame.stamp_ns for frame in until_damage(recording.frames(), told)]
-    assert len(told) == 1
-    assert "cut short or damaged" in told[0]
-    assert 0 < len(frames) < len(whole)
-    assert frames == whole[: len(frames)]
+    recording = open_recording(path)
+    lost = len(whole) - len(recording.odometry)
+    assert 0 < lost < len(whole) / 2
+    assert re.match(
+        rf"{lost} of 10 readings of /odom left out, as they cannot be used; the first: message \d of topic /odom of "
+        r"bag \S*m.bag cannot be read \(", recording.damage
+    )  # fmt: skip
+    frames, [told] = read(recording)
+    assert 0 < len(whole) - len(frames) < len(whole) / 2
+    assert frames[-1] == whole[-1]
+    assert set(frames) < set(whole)
+    assert f"m.bag: {len(whole) - len(frames)} of 10 images left out, as they cannot be used; the first: mess" in told
+
+
+@pytest.mark.parametrize("index", [True, False])
+def test_a_message_with_a_wrong_length_costs_no_other(tmp_path, drive, index):
+    raw = bytearray(drive.read_bytes())
+    images = [m.end() for m in re.finditer(b"mono8", raw)]
+    raw[images[2] + 7] ^= 0x40  # of the number of its bytes, after big endian and step
+    camera = raw.index(b"plumb_bob") + len(b"plumb_bob")
+    raw[camera + 2] ^= 0x40  # of the number of coefficients
+    path = tmp_path / "m.bag"
+    path.write_bytes(raw if index else raw.replace(b"index_pos=", b"index_pus="))
+    recording = open_recording(path)
+    assert recording.camera is None
+    assert ("damaged" in recording.damage) is not index
+    frames, [told] = read(recording)
+    assert frames == [k * 10**8 + 5 * 10**7 for k in (0, 1, 3, 4)]
+    assert "1 of 5 images left out, as they cannot be used; the first: message 2 of topic /camera/rgb/image_raw" in told
 
 
 def test_random_damage_never_escapes_as_another_exception(tmp_path, drive):
@@ -158,7 +178,7 @@ def test_random_damage_never_escapes_as_another_exception(tmp_path, drive):
     refused = 0
     for _ in range(60):
         raw = bytearray(whole)
-        for position in rng.integers(13, len(raw), 20):
+        for position in rng.integers(13, len(raw), 40):
             raw[position] = rng.integers(256)
         path.write_bytes(raw)
         try:

@@ -6,7 +6,7 @@ import bombs
 import numpy as np
 import pytest
 import ros1_bags
-import test_io_ros2_bag as ros2
+import ros2_bags
 from rosbags.rosbag1 import Writer
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from taken import taken
@@ -40,11 +40,9 @@ def test_flat_images_are_no_damage(tmp_path, how, index):
 @pytest.mark.parametrize(
     ("plugin", "mode"), [(StoragePlugin.MCAP, CompressionMode.STORAGE), (StoragePlugin.SQLITE3, CompressionMode.FILE)]
 )
-def test_flat_images_of_ros2_are_no_damage(tmp_path, monkeypatch, plugin, mode):
-    monkeypatch.setattr(ros2, "COUNT", COUNT)
-    monkeypatch.setattr(ros2, "image", lambda stamp: ros2.T["sensor_msgs/msg/Image"](
-        ros2.header(stamp), 480, 640, "rgb8", 0, 1920, WALL.ravel()))  # fmt: skip
-    recording = open_recording(ros2.write(tmp_path / "flat", plugin, mode), own_camera=False)
+def test_flat_images_of_ros2_are_no_damage(tmp_path, plugin, mode):
+    images = [("/i", ros2_bags.image(k, WALL, "rgb8")) for k in range(1, COUNT + 1)]
+    recording = open_recording(ros2_bags.write(tmp_path / "flat", images, plugin, mode))
     assert len(list(recording.frames())) == COUNT
     assert recording.damage == ""
 
@@ -53,7 +51,7 @@ def test_flat_images_of_ros2_are_no_damage(tmp_path, monkeypatch, plugin, mode):
 def test_a_packed_file_of_one_enormous_message_takes_no_memory(tmp_path, plugin):
     bombs.ros2_bag(tmp_path / "x", plugin, CompressionMode.FILE, size=2 * bombs.GIB // 3)
     said = taken(tmp_path / "x", lambda p: list(open_recording(p).messages()))
-    assert "too large when it is unpacked" in said
+    assert f"{128 * MIB}" in said
     assert "damaged" not in said
 
 

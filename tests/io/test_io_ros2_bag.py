@@ -1,58 +1,26 @@
-"""ROS 2 bags, written here by rosbags' writer in both of its formats."""
+"""ROS 2 bags in both of their formats."""
+
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from ros2_bags import SCENE, image, info, odometry
+from ros2_bags import write as write_messages
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.io.bag import open_recording
 
-TYPES = get_typestore(Stores.ROS2_HUMBLE)
-T = TYPES.types
-SCENE = np.arange(24 * 32, dtype=np.uint8).reshape(24, 32)
 COUNT = 5
-
-
-def header(stamp_ns):
-    return T["std_msgs/msg/Header"](T["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 10**9)), "cam")
-
-
-def image(stamp_ns):
-    return T["sensor_msgs/msg/Image"](header(stamp_ns), 24, 32, "mono8", 0, 32, SCENE.ravel())
-
-
-def info():
-    roi = T["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-    k, r = np.array([30.0, 0, 15.5, 0, 30.0, 11.5, 0, 0, 1.0]), np.eye(3).ravel()
-    d = np.array([0.1, 0, 0, 0, 0])
-    return T["sensor_msgs/msg/CameraInfo"](header(1), 24, 32, "plumb_bob", d, k, r, np.zeros(12), 0, 0, roi)
-
-
-def odometry(stamp_ns, x):
-    point, quaternion = T["geometry_msgs/msg/Point"](x, 0.0, 0.0), T["geometry_msgs/msg/Quaternion"](0, 0, 0, 1.0)
-    vector, zeros = T["geometry_msgs/msg/Vector3"], np.zeros(36)
-    pose = T["geometry_msgs/msg/PoseWithCovariance"](T["geometry_msgs/msg/Pose"](point, quaternion), zeros)
-    twist = T["geometry_msgs/msg/Twist"](vector(0.2, 0, 0), vector(0, 0, 0.1))
-    with_covariance = T["geometry_msgs/msg/TwistWithCovariance"](twist, zeros)
-    return T["nav_msgs/msg/Odometry"](header(stamp_ns), "base", pose, with_covariance)
 
 
 def write(path, plugin, mode=CompressionMode.NONE):
     messages = [("/camera/camera_info", info())]
     for i in range(COUNT):
         messages += [("/odom", odometry(i * 10**8, 0.02 * i)), ("/camera/image_raw", image(i * 10**8 + 5 * 10**7))]
-    writer = Writer(path, version=8, storage_plugin=plugin)
-    if mode is not CompressionMode.NONE:
-        writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        connections = {}
-        for index, (topic, message) in enumerate(messages):
-            kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=TYPES)
-            writer.write(connections[topic], 1000 + index, TYPES.serialize_cdr(message, kind))
-    return path
+    return write_messages(path, messages, plugin, mode)
 
 
 def check(recording):
@@ -109,6 +77,35 @@ def test_a_recording_cut_short_names_what_saves_it(tmp_path, plugin, remedy):
     (folder / "metadata.yaml").write_text("files: [")
     with pytest.raises(InputError, match="ros2 bag reindex"):
         open_recording(folder)
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.MESSAGE])
+def test_a_row_that_is_cut_short_costs_no_other(tmp_path, mode):
+    folder = write(tmp_path / "drive", StoragePlugin.SQLITE3, mode)
+    with closing(sqlite3.connect(folder / "drive.db3")) as base, base:
+        base.execute("UPDATE messages SET data = substr(data, 1, 60) WHERE id IN (4, 5)")
+    recording, told = open_recording(folder), []
+    assert len(recording.odometry) == COUNT - 1
+    assert recording.damage.startswith("1 of 5 readings of /odom left out, as they cannot be used; the first: mess")
+    assert len(list(replace(recording, tell=told.append).frames())) == COUNT - 1
+    assert "1 of 5 images left out, as they cannot be used; the first: message 1 of topic /camera/image_raw" in told[0]
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.STORAGE])
+def test_a_damaged_chunk_of_mcap_costs_no_other(tmp_path, mode):
+    noise = np.random.default_rng(0).integers(0, 256, (480, 640), dtype=np.uint8)
+    messages = [("/camera/image_raw", image(k, noise)) for k in range(1, 11)]
+    [file] = write_messages(tmp_path / "drive", messages, StoragePlugin.MCAP, mode).glob("*.mcap")
+    raw = bytearray(file.read_bytes())
+    packed = mode is CompressionMode.STORAGE  # then the sign of zstd, else the length of an image's record
+    at = raw.index(b"\x28\xb5\x2f\xfd", len(raw) // 4) if packed else raw.index(b"mono8", len(raw) // 2) - 58
+    raw[at : at + 4] = b"\xff" * 4
+    file.write_bytes(raw)
+    told: list[str] = []
+    frames = [frame.stamp_ns for frame in replace(open_recording(file), tell=told.append).frames()]
+    assert 5 <= len(frames) < 10
+    assert (frames[0], frames[-1]) == (1, 10)
+    assert f"{10 - len(frames)} of 10 images left out, as they cannot be used; the first: message " in told[0]
 
 
 @pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])

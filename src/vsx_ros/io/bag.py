@@ -1,10 +1,10 @@
 """Opens recordings. In bags it finds the topics of the camera, the odometry, the calibration and the ground truth."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from vsx_ros.io.bag_reader import METADATA, Messages, messages
 from vsx_ros.io.calibration_file import camera_from_topic, shutter_from_topic
 from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.io.image_folder import open_folder
-from vsx_ros.io.left_out import tried, until_damage, usable
+from vsx_ros.io.left_out import LeftOut, tried, until_damage, usable
 from vsx_ros.io.recording import LEFT_OUT, NO_ODOMETRY, Recording
 from vsx_ros.io.stamp_order import StampOrder
 from vsx_ros.robot import UNSURE_HEADING_RAD2, Frame, Odometry, OdometryEpochs, PoseSpeeds, with_speeds
@@ -28,6 +28,7 @@ _POSES = (POSE, "geometry_msgs/msg/PoseWithCovarianceStamped")
 _LONGEST_LISTING = 1000  # characters of topics in a message
 _HELD_READINGS = 64  # about a second
 GROUND_TRUTH_TOPIC = "ground_truth/camera"
+T = TypeVar("T")
 
 
 def open_recording(
@@ -77,7 +78,7 @@ def open_bag(
             open_frames=frames,
             damage="; ".join(dict.fromkeys(text for text in damage if text)),
         )
-        return recording.with_odometry_at(stamp_ns for stamp_ns, _ in bag.of(images))
+        return recording.with_odometry_at(stamp_ns for stamp_ns, _ in LeftOut().of(bag.of(images)))
 
 
 def _listing(counts: dict[str, tuple[str, int]]) -> str:
@@ -136,7 +137,7 @@ def _camera(
     namespace = image_topic.removesuffix("/compressed").rpartition("/")[0]
     beside = f"{namespace}/camera_info"
     topic = beside if beside in infos else infos[0] if len(infos) == 1 else None
-    _, info = next(bag.of(topic), (0, None)) if topic else (0, None)
+    info = _first(bag, topic) if topic else None
     if info is None:
         return None
     size, source = (info.width, info.height), f"topic {topic}"
@@ -150,8 +151,13 @@ def _camera(
     told = f"{namespace}/shutter"
     if camera is None or counts.get(told, ("", 0))[0] != SHUTTER:
         return camera
-    _, times = next(bag.of(told), (0, None))
+    times = _first(bag, told)
     return camera if times is None else replace(camera, shutter=shutter_from_topic(times.data, told))
+
+
+def _first(bag: Messages, topic: str) -> Any:
+    """The first message that can be read, None if there is none."""
+    return next(LeftOut().of(bag.of(topic)), (0, None))[1]
 
 
 def _odometry(bag: Messages, topic: str, kind: str, damage: list[str]) -> list[Odometry]:
@@ -159,8 +165,7 @@ def _odometry(bag: Messages, topic: str, kind: str, damage: list[str]) -> list[O
     is added to ``damage``."""
     order, readings, speeds = StampOrder[Odometry](_HELD_READINGS), list[Odometry](), PoseSpeeds()
     watch = LevelWatch()
-    whole = until_damage(bag.of(topic), damage)
-    found = (tried(_reading, stamp_ns, message, topic, watch) for stamp_ns, message in whole)
+    found = _made(until_damage(bag.of(topic), damage), partial(_reading, topic=topic, watch=watch))
     for reading in order.of(usable(found, f"readings of {topic}", damage)):
         lacks_twist = kind != ODOMETRY and readings
         readings.append(with_speeds(reading, readings[-1]) if lacks_twist else speeds.of(reading))
@@ -184,13 +189,18 @@ def _reading(stamp_ns: int, message: Any, topic: str, watch: LevelWatch) -> Odom
 
 
 def _ground_truth(bag: Messages, topic: str, damage: list[str]) -> list[StampedPose]:
-    whole = until_damage(bag.of(topic), damage)
-    found = (tried(_stamped, stamp_ns, message.pose, topic) for stamp_ns, message in whole)
+    found = _made(until_damage(bag.of(topic), damage), partial(_stamped, topic=topic))
     return sorted(usable(found, f"poses of {topic}", damage), key=lambda pose: pose.stamp_ns)
 
 
-def _stamped(stamp_ns: int, pose: Any, topic: str) -> StampedPose:
-    return StampedPose(stamp_ns, _se3(pose, topic))
+def _stamped(stamp_ns: int, message: Any, topic: str) -> StampedPose:
+    return StampedPose(stamp_ns, _se3(message.pose, topic))
+
+
+def _made(messages: Iterable[tuple[int, Any] | InputError], make: Callable[[int, Any], T]) -> Iterator[T | InputError]:
+    """make(stamp_ns, message) of each message; why, in place of one that cannot be read or used."""
+    for item in messages:
+        yield item if isinstance(item, InputError) else tried(make, *item)
 
 
 def _se3(pose: Any, topic: str) -> SE3:
@@ -207,8 +217,9 @@ def _se3(pose: Any, topic: str) -> SE3:
 def _frames(path: Path, topic: str) -> Iterator[Frame | InputError]:
     gray = GrayImages()
     with messages(path) as bag:
-        for number, (stamp_ns, message) in enumerate(bag.of(topic)):
-            yield tried(_frame, stamp_ns, message, f"image {number} of topic {topic}", gray)
+        for number, item in enumerate(bag.of(topic)):
+            name = f"image {number} of topic {topic}"
+            yield item if isinstance(item, InputError) else tried(_frame, *item, name, gray)
 
 
 def _frame(stamp_ns: int, message: Any, name: str, gray: GrayImages) -> Frame:

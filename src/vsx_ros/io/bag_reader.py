@@ -17,6 +17,7 @@ from ruamel.yaml.error import YAMLError
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.io.bag_without_index import UnindexedBag
 from vsx_ros.io.bounded_rosbags import BoundedRos1, BoundedRos2, ZstdError
+from vsx_ros.io.left_out import tried
 from vsx_ros.limits import DAMAGE, OverLimitError
 
 METADATA = "metadata.yaml"  # a folder with this file is a ROS 2 bag
@@ -46,24 +47,36 @@ class Messages:
             found[connection.topic] = kind, count + connection.msgcount
         return found
 
-    def of(self, topic: str) -> Iterator[tuple[int, Any]]:
+    def of(self, topic: str) -> Iterator[tuple[int, Any] | InputError]:
         """(stamp_ns, message): the header's stamp. If there is none, the time of recording, earlier by the delay of the
-        last message that has both. Raises InputError, with the remedy, where the bag is damaged."""
+        last message that has both. In place of a message that cannot be read, why. Raises InputError, with the remedy,
+        where nothing behind the damage can be found."""
         with _damage_explained(self._path, ros2=self._ros2):
             yield from self._of(topic)
 
-    def _of(self, topic: str) -> Iterator[tuple[int, Any]]:
+    def _of(self, topic: str) -> Iterator[tuple[int, Any] | InputError]:
         connections = [c for c in self._reader.connections if c.topic == topic]
-        read = self._types.deserialize_cdr if self._ros2 else self._types.deserialize_ros1
         delay_ns = 0
-        for connection, recorded_ns, raw in self._reader.messages(connections):
-            message: Any = read(raw, connection.msgtype)
+        for number, (connection, recorded_ns, raw) in enumerate(self._reader.messages(connections)):
+            name = f"message {number} of topic {topic} of bag {self._path}"
+            message = tried(self._message, raw, connection.msgtype, recorded_ns, name)
+            if isinstance(message, InputError):
+                yield message
+                continue
             header = getattr(message, "header", None)
-            if not isinstance(recorded_ns, int):  # a column of sqlite can hold any type
-                raise ValueError(f"a time of recording is {str(recorded_ns)[:40]!r}")
             stamp_ns = 0 if header is None else int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
             delay_ns = recorded_ns - stamp_ns if stamp_ns else delay_ns
             yield recorded_ns - delay_ns, message
+
+    def _message(self, raw: bytes | Exception, kind: str, recorded_ns: object, name: str) -> Any:
+        try:
+            if isinstance(raw, Exception):
+                raise raw
+            if not isinstance(recorded_ns, int):  # a column of sqlite can hold any type
+                raise ValueError(f"its time of recording is {str(recorded_ns)[:40]!r}")
+            return (self._types.deserialize_cdr if self._ros2 else self._types.deserialize_ros1)(raw, kind)
+        except _DAMAGE as error:
+            raise InputError(f"{name} cannot be read ({_detail(error, 'it makes no sense')})") from error
 
 
 @contextmanager
@@ -117,12 +130,12 @@ def _remedy(path: Path, error: Exception, *, ros2: bool) -> str:
     if file.suffix == ".mcap":
         saved = file.with_name("saved.mcap")
         return f"or save what is whole with 'mcap recover {file} -o {saved}' (the mcap command) and give {saved}"
-    return "for a database without its end is not read; the .recover of the sqlite3 command may find some of it"
+    return "for of a damaged database not all is read; the .recover of the sqlite3 command may find more of it"
 
 
-def _detail(error: Exception) -> str:
-    """The library's message without its wrapping."""
-    return re.sub(r"\('|',\)|\.$", "", str(error)).partition("\n")[0][:300] or "its index contradicts itself"
+def _detail(error: Exception, otherwise: str = "its index contradicts itself") -> str:
+    """The library's message without its wrapping. otherwise: if it is empty."""
+    return re.sub(r"\('|',\)|\.$", "", str(error)).partition("\n")[0][:300] or otherwise
 
 
 def _is_ros2(path: Path) -> bool:

@@ -3,15 +3,19 @@
 A packed chunk may hold an image, so its limit is a large raw image. One after the other is in memory, so a whole bag
 may unpack to many gigabytes: simulated images of plain colour pack a thousandfold. The readers of MCAP and of single
 packed files and messages take their decompressors from their modules, so they are replaced there. Quality-of-service
-profiles, YAML inside YAML, are not needed and not parsed."""
+profiles, YAML inside YAML, are not needed and not parsed.
+
+In place of the bytes of a message that cannot be read, ``messages`` of all readers give why, an exception."""
 
 import bz2
+import heapq
 import io
 import sqlite3
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import closing
 from functools import partial
+from itertools import repeat
 from pathlib import Path
 from shutil import disk_usage
 from tempfile import gettempdir
@@ -21,12 +25,14 @@ from typing import Any, BinaryIO
 import apsw
 import lz4.frame  # type: ignore[import-untyped]  # ships no types
 from rosbags.rosbag1 import Reader as Ros1Reader
-from rosbags.rosbag1.reader import Chunk, Header, IndexData, RecordType
+from rosbags.rosbag1 import ReaderError as Ros1ReaderError
+from rosbags.rosbag1.reader import Chunk, Header, IndexData, RecordType, read_bytes, read_uint32
 from rosbags.rosbag2 import Reader as Ros2Reader
+from rosbags.rosbag2 import ReaderError as Ros2ReaderError
 from rosbags.rosbag2 import reader as ros2_reader
 from rosbags.rosbag2 import storage_mcap, storage_sqlite3
 
-from vsx_ros.limits import MIB, Allowance, OverLimitError, file_text, yaml_tree
+from vsx_ros.limits import DAMAGE, MIB, Allowance, OverLimitError, file_text, yaml_tree
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -34,6 +40,7 @@ else:
     from backports import zstd
 
 ZstdError = zstd.ZstdError
+_UNREADABLE = (Ros1ReaderError, Ros2ReaderError, ZstdError, *DAMAGE)
 MAX_UNPACKED = 64 * MIB  # of a packed chunk or message: a colour image of 20 megapixels
 _MOST_RECORD = 2 * MAX_UNPACKED  # bytes of a record as it is stored: of MCAP, or a row
 _FLOOR, _RATIO = 65_536 * MIB, 32  # bytes that any bag may unpack to, half an hour of raw video; multiple of its size
@@ -63,11 +70,13 @@ def _exactly(kind: str, data: bytes, size: int) -> bytes:
     return content
 
 
-def _message(data: bytes) -> bytes:
-    content = unpacked("zstd", data, MAX_UNPACKED + 1)
-    if len(content) > MAX_UNPACKED:
-        raise ValueError(f"a packed message has more than {MAX_UNPACKED} bytes")
-    return content
+def _message(data: bytes) -> bytes | Exception:
+    try:
+        content = unpacked("zstd", data, MAX_UNPACKED + 1)
+    except _UNREADABLE as error:
+        return error
+    too_large = len(content) > MAX_UNPACKED
+    return ValueError(f"a packed message has more than {MAX_UNPACKED} bytes") if too_large else content
 
 
 class _File(io.RawIOBase):
@@ -87,6 +96,8 @@ class _File(io.RawIOBase):
 
 class BoundedRos1(Ros1Reader):  # type: ignore[misc]  # to mypy, rosbags is without types
     """A chunk unpacks exactly to its declared size; the index is not longer than the file."""
+
+    current_chunk: tuple[int, BinaryIO]
 
     def open(self) -> None:
         """Raises rosbags' errors, and ValueError for more than a bag of this size can hold."""
@@ -114,6 +125,34 @@ class BoundedRos1(Ros1Reader):  # type: ignore[misc]  # to mypy, rosbags is with
 
         return chunk._replace(decompressor=decompressed)
 
+    def messages(self, connections: Collection[Any]) -> Iterator[tuple[Any, int, bytes | Exception]]:
+        """By time, as rosbags."""
+        indexes = [zip(self.indexes[connection.id], repeat(connection)) for connection in connections]
+        for entry, connection in heapq.merge(*indexes, key=lambda pair: pair[0].time):
+            try:
+                raw: bytes | Exception = self._message(entry)
+            except OverLimitError:
+                raise
+            except _UNREADABLE as error:
+                raw = error
+            yield connection, entry.time, raw
+
+    def _message(self, entry: IndexData) -> bytes:
+        if self.current_chunk[0] != entry.chunk_pos:
+            assert self.bio
+            self.current_chunk = entry.chunk_pos, io.BytesIO()  # what cannot be unpacked is tried once
+            chunk = self.chunks[entry.chunk_pos]
+            self.bio.seek(chunk.datapos)
+            packed = read_bytes(self.bio, chunk.datasize)
+            self.current_chunk = entry.chunk_pos, io.BytesIO(chunk.decompressor(packed))
+        inside = self.current_chunk[1]
+        inside.seek(entry.offset)
+        while (header := Header.read(inside)).get_uint8("op") == RecordType.CONNECTION:
+            inside.seek(read_uint32(inside), io.SEEK_CUR)
+        if header.get_uint8("op") != RecordType.MSGDATA or header.get_time("time") != entry.time:
+            raise ValueError("its record is another than its index says")
+        return bytes(read_bytes(inside, read_uint32(inside)))
+
     def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
         """Like rosbags; raises ValueError when several chunks share an index."""
         assert self.bio
@@ -131,6 +170,18 @@ def _read_exact(file: BinaryIO, size: int) -> bytes:
             raise EOFError(f"a record of {size} bytes is cut off")
         raise OverLimitError(f"a record has {size} bytes, at most {_MOST_RECORD} can be used")
     return bytes(_read_whole(file, size))
+
+
+def _of_chunk(
+    chunk: storage_mcap.ChunkInfo, wanted: dict[int, Any], start: int, stop: int, file: BinaryIO
+) -> Iterator[storage_mcap.Msg]:
+    try:
+        yield from _of_whole_chunk(chunk, wanted, start, stop, file)
+    except _UNREADABLE as error:
+        most = file.seek(0, io.SEEK_END) // 16  # bytes of an index entry; each message has one
+        for number in wanted:
+            lost = storage_mcap.Msg(chunk.message_end_time, chunk.chunk_start_offset, wanted[number], error)
+            yield from repeat(lost, min(chunk.channel_count.get(number, 0), most))
 
 
 class _Mcap(storage_mcap.McapReader):  # type: ignore[misc]  # as above
@@ -191,6 +242,7 @@ class BoundedRos2(Ros2Reader):  # type: ignore[misc]  # as above
 
 
 apsw.connection_hooks.append(_limit_rows)
+_of_whole_chunk, storage_mcap.msgsrc = storage_mcap.msgsrc, _of_chunk
 _read_whole, storage_mcap.read_exact = storage_mcap.read_exact, _read_exact
 storage_mcap.DECOMPRESSORS.update({kind: partial(_exactly, kind) for kind in ("lz4", "zstd")})
 ros2_reader.zstd = SimpleNamespace(decompress=_message, open=_File)  # type: ignore[assignment]  # as above
