@@ -212,6 +212,35 @@ def test_two_cameras_must_be_chosen_between(tmp_path):
     assert np.array_equal(next(chosen.frames()).image, SCENE[::-1])
 
 
+def chosen_of(path, **encodings):
+    """The image topic that is found among those of the encodings, / for __ in their names."""
+    pixels = {"16UC1": SCENE.astype("<u2"), "32FC1": SCENE.astype("<f4")}
+    messages = [
+        (name.replace("__", "/"), image(1, pixels.get(encoding, SCENE), encoding))
+        for name, encoding in encodings.items()
+    ]
+    return open_recording(write(path, messages)).image_topic
+
+
+@pytest.mark.parametrize(
+    "topic", ["__r200_depth__image_raw", "__depth_camera__rgb__image_raw", "__disparity_rig__left"]
+)
+def test_a_camera_with_depth_in_its_name_is_one(tmp_path, topic):
+    assert chosen_of(tmp_path / "a.bag", **{topic: "mono8"}) == topic.replace("__", "/")
+    both = {topic: "mono8", "__r200_depth__depth__image_raw": "32FC1", "__r200_depth__depth__sw__image": "16UC1"}
+    assert chosen_of(tmp_path / "b.bag", **both) == topic.replace("__", "/")
+
+
+def test_depth_is_chosen_only_where_it_may_be_a_camera(tmp_path):
+    assert chosen_of(tmp_path / "a.bag", __c__rgb__image="mono8", __c__depth__image="mono8") == "/c/rgb/image"
+    with pytest.raises(InputError, match=r"choose one with --image-topic: /a_depth/i, /b_depth/i"):
+        chosen_of(tmp_path / "b.bag", __a_depth__i="mono8", __b_depth__i="mono8")
+    with pytest.raises(InputError, match=r"choose one with --image-topic: /depth_camera/rgb/i, /usb/i"):
+        chosen_of(tmp_path / "c.bag", __depth_camera__rgb__i="mono8", __usb__i="mono8")
+    with pytest.raises(InputError, match=r"no image topic; it has /c/depth/i \(.*can be chosen with --image-topic"):
+        chosen_of(tmp_path / "d.bag", __c__depth__i="16UC1")
+
+
 def test_a_topic_that_is_not_there_is_named(drive):
     with pytest.raises(InputError, match="no image topic /cam0; it has"):
         open_recording(drive, image_topic="/cam0")

@@ -59,7 +59,7 @@ def open_bag(
     rectified images. Raises InputError for a file that is not a readable bag or lacks the topic."""
     with messages(path) as bag:
         counts = bag.counts()
-        images = _image_topic(path, counts, image_topic)
+        images = _image_topic(bag, path, counts, image_topic)
         odometry_from = _odometry_topic(path, counts, odometry_topic)
         truth_from = [t for t, (kind, _) in counts.items() if kind == POSE and t.endswith(GROUND_TRUTH_TOPIC)]
         damage = [bag.damage]
@@ -92,14 +92,29 @@ def _words(names: Iterable[str]) -> str:
     return "".join(c if c.isprintable() else "?" for c in ", ".join(names))[:_LONGEST_LISTING]
 
 
-def _image_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str | None) -> str:
+def _named_depth(name: str) -> bool:
+    return any(word in name.lower() for word in ("depth", "disparity"))
+
+
+def _is_depth(bag: Messages, topic: str) -> bool:
+    """Whether an image topic with such a name holds distances, by its first message: depth cameras have colour, too."""
+    first = _first(bag, topic) if _named_depth(topic) else None
+    told = str(getattr(first, "encoding", getattr(first, "format", "")))
+    return "compressedDepth" in told or told.partition(";")[0].strip() in ("16UC1", "mono16", "32FC1")
+
+
+def _image_topic(bag: Messages, path: Path, counts: dict[str, tuple[str, int]], wanted: str | None) -> str:
     images = [t for t, (kind, count) in counts.items() if kind in (IMAGE, COMPRESSED) and count]
     if wanted is not None:
         return _wanted(path, counts, images, wanted, "image")
-    usable = [t for t in images if not any(word in t for word in ("depth", "Depth", "disparity"))]
+    cameras = [t for t in images if not _is_depth(bag, t)]
+    usable = [
+        t for t in cameras if not _named_depth("/".join(t.removesuffix("/compressed").split("/")[-2:]))
+    ] or cameras
     raw_preferred = [t for t in usable if not (t.endswith("/compressed") and t.removesuffix("/compressed") in usable)]
     if not raw_preferred:
-        raise InputError(f"bag {path} has no image topic; {_listing(counts)}")
+        depth = "; a camera's among those of depth can be chosen with --image-topic" if images else ""
+        raise InputError(f"bag {path} has no image topic; {_listing(counts)}{depth}")
     if len(raw_preferred) > 1:
         raise InputError(f"bag {path} has several image topics; choose one with --image-topic: {_words(raw_preferred)}")
     return raw_preferred[0]
