@@ -314,9 +314,18 @@ def test_the_only_calibration_serves_images_elsewhere(tmp_path):
     assert open_recording(write(tmp_path / "f.bag", [*messages, ("/other/camera_info", info())])).camera is None
 
 
-def test_rectified_images_take_the_projection(tmp_path):
-    camera = open_recording(write(tmp_path / "r.bag", [("/c/image_rect", image(1)), ("/c/camera_info", info())])).camera
+@pytest.mark.parametrize("name", ["image_rect", "image_rect_color", "image_rect_raw", "rectified", "image_rectified"])
+def test_rectified_images_take_the_projection(tmp_path, name):
+    messages = [(f"/c/{name}", image(1)), ("/c/camera_info", info())]
+    camera = open_recording(write(tmp_path / "r.bag", messages)).camera
     assert (camera.fx, camera.cx, camera.distortion) == (28.0, 15.0, (0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("name", ["image_raw", "image_color_corrected", "image_unrectified", "direct"])
+def test_other_images_take_the_lens(tmp_path, name):
+    messages = [(f"/c_rect/{name}", image(1)), ("/c_rect/camera_info", info())]
+    camera = open_recording(write(tmp_path / "r.bag", messages)).camera
+    assert (camera.fx, camera.cx, camera.distortion) == (30.0, 15.5, (0.1, 0.0, 0.0, 0.0, 0.0))
 
 
 def test_an_uncalibrated_camera_is_no_camera(tmp_path):

@@ -27,8 +27,10 @@ def camera_from_topic(
     name: str,
 ) -> PinholeCamera | None:  # fmt: skip
     """The camera of the images of a topic, from the sensor_msgs/CameraInfo beside them. Where ROS calls the images
-    rectified (image_rect, image_rect_color), it is a pinhole with P, 12 numbers; otherwise see ``camera_from_info``."""
-    if "rect" in image_topic.removesuffix("/compressed").rpartition("/")[2] and any(P):
+    rectified (rect or rectified is a word of the name, as in image_rect_color), it is a pinhole with P, 12 numbers;
+    otherwise see ``camera_from_info``."""
+    words = image_topic.removesuffix("/compressed").rpartition("/")[2].split("_")
+    if not {"rect", "rectified"}.isdisjoint(words) and any(P):
         K, D, model = [*P[:3], *P[4:7], *P[8:11]], (), ""
     return camera_from_info(*size, K, D, model, name)
 
