@@ -72,8 +72,9 @@ def file_bytes(path: Path, most: int) -> bytes:
 
 
 def file_text(path: Path, most: int = TEXT_BYTES) -> str:
-    """As ``file_bytes``, but text in UTF-8. Raises ValueError, OSError."""
-    return file_bytes(path, most).decode("utf-8")
+    """As ``file_bytes``, but text in UTF-8, without the mark that editors of Windows begin it with. Raises ValueError,
+    OSError."""
+    return file_bytes(path, most).decode("utf-8-sig")
 
 
 def json_tree(text: str | bytes) -> Any:

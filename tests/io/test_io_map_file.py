@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from vsx_ros.errors import MapFileError
-from vsx_ros.io.map_file import load_map, load_plan, save_map
+from vsx_ros.io.map_file import is_map_file, load_map, load_plan, save_map
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 GRID = OccupancyGrid(np.random.default_rng(0).choice([-1, 0, 100], (7, 11)).astype(np.int8), 0.05, -1.25, 3.5)
@@ -24,6 +24,15 @@ def test_a_saved_map_is_loaded_back(tmp_path, name):
         back = load_map(tmp_path / given)
         assert np.array_equal(back.data, GRID.data)
         assert (back.resolution, back.origin_x, back.origin_y) == (0.05, -1.25, 3.5)
+
+
+def test_a_yaml_of_a_windows_editor_is_one(tmp_path):
+    save_map(GRID, tmp_path / "map")
+    text = (tmp_path / "map.yaml").read_bytes()
+    assert text.startswith(b"image:")
+    (tmp_path / "map.yaml").write_bytes(b"\xef\xbb\xbf" + text)
+    assert is_map_file(tmp_path / "map.yaml")
+    assert np.array_equal(load_map(tmp_path / "map.yaml").data, GRID.data)
 
 
 def test_the_bottom_row_of_the_image_is_the_first_row_of_the_grid(tmp_path):

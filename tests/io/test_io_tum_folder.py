@@ -111,3 +111,17 @@ def test_lines_that_are_swapped_are_sorted_and_doubled_ones_told(folder):
     recording = replace(open_recording(folder), tell=said.append)
     assert [f.stamp_ns for f in recording.frames()] == [i * 10**8 for i in range(4)]
     assert said == [f"{folder}: 1 of 5 images left out: their stamps are those of others or out of order"]
+
+
+def test_files_of_a_windows_editor_are_read(folder):
+    texts = {
+        "rgb.txt": (folder / "rgb.txt").read_text().partition("\n")[2],
+        "groundtruth.txt": "0.1 0 0 0 0 0 0 1\n",
+        "odometry.txt": "0.0 0 0 0 0 0 0 1\n0.1 0.02 0 0 0 0 0 1\n",
+        "camera.json": '{"width":30,"height":20,"fx":25,"fy":26,"cx":14,"cy":9,"dist":[0.1,0,0,0,0]}',
+    }
+    for name, text in texts.items():
+        (folder / name).write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
+    recording = open_recording(folder)
+    assert [frame.stamp_ns for frame in recording.frames()] == [i * 10**8 for i in range(4)]
+    assert (recording.camera.fy, len(recording.ground_truth), len(recording.odometry)) == (26.0, 1, 2)

@@ -72,7 +72,7 @@ def _listed_images(folder: Path) -> list[tuple[int, str]]:
             f"folder {folder} has no rgb.txt and no metadata.yaml; give a bag or a folder in the TUM RGB-D layout"
         )
     with explained(InputError, f"{index} cannot be read", "give a text file of lines 'stamp file'"):
-        text = file_bytes(index, LOG_BYTES).decode(errors="replace")
+        text = file_bytes(index, LOG_BYTES).decode("utf-8-sig", errors="replace")
     listed: list[tuple[int, str]] = []
     for number, line in enumerate(io.StringIO(text), start=1):
         if not line.strip() or line.lstrip().startswith("#"):

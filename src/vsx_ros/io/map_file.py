@@ -1,5 +1,6 @@
 """Maps in map_server's format: an image and a YAML beside it, which every ROS navigation stack can load."""
 
+from codecs import BOM_UTF8
 from pathlib import Path
 from typing import Any
 
@@ -98,7 +99,8 @@ def load_map(path: Path) -> OccupancyGrid:
 def is_map_file(path: Path) -> bool:
     """Whether a YAML belongs to a map. Raises MapFileError when it cannot be read."""
     with explained(MapFileError, f"map {path} cannot be read", "give a map_server YAML"):
-        return any(line.startswith(b"image:") for line in file_bytes(path, TEXT_BYTES).splitlines())
+        lines = file_bytes(path, TEXT_BYTES).removeprefix(BOM_UTF8).splitlines()
+        return any(line.startswith(b"image:") for line in lines)
 
 
 def map_image(text: Path) -> Path:
