@@ -1,5 +1,7 @@
 """ROS 2 bags in both of their formats."""
 
+import re
+import shutil
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
@@ -10,6 +12,7 @@ from ros2_bags import SCENE, image, info, odometry
 from ros2_bags import write as write_messages
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
+from vsx_ros.cli.main import execute
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.io.bag import open_recording
 
@@ -58,6 +61,55 @@ def test_a_folder_without_its_file_is_one_sentence(tmp_path):
     next(folder.glob("*.db3")).unlink()
     with pytest.raises(InputError, match=r"missing.*ros2 bag reindex"):
         open_recording(folder)
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_a_folder_of_a_killed_recorder_names_its_file_and_the_remedy(tmp_path, capsys, plugin):
+    folder = write(tmp_path / "drive", plugin)
+    (folder / "metadata.yaml").unlink()
+    [file] = folder.iterdir()
+    with pytest.raises(InputError, match=rf"drive has {file.name} but no metadata.*'ros2 bag reindex {folder}'"):
+        open_recording(folder)
+    assert execute(["calibrate", "camera", str(folder), "--board", "8x6x0.03"]) == 1
+    assert "ros2 bag reindex" in capsys.readouterr().err
+    check(open_recording(file))
+    (folder / "rgb.txt").write_text("0 a.png\n")
+    assert open_recording(folder).frame_count == 1
+
+
+@pytest.mark.parametrize("tables", [True, False])
+def test_messages_beside_a_database_are_told(tmp_path, tables):
+    folder, killed = write(tmp_path / "drive", StoragePlugin.SQLITE3), tmp_path / "killed"
+    with closing(sqlite3.connect(folder / "drive.db3")) as base:
+        base.execute("PRAGMA journal_mode=WAL")
+        if not tables:
+            base.execute("ALTER TABLE topics RENAME TO other")
+            base.commit()
+            base.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            base.execute("ALTER TABLE other RENAME TO topics")
+        else:
+            base.execute(
+                "INSERT INTO messages(topic_id, timestamp, data) SELECT topic_id, 9999, data FROM messages WHERE "
+                "topic_id = (SELECT id FROM topics WHERE name = '/camera/image_raw')"
+            )
+        base.commit()
+        shutil.copytree(folder, killed)
+    remedy = r"put in the messages of drive.db3-wal with sqlite3 '(\S*)' 'PRAGMA wal_checkpoint\(TRUNCATE\)'"
+    for given in (killed, killed / "drive.db3"):
+        if tables:
+            recording = open_recording(given)
+            assert recording.frame_count == COUNT
+            said = recording.damage
+            assert "lacks its last messages" in said
+        else:
+            with pytest.raises(InputError) as caught:
+                open_recording(given)
+            said = str(caught.value)
+        named = re.search(remedy, said)[1]
+    with closing(sqlite3.connect(named)) as base:
+        base.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    recording = open_recording(killed / "drive.db3")
+    assert (recording.frame_count, recording.damage) == (2 * COUNT if tables else COUNT, "")
 
 
 @pytest.mark.parametrize(

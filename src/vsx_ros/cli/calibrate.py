@@ -15,7 +15,7 @@ from vsx_ros.cli.option_values import refuse
 from vsx_ros.cli.recorded_drive import good_enough
 from vsx_ros.errors import CalibrationError, ConfigError, InputError, explained
 from vsx_ros.io.bag import open_recording
-from vsx_ros.io.bag_reader import METADATA
+from vsx_ros.io.bag_reader import is_bag_folder
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.io.recording import NO_ODOMETRY
@@ -81,8 +81,11 @@ def _from_pictures(args: argparse.Namespace, board: Board) -> int:
 
 
 def _is_recording(source: Path) -> bool:
-    folder = any((source / name).exists() for name in ("rgb.txt", METADATA))
-    return folder or (source.is_file() and source.suffix.lower() not in PICTURES)
+    return (
+        (source / "rgb.txt").exists()
+        or is_bag_folder(source)
+        or (source.is_file() and source.suffix.lower() not in PICTURES)
+    )
 
 
 def _pictures(source: Path, image_topic: str | None) -> Iterator[tuple[str, GrayImage]]:

@@ -12,7 +12,7 @@ from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.level import LevelWatch
 from vsx_ros.geometry.se3 import SE3, StampedPose
-from vsx_ros.io.bag_reader import METADATA, Messages, messages
+from vsx_ros.io.bag_reader import Messages, is_bag_folder, messages
 from vsx_ros.io.calibration_file import camera_from_topic, shutter_from_topic
 from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.io.image_folder import open_folder
@@ -38,7 +38,7 @@ def open_recording(
     odometry_topic: ``NO_ODOMETRY`` for none. own_camera: whether to look at its calibration. Raises InputError with the
     reason and the remedy, CalibrationError for a calibration that cannot be used."""
     try:
-        if path.is_dir() and not (path / METADATA).exists():
+        if path.is_dir() and not is_bag_folder(path):
             recording = open_folder(path, own_camera=own_camera, without_odometry=odometry_topic == NO_ODOMETRY)
         elif not path.exists():
             raise InputError(f"there is no {path}; give a bag or a folder with rgb.txt")

@@ -85,7 +85,32 @@ def messages(path: Path) -> Iterator[Messages]:
     read without it."""
     ros2 = _is_ros2(path)
     with _damage_explained(path, ros2=ros2), ExitStack() as stack:
-        yield Messages(stack.enter_context(BoundedRos2(path)), path, ros2=True) if ros2 else _opened_ros1(path, stack)
+        if ros2:
+            unwritten = _unwritten(path)
+            damage = f"bag {path} lacks its last messages; {unwritten}" if unwritten else ""
+            yield Messages(stack.enter_context(BoundedRos2(path)), path, ros2=True, damage=damage)
+        else:
+            yield _opened_ros1(path, stack)
+
+
+def is_bag_folder(path: Path) -> bool:
+    """Whether a folder is a ROS 2 bag, perhaps without the metadata.yaml that a killed recorder does not write."""
+    return (path / METADATA).exists() or (bool(_stored(path)) and not (path / "rgb.txt").exists())
+
+
+def _stored(path: Path) -> list[Path]:
+    """The files of a ROS 2 bag that hold messages."""
+    return [file for file in ([path] if path.is_file() else sorted(path.glob("*"))) if file.suffix in _ROS2_SUFFIXES]
+
+
+def _unwritten(path: Path) -> str:
+    """How to save the messages that a recorder of sqlite left beside its database, which is read without them; empty if
+    there are none."""
+    for file in _stored(path):
+        beside = file.with_name(f"{file.name}-wal")
+        if beside.exists() and beside.stat().st_size:
+            return f"put in the messages of {beside.name} with sqlite3 '{file}' 'PRAGMA wal_checkpoint(TRUNCATE)'"
+    return ""
 
 
 @contextmanager
@@ -124,12 +149,14 @@ def _remedy(path: Path, error: Exception, *, ros2: bool) -> str:
     """How to repair a damaged bag of this kind. A ROS 2 bag has its index at the end and is not read without it."""
     if not ros2:
         return "or repair it with 'rosbag reindex FILE' (Debian: python3-rosbag)"
-    file = next((f for f in ([path] if path.is_file() else sorted(path.iterdir())) if f.suffix in _ROS2_SUFFIXES), None)
+    file = next(iter(_stored(path)), None)
     if file is None or METADATA in str(error):
         return "or write its metadata.yaml anew with 'ros2 bag reindex FOLDER'"
     if file.suffix == ".mcap":
         saved = file.with_name("saved.mcap")
         return f"or save what is whole with 'mcap recover {file} -o {saved}' (the mcap command) and give {saved}"
+    if unwritten := _unwritten(path):
+        return f"or {unwritten}"
     return "for of a damaged database not all is read; the .recover of the sqlite3 command may find more of it"
 
 
@@ -141,6 +168,12 @@ def _detail(error: Exception, otherwise: str = "its index contradicts itself") -
 def _is_ros2(path: Path) -> bool:
     """Decides by content. Raises InputError for anything but a bag."""
     if path.is_dir():
+        if not (path / METADATA).exists():
+            names = ", ".join(file.name for file in _stored(path)[:3])
+            raise InputError(
+                f"folder {path} has {names} but no {METADATA}, as where the recorder was killed; write it with "
+                f"'ros2 bag reindex {path}', or give a file of it"
+            )
         return True
     try:
         with path.open("rb") as file:
