@@ -131,6 +131,20 @@ def test_a_recording_cut_short_names_what_saves_it(tmp_path, plugin, remedy):
         open_recording(folder)
 
 
+@pytest.mark.parametrize("profile", ["ros1", "", "protobuf"])
+def test_an_mcap_file_of_something_else_is_no_damage(tmp_path, profile):
+    folder = write(tmp_path / "drive", StoragePlugin.MCAP)
+    [file] = folder.glob("*.mcap")
+    raw = file.read_bytes()
+    length = int.from_bytes(raw[9:17], "little") + len(profile) - 4
+    named = length.to_bytes(8, "little") + len(profile).to_bytes(4, "little") + profile.encode()
+    file.write_bytes(raw[:9] + named + raw[25:])
+    for given in (file, folder):
+        with pytest.raises(InputError, match=rf"none of ROS 2 \(its profile is '{profile}'\); give the bag") as caught:
+            open_recording(given)
+        assert "damaged" not in str(caught.value)
+
+
 @pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.MESSAGE])
 def test_a_row_that_is_cut_short_costs_no_other(tmp_path, mode):
     folder = write(tmp_path / "drive", StoragePlugin.SQLITE3, mode)

@@ -24,6 +24,7 @@ METADATA = "metadata.yaml"  # a folder with this file is a ROS 2 bag
 
 _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _ROS2_MAGIC = {b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\x00": ".db3"}
+_MCAP_START = b"\x89MCAP0\r\n\x01"  # and the code of the header's record
 _ROS2_SUFFIXES = tuple(_ROS2_MAGIC.values())
 # errors of rosbags, the decompressors, YAML and sqlite for damaged files
 _DAMAGE = (Ros1ReaderError, Ros2ReaderError, SerdeError, sqlite3.Error, apsw.Error, YAMLError, ZstdError, *DAMAGE)
@@ -86,6 +87,7 @@ def messages(path: Path) -> Iterator[Messages]:
     ros2 = _is_ros2(path)
     with _damage_explained(path, ros2=ros2), ExitStack() as stack:
         if ros2:
+            _refuse_other_profiles(path)
             unwritten = _unwritten(path)
             damage = f"bag {path} lacks its last messages; {unwritten}" if unwritten else ""
             yield Messages(stack.enter_context(BoundedRos2(path)), path, ros2=True, damage=damage)
@@ -101,6 +103,21 @@ def is_bag_folder(path: Path) -> bool:
 def _stored(path: Path) -> list[Path]:
     """The files of a ROS 2 bag that hold messages."""
     return [file for file in ([path] if path.is_file() else sorted(path.glob("*"))) if file.suffix in _ROS2_SUFFIXES]
+
+
+def _refuse_other_profiles(path: Path) -> None:
+    """Raises InputError for an MCAP file that says it is of something else than ROS 2."""
+    for file in _stored(path):
+        with file.open("rb") as content:
+            start = content.read(100)
+        begin = len(_MCAP_START) + 12  # behind the lengths of the record and of the profile
+        end = begin + int.from_bytes(start[begin - 4 : begin], "little")
+        profile = start[begin:end].decode(errors="replace")
+        if start.startswith(_MCAP_START) and begin <= end <= len(start) and profile != "ros2":
+            raise InputError(
+                f"{file} is an MCAP file but none of ROS 2 (its profile is {profile!r}); give the bag it was made "
+                "from, or write its messages with the profile 'ros2', as 'ros2 bag record' does"
+            )
 
 
 def _unwritten(path: Path) -> str:
