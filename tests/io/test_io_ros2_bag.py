@@ -174,6 +174,20 @@ def test_a_damaged_chunk_of_mcap_costs_no_other(tmp_path, mode):
     assert f"{10 - len(frames)} of 10 images left out, as they cannot be used; the first: message " in told[0]
 
 
+def test_of_a_damaged_chunk_no_more_messages_are_lost_than_the_file_can_have(tmp_path):
+    messages = [("/i", image(k, np.full((480, 640), k, np.uint8))) for k in range(1, 11)]
+    [file] = write_messages(tmp_path / "drive", messages, StoragePlugin.MCAP, CompressionMode.STORAGE).glob("*.mcap")
+    raw = bytearray(file.read_bytes())
+    raw[raw.rindex(b"\x28\xb5\x2f\xfd")] = 0
+    at = raw.rindex(b"\x04\0\0\0zstd")  # behind the length of the last chunk's index
+    raw[at - 8 : at] = (2**60).to_bytes(8, "little")
+    file.write_bytes(raw)
+    told: list[str] = []
+    frames = list(replace(open_recording(file), tell=told.append).frames())
+    assert 0 < len(frames) < 10
+    assert int(told[0].partition(": ")[2].split()[0]) <= len(raw) // 16
+
+
 @pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
 def test_random_damage_never_escapes_as_another_exception(tmp_path, plugin):
     folder = write(tmp_path / "drive", plugin)

@@ -16,6 +16,7 @@ from collections.abc import Collection, Iterator
 from contextlib import closing
 from functools import partial
 from itertools import repeat
+from operator import methodcaller
 from pathlib import Path
 from shutil import disk_usage
 from tempfile import gettempdir
@@ -178,10 +179,9 @@ def _of_chunk(
     try:
         yield from _of_whole_chunk(chunk, wanted, start, stop, file)
     except _UNREADABLE as error:
-        most = file.seek(0, io.SEEK_END) // 16  # bytes of an index entry; each message has one
         for number in wanted:
             lost = storage_mcap.Msg(chunk.message_end_time, chunk.chunk_start_offset, wanted[number], error)
-            yield from repeat(lost, min(chunk.channel_count.get(number, 0), most))
+            yield from repeat(lost, chunk.channel_count.get(number, 0))
 
 
 class _Mcap(storage_mcap.McapReader):  # type: ignore[misc]  # as above
@@ -191,16 +191,16 @@ class _Mcap(storage_mcap.McapReader):  # type: ignore[misc]  # as above
         size = Path(self.path).stat().st_size
         total, together = unpacking_of(size), Allowance(_MOST_RECORD, size, 1)
         ends: list[tuple[int, int]] = []
+        left = size // 16  # bytes of an index entry; each message has one, also those of a damaged chunk
         for chunk in self.chunks:
+            for number, count in chunk.channel_count.items():
+                chunk.channel_count[number] = min(max(count, 1), max(left, 1))
+                left -= chunk.channel_count[number]
             used = min(chunk.uncompressed_size, _MOST_RECORD)
             total.take(used, "what its chunks hold")
             ends += [(chunk.message_start_time, used), (chunk.message_end_time + 1, -used)]
         for _, change in sorted(ends):
             together.take(change, "what its chunks of one time hold")
-
-
-def _limit_rows(base: apsw.Connection) -> None:
-    base.limit(apsw.SQLITE_LIMIT_LENGTH, _MOST_RECORD)
 
 
 class _Sqlite3(storage_sqlite3.Sqlite3Reader):  # type: ignore[misc]  # as above
@@ -241,7 +241,7 @@ class BoundedRos2(Ros2Reader):  # type: ignore[misc]  # as above
     STORAGE_PLUGINS = {"dir": _Directory, ".mcap": _Mcap, ".db3": _Sqlite3}
 
 
-apsw.connection_hooks.append(_limit_rows)
+apsw.connection_hooks.append(methodcaller("limit", apsw.SQLITE_LIMIT_LENGTH, _MOST_RECORD))
 _of_whole_chunk, storage_mcap.msgsrc = storage_mcap.msgsrc, _of_chunk
 _read_whole, storage_mcap.read_exact = storage_mcap.read_exact, _read_exact
 storage_mcap.DECOMPRESSORS.update({kind: partial(_exactly, kind) for kind in ("lz4", "zstd")})
