@@ -1,4 +1,4 @@
-"""Good bags that pack a thousandfold, as simulated images of plain colour do, and where their limit is."""
+"""Good bags that pack a hundredfold and more, as simulated images of plain colour do, and where their limit is."""
 
 from types import SimpleNamespace
 
@@ -48,7 +48,8 @@ def test_flat_images_of_ros2_are_no_damage(tmp_path, plugin, mode):
 
 
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-def test_a_packed_file_of_one_enormous_message_takes_no_memory(tmp_path, plugin):
+def test_a_packed_file_of_one_enormous_message_takes_no_memory(tmp_path, plugin, monkeypatch):
+    monkeypatch.setattr(bounded_rosbags, "_FLOOR", bombs.GIB)
     bombs.ros2_bag(tmp_path / "x", plugin, CompressionMode.FILE, size=2 * bombs.GIB // 3)
     said = taken(tmp_path / "x", lambda p: list(open_recording(p).messages()))
     assert f"{128 * MIB}" in said
@@ -65,3 +66,19 @@ def test_a_limit_is_told_as_one(tmp_path, monkeypatch):
     bombs.ros2_bag(folder, StoragePlugin.SQLITE3, CompressionMode.FILE, size=8 * MIB)
     with pytest.raises(InputError, match="x is too large when it is unpacked .*more than half of what is free in .*"):
         open_recording(folder)
+
+
+@pytest.mark.parametrize("packed", ["chunks", "file"])
+def test_a_small_bag_that_unpacks_to_gigabytes_is_refused_soon(tmp_path, packed):
+    path = tmp_path / "x"
+    if packed == "file":
+        bombs.ros2_bag(path, StoragePlugin.SQLITE3, CompressionMode.FILE, size=2 * bombs.GIB // 3)
+    else:
+        blank = np.zeros((4000, 4000, 3), np.uint8)
+        path = ros1_bags.write(
+            path,
+            [("/i", ros1_bags.image(k, blank, "rgb8", 4000, 4000)) for k in range(1, 9)],
+            Writer.CompressionFormat.BZ2,
+        )
+    with pytest.raises(InputError, match="x is too large when it is unpacked"):
+        open_recording(path)

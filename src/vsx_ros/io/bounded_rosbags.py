@@ -1,9 +1,9 @@
 """rosbags' readers with limits: the size that a bag declares is checked first, and no more is unpacked.
 
 A packed chunk may hold an image, so its limit is a large raw image. One after the other is in memory, so a whole bag
-may unpack to many gigabytes: simulated images of plain colour pack a thousandfold. The readers of MCAP and of single
-packed files and messages take their decompressors from their modules, so they are replaced there. Quality-of-service
-profiles, YAML inside YAML, are not needed and not parsed.
+may unpack to gigabytes, as simulated images of plain colour do: the limit of a bag is one of time. The readers of MCAP
+and of single packed files and messages take their decompressors from their modules, so they are replaced there.
+Quality-of-service profiles, YAML inside YAML, are not needed and not parsed.
 
 In place of the bytes of a message that cannot be read, ``messages`` of all readers give why, an exception."""
 
@@ -44,7 +44,7 @@ ZstdError = zstd.ZstdError
 _UNREADABLE = (Ros1ReaderError, Ros2ReaderError, ZstdError, *DAMAGE)
 MAX_UNPACKED = 64 * MIB  # of a packed chunk or message: a colour image of 20 megapixels
 _MOST_RECORD = 2 * MAX_UNPACKED  # bytes of a record as it is stored: of MCAP, or a row
-_FLOOR, _RATIO = 65_536 * MIB, 32  # bytes that any bag may unpack to, half an hour of raw video; multiple of its size
+_FLOOR, _RATIO = 256 * MIB, 512  # bytes that any bag may unpack to, some seconds of work; multiple of its size
 _PASSES = 4  # odometry, truth and stamps of images are read one after the other
 
 
@@ -66,8 +66,7 @@ def _exactly(kind: str, data: bytes, size: int) -> bytes:
         raise ValueError(f"a packed chunk says it has {size} bytes, at most {MAX_UNPACKED} can be used")
     content = unpacked(kind, data, size + 1)
     if len(content) != size:
-        really = "more" if len(content) > size else "fewer"
-        raise ValueError(f"a packed chunk says it has {size} bytes but has {really}")
+        raise ValueError(f"a packed chunk says it has {size} bytes, which is not true")
     return content
 
 
@@ -84,11 +83,12 @@ class _File(io.RawIOBase):
     """A packed file, read from beginning to end. rosbags unpacks it to the disk: half the free space may be taken."""
 
     def __init__(self, file: BinaryIO, _mode: str) -> None:
-        self._content = zstd.open(file, "rb")
+        self._content, self._allowed = zstd.open(file, "rb"), unpacking_of(Path(file.name).stat().st_size)
         self._left = disk_usage(gettempdir()).free // 2
 
     def read(self, count: int = -1) -> bytes:
         content: bytes = self._content.read(count if 0 <= count <= MIB else MIB)
+        self._allowed.take(len(content), "its packed file")
         self._left -= len(content)
         if self._left < 0:
             raise OverLimitError(f"its packed file takes more than half of what is free in {gettempdir()}, see TMPDIR")
