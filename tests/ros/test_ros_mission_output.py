@@ -83,6 +83,23 @@ def test_a_goal_that_is_taken_lasts_until_it_has_ended(sent: Sent, status: int, 
     assert sent.goal.state() == (state, "why")
 
 
+def test_who_cancels_our_goal_is_heard_while_the_base_still_brakes(sent: Sent) -> None:
+    sent.tell(GoalStatus.ACTIVE)
+    assert not sent.goal.is_cancelled_since(NavigationState.ACTIVE)
+    sent.tell(GoalStatus.PREEMPTING)
+    assert sent.goal.is_cancelled_since(NavigationState.ACTIVE)
+    sent.end(GoalStatus.PREEMPTED, driving.CANCELLED)
+    assert sent.goal.is_cancelled_since(NavigationState.ACTIVE)
+    assert not sent.goal.is_cancelled_since(NavigationState.CANCELLED), "the mission has heard of it"
+
+
+def test_our_own_cancellation_is_nobody_else_s(sent: Sent) -> None:
+    sent.tell(GoalStatus.ACTIVE)
+    sent.goal.cancel()
+    sent.tell(GoalStatus.PREEMPTING)
+    assert not sent.goal.is_cancelled_since(NavigationState.ACTIVE)
+
+
 def test_a_goal_that_a_new_move_base_does_not_know_is_lost(sent: Sent) -> None:
     sent.tell(GoalStatus.ACTIVE, "This goal has been accepted by the simple action server")
     sent._machine.update_status(GoalStatusArray())

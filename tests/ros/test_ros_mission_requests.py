@@ -54,7 +54,12 @@ class Explorer:
         self.node._requests = MissionRequests(self.mission, self._cancel)
         self.node._lease = SimpleNamespace(promise=lambda seconds: None)
         self.node._diagnostics = SimpleNamespace(set=lambda *_: None)
-        self.node._goals = SimpleNamespace(is_served=True, state=lambda: (self.navigation, ""), act=self._act)
+        self.node._goals = SimpleNamespace(
+            is_served=True,
+            state=lambda: (self.navigation, ""),
+            act=self._act,
+            is_cancelled_since=self._is_cancelled_since,
+        )
         self.node._heard = heard = Heard(at=self._situation, is_claimed_since=lambda situation: False, grid=None)
         heard.ready = lambda: self.ready
         self.node._writer = SimpleNamespace(restore=lambda *_: None)
@@ -77,6 +82,9 @@ class Explorer:
             self.done.append(decision.action.value)
         if decision.action is Action.GO:
             self.navigation = NavigationState.ACTIVE
+
+    def _is_cancelled_since(self, before: NavigationState) -> bool:
+        return before is NavigationState.ACTIVE and self.navigation is NavigationState.CANCELLED
 
     def _cancel(self) -> None:
         self.done.append("stand")
@@ -146,6 +154,19 @@ def test_a_drive_that_a_short_pause_has_ended_is_nobodys_failure(explorer: Explo
     assert explorer.mission.state is MissionState.STARTING
     assert explorer.done.count("go") == 2
     assert explorer.mission._start_drives._given == 1, "the first drive is given again"
+
+
+def test_a_drive_that_somebody_cancels_while_the_next_view_is_chosen_is_the_last_one(explorer: Explorer) -> None:
+    explorer.decide()
+    assert explorer.navigation is NavigationState.ACTIVE
+    decide, joined = explorer._decide, Decision(Action.GO, SE2(1.0, 0.0, 0.0), "map", "", "")
+    explorer._decide = lambda now_ns, situation: joined
+    explorer.choose(lambda: setattr(explorer, "navigation", NavigationState.CANCELLED))
+    explorer._decide = decide
+    explorer.decide()
+    explorer.decide()
+    assert explorer.done == ["go"], "the view that was chosen meanwhile is not driven to"
+    assert explorer.mission.state is MissionState.PAUSED
 
 
 def test_an_answer_knows_what_was_asked_before(explorer: Explorer) -> None:

@@ -75,17 +75,15 @@ class MissionTopics:
             self._events_pub.publish(json.dumps(event._asdict()))
 
     def report(self, decision: Decision, navigation: NavigationState, grid: OccupancyGrid | None) -> bool:
-        """Publish the area of a new map, newly ranked frontiers and views, and the status (on change and once a
-        second). Returns whether the status was published."""
+        """Publish a new map's area, new frontiers and views, and the status (also once a second); whether it was."""
         if grid is not None and grid is not self._grid:
             self._grid = grid
             self._coverage_pub.publish(grid.known_area_m2)
         view_selector = self._mission.view_selector
         if view_selector.ranking is not self._shown and grid is not None:
             self._shown, self._frontiers = view_selector.ranking, view_selector.frontiers()
-            views = view_selector.ranking.views
-            markers = frontier_markers(grid, self._frontiers, views, headers.now_ns(), self._stop_cost_m)
-            self._frontiers_pub.publish(markers)
+            stamped = headers.now_ns(), self._stop_cost_m
+            self._frontiers_pub.publish(frontier_markers(grid, self._frontiers, view_selector.ranking.views, *stamped))
         text, now_s = self._status_text(decision, navigation, grid), time.monotonic()
         if text == self._status and now_s - self._status_s <= _STATUS_PERIOD_S:
             return False
@@ -198,13 +196,11 @@ class GoalSender:
     @property
     def is_served(self) -> bool:
         """Whether move_base is connected. The client's own wait uses ROS time, which may stand still."""
-        client = self._client
-        ends = client.pub_goal, client.pub_cancel, client.result_sub, client.feedback_sub
+        ends = (c := self._client).pub_goal, c.pub_cancel, c.result_sub, c.feedback_sub
         return all(end.get_num_connections() > 0 for end in ends)
 
     def act(self, now_ns: int, decision: Decision) -> None:
-        """Send the goal of a decision, or cancel our current goal. Other goals stay: during a pause another client may
-        send one."""
+        """Send the goal of a decision, or cancel our current goal. Goals of others stay: they may come in a pause."""
         if decision.action is Action.GO and decision.goal is not None:
             self.send(now_ns, topics.BLIND_FRAME if decision.frame == ODOM_FRAME else decision.frame, decision.goal)
         elif decision.action in (Action.CANCEL, Action.FINISH):
@@ -222,8 +218,7 @@ class GoalSender:
             self._goal.cancel()
 
     def state(self) -> tuple[NavigationState, str]:
-        """State of the newest goal, and move_base's reason; IDLE before the first goal. Cancels a goal that is not
-        accepted in time."""
+        """State of the newest goal (IDLE: none), and move_base's reason. Cancels one that is not accepted in time."""
         if self._goal is None:
             return NavigationState.IDLE, ""
         reason, comm = str(self._goal.get_goal_status_text()), self._goal.get_comm_state()
@@ -243,6 +238,12 @@ class GoalSender:
             cancelled = reason in (CANCELLED, FOLLOWER_CANCELLED)
             return NavigationState.CANCELLED if cancelled else NavigationState.REPLACED, reason
         return NavigationState.SUCCEEDED if end == GoalStatus.SUCCEEDED else NavigationState.ABORTED, reason
+
+    def is_cancelled_since(self, before: NavigationState) -> bool:
+        """Whether somebody else has cancelled our goal, which was in this state before. The base may still brake."""
+        if self._goal is None or self._cancelled or before is not NavigationState.ACTIVE:
+            return False
+        return self._goal.get_comm_state() == CommState.PREEMPTING or self.state()[0] is NavigationState.CANCELLED
 
     def cancel_all(self) -> None:
         """Cancel all goals, also those of other clients: nothing may drive."""

@@ -84,6 +84,8 @@ class ExploreNode:
                 # Somebody took the robot while a view was chosen; our goal would end theirs. It is not sent: what
                 # became of the goal before says nothing of it.
                 decision = self._mission.decide(now_ns, self._heard.at(now_ns, NavigationState.IDLE, ""))
+            elif decision.action is Action.GO and self._goals.is_cancelled_since(navigation[0]):
+                decision = decision._replace(action=Action.WAIT)  # or the mission would never hear of it
             events = self._mission.drain_events()
         self._requests.unless_to_stand(lambda: self._goals.act(headers.now_ns(), decision))
         self._topics.events(events)
