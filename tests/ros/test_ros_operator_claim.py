@@ -53,7 +53,8 @@ def exploring(heard: Any, mission: Any, state: Any, acts: list[Any]) -> Any:
     node: Any = ExploreNode.__new__(ExploreNode)
     node._heard, node._lock = heard, nullcontext()
     node._lease = SimpleNamespace(promise=lambda seconds: None)
-    node._goals = SimpleNamespace(is_served=True, state=state, act=lambda now_ns, decision: acts.append(decision))
+    act, never = (lambda now_ns, decision: acts.append(decision)), (lambda before: False)
+    node._goals = SimpleNamespace(is_served=True, state=state, act=act, is_cancelled_since=never)
     node._mission = mission
     node._requests = SimpleNamespace(tell_next=lambda now_ns: None, unless_to_stand=lambda act: act())
     node._writer = SimpleNamespace(restore=lambda *_: None)
