@@ -164,13 +164,18 @@ def test_a_base_that_falls_silent_or_mad_is_told_so_while_its_wheels_are_stopped
     assert wire.plant.speeds == (0.0, 0.0)
 
 
+def told(kind: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Wire, list[bool]]:
+    """A driver, and what its watchdogs are told: whether the wheels turn."""
+    wire, turning = Wire(kind, monkeypatch), list[bool]()
+    wire.driver._on_command = turning.append
+    monkeypatch.setattr(ConnectionThread, "close", lambda *_: True)
+    return wire, turning
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_wheels_whose_stop_bytes_were_not_taken_are_not_said_to_stand(kind, monkeypatch):
     """The watchdog goes on stopping them, and is not let go."""
-    wire = Wire(kind, monkeypatch)
-    turning: list[bool] = []
-    wire.driver._on_command = turning.append
-    monkeypatch.setattr(ConnectionThread, "close", lambda *_: True)
+    wire, turning = told(kind, monkeypatch)
     assert wire.driver.close(), "it never drove"
     wire.each_ms = lambda: wire.driver.drive(0.2, 0.0)
     wire.serve(1.0)
@@ -195,10 +200,7 @@ def test_wheels_whose_stop_bytes_were_not_taken_are_not_said_to_stand(kind, monk
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_port_that_is_lost_while_the_wheels_turn_is_no_longer_watched(kind, monkeypatch):
     """Another device may get its name. Whether the wheels stand is not known."""
-    wire = Wire(kind, monkeypatch)
-    turning: list[bool] = []
-    wire.driver._on_command = turning.append
-    monkeypatch.setattr(ConnectionThread, "close", lambda *_: True)
+    wire, turning = told(kind, monkeypatch)
     wire.each_ms = lambda: wire.driver.drive(0.2, 0.0)
     wire.serve(1.0)
     assert turning[-1]

@@ -7,9 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from conftest import plain_room
 from msgspec.structs import replace
-from sim_views import PERFECT, standing
+from sim_views import PERFECT, plain_room, standing
 
 from vsx_ros.config import MountConfig
 from vsx_ros.robot import STOP

@@ -174,7 +174,7 @@ def leave(code: int) -> NoReturn:
     """End the process with this exit code, like ``sys.exit`` in the main thread, but leave daemon threads as they are.
     Python would unwind one that comes back from OpenCV, and C++ answers that with an abort: SIGABRT, whatever the
     code."""
-    threading._shutdown()  # type: ignore[attr-defined]  # waits for all other threads
+    threading._shutdown()  # type: ignore[attr-defined]  # not in typeshed; waits for all other threads
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
