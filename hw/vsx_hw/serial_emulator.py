@@ -118,11 +118,11 @@ class SerialEmulator:
         """Pull the USB cable: the port vanishes, the base runs on."""
         with self._lock:
             if self._master >= 0:
+                with contextlib.suppress(FileNotFoundError):
+                    os.unlink(self._link)  # first: another emulator may get this terminal's number
                 os.close(self._master)
                 os.close(self._slave)
                 self._master = self._slave = -1
-                with contextlib.suppress(FileNotFoundError):
-                    os.unlink(self._link)
 
     def replug(self) -> None:
         """Put the cable back: the same name, a new terminal."""

@@ -313,7 +313,7 @@ def test_a_watchdog_that_wakes_from_a_sleep_of_the_machine_stops_turning_wheels(
     watched.say(word)
     watched.say(word)
     time.sleep(0.1)
-    assert watched.plant.speeds == (0.1, 0.1)
+    assert watched.plant.speeds == (0.1, 0.1), watched.heard.hex(" ")
     watched.asleep_ns += 10**9
     watched.say(word)
     wait_for(lambda: watched.plant.speeds == speeds, within_s=5.0)
