@@ -130,6 +130,7 @@ def test_a_gap_between_zones_to_stay_in_stays_closed() -> None:
     assert KeepOut(grid, BODY_M).zone_at(0.0, 0.0) == OUTSIDE
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(("apart_m", "most_m2"), [(4.0, 4.0), (3.0, 9.0), (9.0, 0.0)], ids=["touch", "lap", "apart"])
 def test_zones_to_stay_in_are_joined_only_where_they_meet(
     apart_m: float, most_m2: float, monkeypatch: pytest.MonkeyPatch

@@ -96,6 +96,7 @@ def test_travel_costs_go_around_obstacles():
     assert np.all(np.isinf(blocked))
 
 
+@pytest.mark.compiled
 def test_travel_costs_in_a_large_hall_are_as_long_as_the_ways():
     hall = OccupancyGrid(np.zeros((800, 800), np.int8), 0.05, -20.0, -20.0)
     headings = np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)
@@ -133,6 +134,7 @@ def test_a_goal_in_a_pocket_is_reached_by_arcs_that_are_short_there_only():
     assert_leads_freely(way, start, goal, margin)
 
 
+@pytest.mark.compiled
 def test_a_goal_that_faces_out_of_a_dead_end_is_given_up_without_a_search_of_the_whole_map(monkeypatch):
     data = np.full((500, 620), OCCUPIED, np.int8)
     data[10:490, 10:490] = FREE
