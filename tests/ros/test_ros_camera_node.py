@@ -103,23 +103,70 @@ def test_the_newest_calibration_of_a_driver_is_used() -> None:
     assert calibration.known
 
 
-def test_the_users_own_calibration_comes_before_that_of_the_driver_and_the_stored_one_after(
+def test_the_users_own_calibration_comes_before_that_of_the_driver_also_after_a_restart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warned: list[str]
+) -> None:
+    """The user made it on purpose, for instance because the driver's is nominal."""
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    source = SimpleNamespace(calibration=MEASURED, serial="cam")
+    own = replace(MEASURED, fx=520.0)
+    first = CameraCalibration(DEVICE, "")
+    assert first.of(source, 640, 480) == MEASURED
+    stored = first.store(source, own)
+    assert first.of(source, 640, 480).fx == 520.0
+    assert CameraCalibration(DEVICE, str(stored)).of(source, 640, 480).fx == 520.0
+    later = CameraCalibration(DEVICE, "")
+    assert [later.of(source, 640, 480).fx for _ in range(3)] == [520.0] * 3
+    source.calibration = replace(MEASURED, width=1280, height=720)
+    assert later.of(source, 640, 480).fx == 520.0
+    assert later.known
+    assert warned == []
+
+
+def test_a_stored_calibration_far_from_that_of_the_driver_is_told_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warned: list[str]
 ) -> None:
     monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    source = SimpleNamespace(calibration=replace(MEASURED, fx=610.0), serial="cam")
+    stored, later = CameraCalibration(DEVICE, "").store(source, MEASURED), CameraCalibration(DEVICE, "")
+    assert [later.of(source, 640, 480).fx for _ in range(3)] == [MEASURED.fx] * 3
+    assert len(warned) == 1
+    assert f"{stored} is used (fx fy cx cy: 511 512 321 243 px); its driver says 610 512 321 243" in warned[0]
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_a_stored_calibration_that_does_not_fit_leaves_the_driver_its_own(
+    damaged: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warned: list[str]
+) -> None:
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
     source = SimpleNamespace(calibration=MEASURED, serial="cam")
-    own = replace(MEASURED, fx=540.0)
-    first = CameraCalibration(DEVICE, "")
-    first.of(source, 640, 480)
-    stored = first.store(source, own)
-    assert first.of(source, 640, 480).fx == 540.0
-    assert CameraCalibration(DEVICE, str(stored)).of(source, 640, 480).fx == 540.0
+    stored = CameraCalibration(DEVICE, "").store(source, replace(MEASURED, width=1280, height=720))
+    if damaged:
+        stored.write_text("image_width: 640\n", encoding="utf-8")
     later = CameraCalibration(DEVICE, "")
-    assert later.of(source, 640, 480) == MEASURED
-    source.calibration = replace(MEASURED, width=1280, height=720)
-    assert [later.of(source, 640, 480).fx for _ in range(3)] == [540.0] * 3
+    assert [later.of(source, 640, 480) for _ in range(3)] == [MEASURED] * 3
     assert later.known
-    assert warned == ["calibration is of 1280x720, images are 640x480"]
+    assert len(warned) == 1
+    assert ("the stored calibration is not used" if damaged else "is of 1280x720, images are 640x480") in warned[0]
+
+
+def test_rectified_images_are_as_their_driver_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warned: list[str]
+) -> None:
+    """P is exact there, and the driver may rectify in another way tomorrow."""
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: name)
+    device, source = "ros:/cam/image_rect_color", TopicCamera("/cam/image_rect_color", lambda _: None)
+    CameraCalibration(device, "").store(source, replace(MEASURED, fx=540.0))
+    later = CameraCalibration(device, "")
+    assert later.of(source, 640, 480).fx == 540.0, "nothing better is known"
+    source.calibration = MEASURED
+    assert later.of(source, 640, 480) == MEASURED
+    with pytest.raises(CalibrationError, match="calibrate the topic of its raw images"):
+        later.store(source, replace(MEASURED, fx=540.0))
+    chosen = CameraCalibration(device, str(tmp_path / "camera_info/rgb_cam_image_rect_color.yaml"))
+    assert chosen.of(source, 640, 480).fx == 540.0
+    assert warned == []
 
 
 @pytest.mark.parametrize(

@@ -26,13 +26,18 @@ def camera_from_topic(
     image_topic: str, size: tuple[int, int], K: Sequence[float], D: Sequence[float], P: Sequence[float], model: str,
     name: str,
 ) -> PinholeCamera | None:  # fmt: skip
-    """The camera of the images of a topic, from the sensor_msgs/CameraInfo beside them. Where ROS calls the images
-    rectified (rect or rectified is a word of the name, as in image_rect_color), it is a pinhole with P, 12 numbers;
-    otherwise see ``camera_from_info``."""
-    words = image_topic.removesuffix("/compressed").rpartition("/")[2].split("_")
-    if not {"rect", "rectified"}.isdisjoint(words) and any(P):
+    """The camera of the images of a topic, from the sensor_msgs/CameraInfo beside them. Where the images are rectified,
+    it is a pinhole with P, 12 numbers; otherwise see ``camera_from_info``."""
+    if is_rectified(image_topic) and any(P):
         K, D, model = [*P[:3], *P[4:7], *P[8:11]], (), ""
     return camera_from_info(*size, K, D, model, name)
+
+
+def is_rectified(image_topic: str) -> bool:
+    """Whether ROS calls the images of a topic rectified: rect or rectified is a word of the name, as in
+    image_rect_color."""
+    words = image_topic.removesuffix("/compressed").rpartition("/")[2].split("_")
+    return not {"rect", "rectified"}.isdisjoint(words)
 
 
 def camera_from_info(

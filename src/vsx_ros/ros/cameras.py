@@ -22,9 +22,12 @@ from vsx_ros.registry import Registry
 from vsx_ros.ros.topic_camera import TopicCamera
 from vsx_ros.runs.parameters import ros_home
 
+_MUCH = 0.05  # of the focal length: two calibrations that differ by more are not of one camera
+
 
 class Camera(Protocol):
-    """A driver; it delivers images on its own thread. If it knows its calibration, it also has ``calibration``."""
+    """A driver; it delivers images on its own thread. If it knows its calibration, it also has ``calibration``, and
+    ``rectified`` if its images are."""
 
     serial: str
     """Part of the calibration file's name."""
@@ -118,8 +121,9 @@ def open_camera(
 
 
 class CameraCalibration:
-    """The first that fits the images: the user's file or latest calibration, the newest of the camera itself, the
-    stored file; else nominal values with a warning. known: whether it was measured."""
+    """The first that fits the images: the user's file or latest calibration, the stored file, the newest of the camera
+    itself; else nominal values with a warning. For rectified images that of the camera itself comes before the stored
+    file: only the driver knows how it rectifies. known: whether it was measured."""
 
     def __init__(self, device: str, url: str) -> None:
         """Raises CalibrationError if the file of ``url`` cannot be used."""
@@ -127,6 +131,8 @@ class CameraCalibration:
         self._chosen: PinholeCamera | None = None  # by the user
         self._stored: PinholeCamera | None = None
         self._camera: PinholeCamera | None = None  # the one in use
+        self._compared: PinholeCamera | None = None  # of the camera itself, with the stored one
+        self._lack = ""  # why there is no stored one, until it is told
         self._refused: list[tuple[PinholeCamera, int, int]] = []  # with the size of the images
         if url and not device.startswith("emulator:"):
             self._chosen = read_calibration(_path(url))
@@ -144,6 +150,10 @@ class CameraCalibration:
                 size = measured.width, measured.height
                 rospy.logwarn("calibration is of %dx%d, images are %dx%d", *size, width, height)
         self._refused, self.known = refused, camera is not None
+        if camera is None:
+            self._tell_lack(source)
+        elif camera is self._stored:
+            self._tell_difference(source, camera)
         assumed = nominal(self._device, width, height)
         camera = camera or assumed
         if camera.shutter is None:
@@ -152,21 +162,22 @@ class CameraCalibration:
         return camera
 
     def _measured(self, source: Camera) -> Iterator[PinholeCamera]:
-        """What was measured, the best first. The stored file is read once, when nothing better fits."""
-        if self._chosen is not None:
-            yield self._chosen
-        given: PinholeCamera | None = getattr(source, "calibration", None)
-        if given is not None:
-            yield given
+        """What was measured, the best first. The stored file is read once."""
         if not self._looked:
             self._stored, self._looked = self._read(source), True
-        if self._stored is not None:
-            yield self._stored
+        given: PinholeCamera | None = getattr(source, "calibration", None)
+        ranked = [given, self._stored] if getattr(source, "rectified", False) else [self._stored, given]
+        return (each for each in (self._chosen, *ranked) if each is not None)
 
     def store(self, source: Camera, camera: PinholeCamera) -> Path:
         """Store a new calibration where the node reads it. Raises OSError, or CalibrationError while the camera is not
-        known."""
+        known, or if the next start would not use it."""
         path = self._file(source)
+        if not self._url and getattr(source, "rectified", False) and getattr(source, "calibration", None) is not None:
+            raise CalibrationError(
+                f"the images of {self._device} are rectified, and its driver says how; calibrate the topic of its raw "
+                "images and use that"
+            )
         if path.name == "rgb_.yaml" and not source.status().counters["frames"]:
             raise CalibrationError(f"{self._device} was not opened yet, so its serial number is unknown; try again")
         if self._camera is not None:
@@ -185,12 +196,33 @@ class CameraCalibration:
         return ros_home() / "camera_info" / f"rgb_{source.serial}.yaml"
 
     def _read(self, source: Camera) -> PinholeCamera | None:
+        file = self._file(source)
         try:
-            return read_calibration(self._file(source))
+            return read_calibration(file)
         except CalibrationError as error:
-            rospy.logwarn("camera is not calibrated: %s. Nominal values are used; expect a bent map", error)
-            self._tell_moving(self._file(source))
+            self._lack = str(error)
+            if file.exists():
+                rospy.logwarn("the stored calibration is not used: %s", error)
             return None
+
+    def _tell_lack(self, source: Camera) -> None:
+        """Tell once that nothing was stored, when nothing else fits."""
+        if self._lack:
+            rospy.logwarn("camera is not calibrated: %s. Nominal values are used; expect a bent map", self._lack)
+            self._tell_moving(self._file(source))
+            self._lack = ""
+
+    def _tell_difference(self, source: Camera, stored: PinholeCamera) -> None:
+        """Tell of each calibration of the camera itself that is far from the stored one, which is used."""
+        given: PinholeCamera | None = getattr(source, "calibration", None)
+        if given is None or given == self._compared:
+            return
+        self._compared = given
+        here, there = (camera.parameters()[:4] for camera in (stored, given))
+        if (given.width, given.height) == (stored.width, stored.height) and max(abs(here - there)) > _MUCH * stored.fx:
+            words = (" ".join(f"{value:.0f}" for value in values) for values in (here, there))
+            form = "%s is used (fx fy cx cy: %s px); its driver says %s. If that is right, delete it and start anew"
+            rospy.logwarn(form, self._file(source), *words)
 
     def _tell_moving(self, wanted: Path) -> None:
         """Tell of files that are named by a number which other cameras may have had meanwhile; none is used."""

@@ -15,6 +15,7 @@ from vsx_hw.readings import ImageReading, LinkStatus
 from vsx_ros.arrays import GrayImage
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.io.calibration_file import is_rectified
 from vsx_ros.ros import headers, images, topics
 from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, refusal, subscribe
 
@@ -28,7 +29,8 @@ class TopicCamera:
     """Passes images of ``topic`` to ``on_image``, grey, with their driver's stamps; none with the stamp of the one
     before. Images with old stamps are told but passed on, as from a bag that is played. So are repeated images: a
     simulated camera without noise repeats its image while the robot stands, and ``vslam`` ends a drive on them.
-    calibration: the newest one from the topic camera_info beside the images; None before."""
+    calibration: the newest one from the topic camera_info beside the images; None before. rectified: whether ROS calls
+    the images so."""
 
     def __init__(self, topic: str, on_image: Callable[[ImageReading], None]) -> None:
         """Raises ConfigError if the topic is empty or is that of our own camera node."""
@@ -39,6 +41,7 @@ class TopicCamera:
             )
         self.serial = topic.strip("/").replace("/", "_")
         self.calibration: PinholeCamera | None = None
+        self.rectified = is_rectified(topic)
         self._topic, self._on_image, self._frames = topic, on_image, images.Frames()
         self._counters = {"frames": 0, "repeated": 0, "frozen_frames": 0}
         self._heard_s = self._first_s = self._age_s = 0.0

@@ -7,8 +7,8 @@ Services: camera/rgb/set_camera_info (stores the calibration where the node read
 Parameters: ~device (kinect): kinect, kinect:SERIAL, v4l:N or v4l:PATH (of /dev/videoN, or a link to it as in
     /dev/v4l/by-id), emulator:SOCKET or ros:TOPIC.
     ~camera_info_url (""): file with the calibration; default $ROS_HOME/camera_info/rgb_SERIAL.yaml, for an emulated
-    camera SOCKET.yaml; before that file comes the newest camera_info of ros:TOPIC, if it has the size of the images;
-    without any, nominal values with a warning.
+    camera SOCKET.yaml; after that file comes the newest camera_info of ros:TOPIC (of rectified images before it). What
+    has another size than the images does not count; without any, nominal values with a warning.
     ~frame_id (camera_rgb_optical_frame). ~mode (vga): of a Kinect, vga (30 Hz), uyvy (15 Hz) or sxga (1280x1024,
     10 Hz); of v4l:N size, rate and format, e.g. 1280x720@30/mjpeg or 640x480/yuyv. ~lock_exposure (true): a Kinect or
     v4l:N locks exposure and white balance after two seconds; set false if the light differs much from room to room.
