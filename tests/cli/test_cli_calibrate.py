@@ -100,3 +100,23 @@ def test_a_real_robot_explores_with_its_own_parameters_and_an_emulated_one_witho
     assert "robot.yaml" in capsys.readouterr().err
     with begin(parse([*words, str(tmp_path / "emulated"), "--world", "lab"])) as (_, emulated, _):
         assert emulated.robot.mount.height_m == 0.31
+
+
+def test_a_file_of_the_users_own_replaces_the_calibrations_and_that_is_told(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    body = tmp_path / "body.yaml"
+    body.write_text("limits: {v_m_s: 0.18}\n", encoding="utf-8")
+    words = ["explore", "--config", str(body), "--out", str(tmp_path / "run")]
+    with begin(parse(words)):
+        assert capsys.readouterr().err == ""
+    update_robot_file(default_robot_file(), "robot.mount", {"height_m": 0.42}, "by hand")
+    with begin(parse(words)) as (_, config, _):
+        assert (config.limits.v_m_s, config.robot.mount.height_m) == (0.18, 0.31)
+    told = f"vsx: {body} replaces this robot's own parameters and calibrations in {default_robot_file()}\n"
+    assert capsys.readouterr().err == told
+    with begin(parse([*words, "--world", "lab"])):
+        assert capsys.readouterr().err == ""
+    words[2] = str(default_robot_file())
+    with begin(parse(words)) as (_, config, _):
+        assert config.robot.mount.height_m == 0.42
+    assert capsys.readouterr().err == ""

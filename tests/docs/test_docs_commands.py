@@ -103,3 +103,12 @@ def test_no_parameter_is_set_before_there_is_a_master(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     for found in re.finditer("rosparam (set|load)", text):
         assert "roscore" in text[max(0, found.start() - 400) : found.start()], f"{page.name}: {found[0]}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_a_container_keeps_what_a_robot_has_calibrated(page: Path) -> None:
+    """Without the mounts it is deleted with the container, and nothing says so."""
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    for line in re.findall(r"docker run .*vsx_ros vsx .*", text):
+        assert "-v $HOME/.ros:/root/.ros" in line, f"{page.name}: {line}"
+        assert "vsx explore" not in line or "-v $PWD/runs:/opt/vsx_ros/runs" in line, f"{page.name}: {line}"

@@ -120,7 +120,7 @@ def main() -> None:
     logs.quiet_failures()
     try:
         real = name in ("bringup", "explore")
-        config = to_dict(load(args.config or (robot_file_here() if real else None), []))
+        config = to_dict(load(robot_file_here(args.config) if real else args.config, []))
         nodes = nodes_of(name, args)
         params: dict[str, Any] = {"/use_sim_time": True} if name == "replay" else {}
         if getattr(args, "run_dir", "") == AUTO:

@@ -90,11 +90,15 @@ def default_robot_file() -> Path:
     return ros_home() / "vsx_ros" / "robot.yaml"
 
 
-def robot_file_here() -> Path | None:
-    """The parameter file of this machine's robot, reported on stderr; None if there is none."""
+def robot_file_here(given: Path | None = None) -> Path | None:
+    """The file that the user gives, else the parameter file of this machine's robot; None without both. What becomes of
+    the latter is reported on stderr."""
     file = default_robot_file()
-    if not file.exists():
-        return None
+    if not file.exists() or (given is not None and given.resolve() == file.resolve()):
+        return given
+    if given is not None:
+        print(f"vsx: {given} replaces this robot's own parameters and calibrations in {file}", file=sys.stderr)
+        return given
     print(f"vsx: this robot's own parameters: {file}", file=sys.stderr)
     return file
 

@@ -52,8 +52,8 @@ def begin(args: argparse.Namespace) -> Iterator[tuple[RunFolder, Config, Emulate
         fill(args, {"world": "lab"})
     if args.load_map is not None:
         load_slam_map(Path(args.load_map))
-    if args.config is None and args.world is None:
-        args.config = robot_file_here()
+    if args.world is None:
+        args.config = robot_file_here(args.config)
     parameters = load(args.config, args.set)
     if args.phi is not None:
         parameters = overridden(parameters, {"planner.phi_rad_m": args.phi})
