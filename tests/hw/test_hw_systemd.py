@@ -7,8 +7,11 @@ from configparser import ConfigParser
 from pathlib import Path
 
 import pytest
+import yaml
 from free_ports import free_port
 from waiting import PATIENCE_S
+
+from vsx_ros.config import Config, to_dict
 
 ROOT = Path(__file__).parents[2]
 UNITS = sorted((ROOT / "hw/systemd").glob("*.service"))
@@ -59,22 +62,31 @@ def test_a_driver_waits_for_the_master_and_is_started_again_without_it(name: str
     assert of["Wants"] == "vsx-master.service"
 
 
+def test_the_camera_starts_after_the_base_has_loaded_the_configuration() -> None:
+    assert "vsx-base.service" in read(ROOT / "hw/systemd/vsx-camera.service")["Unit"]["After"].split()
+
+
 @pytest.mark.ros
-def test_the_master_starts_with_the_calibrations_of_this_robot(tmp_path: Path) -> None:
+def test_the_base_starts_with_the_calibrations_of_this_robot_and_nothing_of_an_earlier_run(tmp_path: Path) -> None:
+    """'vsx explore' leaves its configuration at a master that lasts, with what --set changed."""
     pytest.importorskip("rospy")
     robot = tmp_path / "vsx_ros" / "robot.yaml"
     robot.parent.mkdir()
     robot.write_text("robot: {mount: {pitch_down_rad: 0.125}}\n")
-    loads = read(ROOT / "hw/systemd/vsx-master.service")["Service"]["ExecStartPost"]
+    loads = read(ROOT / "hw/systemd/vsx-base.service")["Service"]["ExecStartPre"]
     shell = loads.replace("$$", "$").replace("/opt/vsx_ros", str(ROOT)).removeprefix("/bin/sh -c ").strip("'")
+    earlier = "until rosparam list >/dev/null 2>&1; do sleep 0.2; done; rosparam set /config/limits/v_m_s 0.1"
     port = free_port()
     env = {**os.environ, "ROS_HOME": str(tmp_path), "ROS_HOSTNAME": "localhost"}
     env |= {"ROS_MASTER_URI": f"http://localhost:{port}", "ROS_LOG_DIR": str(tmp_path)}
     with subprocess.Popen(["roscore", "-p", str(port)], env=env, stdout=subprocess.DEVNULL) as master:
         try:
-            subprocess.run(["/bin/sh", "-c", shell], env=env, timeout=PATIENCE_S, check=True)
-            asked = ["rosparam", "get", "/config/robot/mount/pitch_down_rad"]
+            for each in (earlier, shell):
+                subprocess.run(["/bin/sh", "-c", each], env=env, timeout=PATIENCE_S, check=True)
+            asked = ["rosparam", "get", "/config"]
             told = subprocess.run(asked, env=env, capture_output=True, text=True, timeout=PATIENCE_S, check=True)
         finally:
             master.terminate()
-    assert float(told.stdout) == 0.125
+    tree = yaml.safe_load(told.stdout)
+    assert tree["robot"]["mount"]["pitch_down_rad"] == 0.125
+    assert tree["limits"] == to_dict(Config())["limits"]
