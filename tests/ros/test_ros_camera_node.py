@@ -150,6 +150,17 @@ def test_a_stored_calibration_that_does_not_fit_leaves_the_driver_its_own(
     assert ("the stored calibration is not used" if damaged else "is of 1280x720, images are 640x480") in warned[0]
 
 
+def test_a_calibration_counts_also_for_the_compressed_images_of_a_camera(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: name)
+    source = TopicCamera("/cam/image_raw", lambda _: None)
+    CameraCalibration(DEVICE, "").store(source, MEASURED)
+    packed = TopicCamera("/cam/image_raw/compressed", lambda _: None)
+    assert CameraCalibration(f"{DEVICE}/compressed", "").of(packed, 640, 480) == MEASURED
+
+
 def test_rectified_images_are_as_their_driver_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warned: list[str]
 ) -> None:

@@ -39,7 +39,7 @@ class TopicCamera:
                 f"camera 'ros:{topic}': give the topic of another driver, e.g. ros:/usb_cam/image_raw; images that "
                 f"come as {topics.IMAGE} already need no node camera (vsx explore --camera ros)"
             )
-        self.serial = topic.strip("/").replace("/", "_")
+        self.serial = topic.removesuffix("/compressed").strip("/").replace("/", "_")  # the same pixels
         self.calibration: PinholeCamera | None = None
         self.rectified = is_rectified(topic)
         self._topic, self._on_image, self._frames = topic, on_image, images.Frames()
