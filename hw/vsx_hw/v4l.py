@@ -61,7 +61,8 @@ def open_video(number: int, mode: V4lMode = V4lMode()) -> Any:  # noqa: B008 (im
     os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")  # [s]; read at the first image, and 10 if not set
     capture = cv2.VideoCapture(number, cv2.CAP_V4L2)
     if not capture.isOpened():
-        raise DeviceNotFound(f"/dev/video{number} cannot be opened; check 'ls /dev/video*' and the group video")
+        remedy = "check 'ls /dev/video*' and the group video, and end what else uses it"
+        raise DeviceNotFound(f"/dev/video{number} cannot be opened; {remedy}")
     set_up(capture, number, mode)
     return capture
 

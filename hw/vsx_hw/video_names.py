@@ -1,15 +1,21 @@
 """Which camera is behind /dev/videoN: the kernel gives the number to whatever is plugged in next.
 
-Source: Linux, sysfs of USB devices and of video4linux."""
+Sources: Linux, sysfs of USB devices and of video4linux; Linux media documentation, VIDIOC_QUERYCAP."""
 
+import fcntl
 import os
 import re
+import struct
 from pathlib import Path
 
 from vsx_hw.errors import DeviceNotFound
 
 MOVING = {"v4l": "rgb_video[0-9]*.yaml", "kinect": "rgb_usb-[0-9]*-[0-9]*.yaml"}
 """Calibrations of earlier versions, by kind of camera: named by the number of /dev/videoN or the USB address."""
+
+_QUERYCAP = 0x80685600  # answers: driver, card, bus_info, version, capabilities, device_caps, reserved
+_CAPABILITIES = struct.Struct("=16s32s32s3I12x")
+_CAPTURE, _CAPTURE_PLANES, _DEVICE_CAPS = 0x1, 0x1000, 0x80000000
 
 
 def content(path: Path) -> str:
@@ -32,6 +38,23 @@ def video_number(device: str) -> int:
     if found is None:
         raise DeviceNotFound(f"{device} leads to no /dev/videoN; check the cable and 'ls -l /dev/v4l/by-id'")
     return int(found[1])
+
+
+def gives_images(device: Path) -> bool:
+    """Whether /dev/videoN takes images, unlike the metadata of a webcam or a codec. Opens it; what does not answer may
+    be a camera."""
+    try:
+        handle = os.open(device, os.O_RDWR | os.O_NONBLOCK)
+    except OSError:
+        return True
+    try:
+        answer = fcntl.ioctl(handle, _QUERYCAP, bytes(_CAPABILITIES.size))
+    except OSError:
+        return True
+    finally:
+        os.close(handle)
+    *_, all_of_it, of_this = _CAPABILITIES.unpack(answer)
+    return bool((of_this if all_of_it & _DEVICE_CAPS else all_of_it) & (_CAPTURE | _CAPTURE_PLANES))
 
 
 def video_name(number: int, root: Path = Path("/")) -> str:

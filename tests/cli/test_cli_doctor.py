@@ -1,6 +1,7 @@
 """The doctor's checks against real things: a base on an emulated wire, a Kinect in an emulated sysfs."""
 
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -10,10 +11,12 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
+import numpy as np
 import pytest
 from free_ports import free_port
 from waiting import PATIENCE_S
 
+from vsx_hw import v4l
 from vsx_hw.bases import base_emulator
 from vsx_ros.cli import check_machine, main
 from vsx_ros.cli.check_devices import check_devices as devices
@@ -79,17 +82,75 @@ def test_a_kinect_without_power_shows_its_motor_only(tmp_path: Path) -> None:
     assert "12 V" in found.remedy
 
 
-def test_a_webcam_is_told_with_the_name_of_its_calibration(tmp_path: Path) -> None:
-    entry, device = tmp_path / "sys/class/video4linux/video0", tmp_path / "sys/bus/usb/devices/1-1"
+def webcam(root: Path) -> Path:
+    """Plug one in; its device file."""
+    entry, device = root / "sys/class/video4linux/video0", root / "sys/bus/usb/devices/1-1"
     entry.mkdir(parents=True)
     (entry / "name").write_text("UVC Camera\n", encoding="utf-8")
-    usb(tmp_path, "1-1", "0825", 2)
+    usb(root, "1-1", "0825", 2)
     (device / "serial").write_text("A1B2\n", encoding="utf-8")
     (device / "1-1:1.0").mkdir()
     (entry / "device").symlink_to(device / "1-1:1.0")
+    (root / "dev/video0").touch()
+    return root / "dev/video0"
+
+
+def test_a_webcam_is_told_with_the_name_of_its_calibration(tmp_path: Path) -> None:
+    webcam(tmp_path)
     (found,) = of("camera", list(devices(tmp_path, {}, False)))
     assert found.level == OK
-    assert found.text == "/dev/video0: UVC Camera, as --camera v4l:0, calibrated by rgb_045e_0825_A1B2.yaml"
+    named = "as --camera v4l:0, calibrated by rgb_045e_0825_A1B2.yaml"
+    assert found.text == f"/dev/video0: UVC Camera, {named}, may be opened"
+
+
+class Capture:
+    """OpenCV's capture device; damaged: so many of its images cannot be read."""
+
+    def __init__(self, damaged: float) -> None:
+        self.damaged, self.released = damaged, False
+
+    def read(self) -> object:
+        self.damaged -= 1
+        return (False, None) if self.damaged >= 0 else (True, np.zeros((480, 640), np.uint8))
+
+    def release(self) -> None:
+        self.released = True
+
+
+@pytest.mark.parametrize(("damaged", "level"), [(0, OK), (2, OK), (math.inf, FAIL)])
+def test_with_hw_a_webcam_gives_an_image(
+    damaged: float, level: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    webcam(tmp_path)
+    capture = Capture(damaged)
+    monkeypatch.setattr(v4l, "open_video", lambda number: {0: capture}[number])
+    found = of("camera", list(devices(tmp_path, {}, True)))
+    assert [f.level for f in found] == [OK, level]
+    assert "/dev/video0" in found[1].text
+    assert ("640x480" in found[1].text) == (level == OK)
+    assert bool(found[1].remedy) == (level == FAIL)
+    assert capture.released
+
+
+def test_with_hw_a_webcam_that_does_not_open_is_a_failure(tmp_path: Path) -> None:
+    """No kernel is behind this one, so that the driver cannot open it."""
+    entry = tmp_path / "sys/class/video4linux/video97"
+    entry.mkdir(parents=True)
+    (tmp_path / "dev").mkdir()
+    (tmp_path / "dev/video97").touch()
+    found = of("camera", list(devices(tmp_path, {}, True)))
+    assert [f.level for f in found] == [OK, FAIL]
+    assert "/dev/video97 cannot be opened" in found[1].text
+    assert "group video" in found[1].remedy
+
+
+def test_with_hw_what_gives_no_images_is_no_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the second device of a webcam, which gives metadata."""
+    webcam(tmp_path)
+    monkeypatch.setattr("vsx_ros.cli.check_devices.gives_images", lambda device: device != tmp_path / "dev/video0")
+    (found,) = of("camera", list(devices(tmp_path, {}, True)))
+    assert found.level == FAIL
+    assert "neither" in found.text
 
 
 def test_a_calibration_that_is_named_by_a_number_is_not_called_good(tmp_path: Path) -> None:
@@ -142,6 +203,26 @@ def test_missing_permissions_name_the_group() -> None:
         assert [f.level for f in of("permissions", found)] == [WARN, WARN]
         assert "usermod -aG dialout,plugdev,video" in of("permissions", found)[1].remedy
         assert [f.level for f in of("permissions", before)] == [WARN]
+
+
+@pytest.mark.parametrize(("kinect", "level"), [(False, FAIL), (True, WARN)])
+def test_a_webcam_without_permission_is_told_and_no_failure_beside_a_kinect(kinect: bool, level: str) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        root.chmod(0o755)
+        webcam(root).chmod(0)
+        if kinect:
+            usb(root, "1-2", "02ae", 3)
+            (root / "dev/bus/usb/001/003").chmod(0o666)
+        with ProcessPoolExecutor(1, get_context("fork"), become_nobody) as child:
+            found = child.submit(found_at, root).result(timeout=PATIENCE_S)
+    told = of("camera", found)[-1]
+    assert told.level == level
+    assert "/dev/video0: UVC Camera" in told.text
+    assert "may not be opened" in told.text
+    assert "usermod -aG video" in told.remedy
+    if os.geteuid() == 0:
+        assert "video (/dev/videoN)" in of("permissions", found)[-1].text
 
 
 def test_calibrations_are_read_not_only_found(tmp_path: Path) -> None:

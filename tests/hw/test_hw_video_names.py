@@ -1,7 +1,9 @@
 """Kernel cameras by what is theirs, in an emulated sysfs: the number of /dev/videoN moves."""
 
+import fcntl
 import os
 import queue
+import sys
 from pathlib import Path
 
 import cv2
@@ -12,7 +14,7 @@ from waiting import PATIENCE_S, wait_for
 from vsx_hw import v4l
 from vsx_hw.errors import DeviceNotFound
 from vsx_hw.v4l import V4lCamera, V4lMode
-from vsx_hw.video_names import video_name, video_number
+from vsx_hw.video_names import gives_images, video_name, video_number
 
 
 def plugged(root: Path, number: int, port: str, serial: str | None, function: int = 0, index: int = 0) -> None:
@@ -63,6 +65,38 @@ def test_a_camera_that_is_not_on_the_usb_has_the_kernel_s_names(tmp_path):
     (entry / "device").symlink_to(sensor)
     assert video_name(0, tmp_path) == "unicam_fe801000.csi"
     assert video_name(7, tmp_path) == "video7", "no sysfs"
+
+
+WEBCAM, CODEC, DEVICE_CAPS, STREAMING = 0x84A00001, 0x04008000, 0x80000000, 0x04000000
+
+
+@pytest.mark.parametrize(
+    ("whole", "own", "camera"),
+    [
+        (WEBCAM, STREAMING | 0x1, True),  # uvcvideo
+        (WEBCAM, STREAMING | 0xA00000, False),  # its metadata
+        (DEVICE_CAPS | CODEC, CODEC, False),
+        (DEVICE_CAPS | 0x1000, STREAMING | 0x1000, True),  # planes
+        (STREAMING | 0x1, 0, True),  # before Linux 3.4
+        (0x2, 0, False),  # an output
+    ],
+)
+def test_a_device_without_images_is_told_from_a_camera(whole, own, camera, tmp_path, monkeypatch):
+    def answer(handle, request, room):
+        assert (os.readlink(f"/proc/self/fd/{handle}"), request, len(room)) == (str(device), 0x80685600, 104)
+        words = (0x60000, whole, own, 0, 0, 0)
+        return bytes(80) + b"".join(word.to_bytes(4, sys.byteorder) for word in words)
+
+    device = tmp_path / "video0"
+    device.touch()
+    monkeypatch.setattr(fcntl, "ioctl", answer)
+    assert gives_images(device) is camera
+
+
+def test_what_does_not_answer_may_be_a_camera(tmp_path):
+    (tmp_path / "video0").touch()
+    assert gives_images(tmp_path / "video0")
+    assert gives_images(tmp_path / "video1"), "absent, or not to be opened: the driver says why"
 
 
 def test_a_link_leads_to_the_number(tmp_path):

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from vsx_hw.video_names import MOVING, content, video_name
+from vsx_hw.video_names import MOVING, content, gives_images, video_name
 from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding, tried
 
 _KINECT_CAMERAS = {"045e:02ae": "Kinect", "045e:02bf": "Kinect for Windows"}
@@ -42,13 +42,18 @@ def check_devices(root: Path, environment: Mapping[str, str], speak: bool) -> It
     """Findings about the hardware. speak: open the devices and identify them; a missing device is then a failure."""
     ports = sorted({*(root / "dev").glob("ttyUSB*"), *(root / "dev").glob("ttyACM*"), *(root / "dev").glob("kobuki")})
     kinects = [device for device in usb_devices(root) if device.ids in _KINECT_CAMERAS]
+    videos = sorted(entry.name for entry in (root / "sys/class/video4linux").glob("video[0-9]*"))
+    if speak:
+        videos = [video for video in videos if gives_images(root / "dev" / video)]
     absent = FAIL if speak else NOTE
     yield from _ports(ports, absent)
-    yield from _cameras(root, kinects, absent)
+    yield from _cameras(root, kinects, videos, absent)
     if ports or kinects:
-        yield from _permissions(root)
+        yield _udev_rule(root)
+    if ports or kinects or videos:
+        yield from _groups()
     if speak:
-        yield from _spoken_to(ports, kinects)
+        yield from _spoken_to(ports, kinects, videos)
     # As runs.parameters.ros_home, which needs packages that this command may find missing.
     home = Path(environment.get("ROS_HOME") or Path(environment.get("HOME", "/")) / ".ros")
     files = sorted((home / "camera_info").glob("*.yaml"))
@@ -80,15 +85,15 @@ def _access(area: str, device: Path, name: str, remedy: str) -> Finding:
     return Finding(area, FAIL, f"{name} may not be opened by this user", remedy)
 
 
-def _cameras(root: Path, kinects: list[UsbDevice], absent: str) -> Iterator[Finding]:
-    videos = sorted((root / "sys/class/video4linux").glob("video[0-9]*"))
+def _cameras(root: Path, kinects: list[UsbDevice], videos: list[str], absent: str) -> Iterator[Finding]:
     for device in kinects:
         name = f"{_KINECT_CAMERAS[device.ids]} {device.serial}".rstrip()
         yield _access("camera", device.node, f"{name} at {device.node}", _RULE)
     for video in videos:
-        number = int(video.name.removeprefix("video"))
-        named = f"as --camera v4l:{number}, calibrated by rgb_{video_name(number, root)}.yaml"
-        yield Finding("camera", OK, f"/dev/{video.name}: {content(video / 'name')}, {named}")
+        number, kind = int(video.removeprefix("video")), content(root / "sys/class/video4linux" / video / "name")
+        name = f"/dev/{video}: {kind}, as --camera v4l:{number}, calibrated by rgb_{video_name(number, root)}.yaml,"
+        remedy = "sudo usermod -aG video $USER, then log in again"
+        yield _beside(kinects, _access("camera", root / "dev" / video, name, remedy))
     if not kinects and any(device.ids in _KINECT_PARTS for device in usb_devices(root)):
         yield Finding("camera", FAIL, "the Kinect's motor or audio is on the USB, its camera is not", _BREAKER)
     elif not kinects and not videos:
@@ -98,12 +103,19 @@ def _cameras(root: Path, kinects: list[UsbDevice], absent: str) -> Iterator[Find
         yield Finding("camera", WARN, "the kernel's driver gspca_kinect takes the Kinect from libusb", remedy)
 
 
-def _permissions(root: Path) -> Iterator[Finding]:
+def _beside(kinects: list[UsbDevice], webcam: Finding) -> Finding:
+    """A laptop's own webcam is no failure of a robot with a Kinect."""
+    return webcam._replace(level=WARN) if kinects and webcam.level == FAIL else webcam
+
+
+def _udev_rule(root: Path) -> Finding:
     rules = [root / "etc/udev/rules.d/60-vsx.rules", root / "usr/lib/udev/rules.d/60-vsx.rules"]
     if any(rule.exists() for rule in rules):
-        yield Finding("permissions", OK, "the udev rule is installed")
-    else:
-        yield Finding("permissions", WARN, "the udev rule is not installed: no /dev/kobuki, 16 ms of delay", _RULE)
+        return Finding("permissions", OK, "the udev rule is installed")
+    return Finding("permissions", WARN, "the udev rule is not installed: no /dev/kobuki, 16 ms of delay", _RULE)
+
+
+def _groups() -> Iterator[Finding]:
     mine = {entry.gr_name for entry in grp.getgrall() if entry.gr_gid in os.getgroups()}
     lacking = [name for name in _GROUPS if name not in mine]
     if lacking and os.geteuid() != 0:
@@ -112,8 +124,8 @@ def _permissions(root: Path) -> Iterator[Finding]:
         yield Finding("permissions", WARN, f"this user is not in the groups {wanted}", remedy)
 
 
-def _spoken_to(ports: list[Path], kinects: list[UsbDevice]) -> Iterator[Finding]:
-    """Listen to the base and identify it; the wheels do not turn."""
+def _spoken_to(ports: list[Path], kinects: list[UsbDevice], videos: list[str]) -> Iterator[Finding]:
+    """Listen to the base and identify it; the wheels do not turn. Open the cameras."""
     from vsx_hw.bases import detect_base
     from vsx_hw.kinect.usb_transport import UsbTransport
 
@@ -128,6 +140,25 @@ def _spoken_to(ports: list[Path], kinects: list[UsbDevice]) -> Iterator[Finding]
         yield tried("base", partial(named, port))
     if kinects:
         yield tried("camera", serial)
+    for video in videos:
+        yield _beside(kinects, tried("camera", partial(_image, video)))
+
+
+def _image(video: str) -> str:
+    """Take an image, as the node camera does."""
+    from vsx_hw.errors import DeviceError
+    from vsx_hw.v4l import MOST_BAD, V4lMode, grey, open_video
+
+    capture = open_video(int(video.removeprefix("video")))
+    try:
+        for _ in range(MOST_BAD):
+            ok, image = capture.read()
+            if ok:
+                height, width = grey(image, V4lMode())[0].shape
+                return f"/dev/{video} gives images of {width}x{height}"
+    finally:
+        capture.release()
+    raise DeviceError(f"/dev/{video} opens and gives no image; check the cable")
 
 
 def _calibration(file: Path) -> str:
