@@ -59,3 +59,7 @@ def test_a_replay_finds_the_user_s_folder_and_bag(here: Path) -> None:
 def test_words_for_no_folder_stay_words(here: Path, word: str) -> None:
     assert told("explore", "--run-dir", word)["run_dir"] == word
     assert told("explore")["run_dir"] == "auto"
+
+
+def test_a_dock_may_be_at_a_negative_place() -> None:
+    assert told("simulate", "--dock", "-1,2,90")["dock"] == "-1,2,90"

@@ -49,6 +49,39 @@ def test_phi_has_the_bound_of_its_parameter():
         overridden(Config(), {"planner.phi_rad_m": 0.0099})
 
 
+MINUS = "-1,2,90"
+PLACES = {  # every value that is a place, in a whole line
+    ("explore", "--dock"): ["explore", "--dock", MINUS],
+    ("map load", "--dock"): ["map", "load", "x.vsxmap", "--dock", MINUS],
+    ("world", "--start"): ["world", "import", "house.world", "--start", MINUS],
+    ("plan", "--start"): ["plan", "--start", MINUS, "--goal", "0,0,0"],
+    ("plan", "--goal"): ["plan", "--start", "0,0,0", "--goal", MINUS],
+    ("go", "place"): ["go", MINUS],
+    ("dock", "--at"): ["dock", "--at", MINUS],
+    ("zone add", "points"): ["zone", "add", "stairs", "wall", "-1,2 3,4", "-.5,2"],
+}
+
+
+def values(parser, name=""):
+    """Every command and option with what its value is called."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for verb, inner in action.choices.items():
+                yield from values(inner, f"{name} {verb}".strip())
+        else:
+            yield (name, (*action.option_strings, action.dest)[0]), str(action.metavar)
+
+
+def test_a_place_may_begin_with_a_minus_sign():
+    assert set(PLACES) == {key for key, what in values(main.parser()) if "X,Y" in what or what == "CORNERS"}
+    for (_, option), line in PLACES.items():
+        value = getattr(main.parse(line), option.lstrip("-"))
+        if option == "points":
+            assert value == ["-1,2 3,4", "-.5,2"]
+        elif value != MINUS:  # as it stands
+            assert value[:2] == (-1.0, 2.0)
+
+
 @pytest.mark.parametrize(
     ("line", "said"),
     [
@@ -78,6 +111,8 @@ def test_phi_has_the_bound_of_its_parameter():
         (["world", "lab", "--start", "nan,0,0", "--out", "w.yaml"], "'nan,0,0' is not a pose"),
         (["teleop", "--v", "fast"], "--v: invalid positive value: 'fast'"),
         (["reproduce", "fig5", "--time", "0"], "--time: 0: give a positive number"),
+        (["explore", "-5"], "unrecognized arguments: -5"),
+        (["world", "lab", "--start", "-1,2"], "--start: '-1,2' is not a pose; write X,Y,DEG"),
         (["reproduce", "table1", "--jobs", "0"], "--jobs: 0: give a number of at least 1"),
     ],
 )

@@ -9,7 +9,7 @@ from typing import Any
 
 from vsx_hw import bases
 from vsx_ros.cli.new_run import new_run
-from vsx_ros.cli.option_values import BASES, PLANNERS, camera, seed
+from vsx_ros.cli.option_values import BASES, PLANNERS, Parser, camera, seed
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.ros import launch, logs
@@ -70,7 +70,7 @@ def _of_url(url: str) -> str:
 
 def parser(name: str) -> argparse.ArgumentParser:
     """The options of a launch; the same as in its .launch file."""
-    options = argparse.ArgumentParser(prog=f"{name}.py", description=_TEXTS[name])
+    options = Parser(prog=f"{name}.py", description=_TEXTS[name])
     add: Callable[..., Any] = options.add_argument
     add("--config", type=Path, help="YAML with parameters, as 'vsx config' prints it")
     if name != "bringup":

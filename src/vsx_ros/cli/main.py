@@ -15,6 +15,7 @@ from typing import NoReturn
 
 from vsx_ros import __version__
 from vsx_ros.cli import options_places, options_robot, options_runs, options_study
+from vsx_ros.cli.option_values import Parser
 from vsx_ros.errors import VsxError, did_you_mean, disk_trouble
 from vsx_ros.registry import load_plugins
 from vsx_ros.runs import process
@@ -48,7 +49,7 @@ COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
 """For each command its options and help, and the module in this package with the function of the same name."""
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(Parser):
     """A parser that reports mistakes in one sentence and ends with the project's exit code."""
 
     def error(self, message: str) -> NoReturn:

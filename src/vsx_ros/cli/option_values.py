@@ -1,11 +1,11 @@
-"""Value types of the options of ``vsx``, and options that several commands share."""
+"""Parser and value types of the options of ``vsx``, and options that several commands share."""
 
 import argparse
 import math
 import os
 import re
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from vsx_ros.errors import ConfigError
 from vsx_ros.registry import PLUGINS, Kinds
@@ -13,6 +13,14 @@ from vsx_ros.registry import PLUGINS, Kinds
 BASES = Kinds("vsx_hw.bases:BASES", "auto", "ros")  # bases at a port need no ROS
 PLANNERS = Kinds("vsx_ros.planning.planners:PLANNERS")
 _UNITS = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}  # bytes, by SI
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser of values that may begin with a minus sign and a digit, such as places; so no option may."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self._negative_number_matcher = re.compile(r"-[\d.]")  # argparse's own knows only whole values, such as -1.5
 
 
 def add_parameters(parser: argparse.ArgumentParser) -> None:

@@ -1,7 +1,6 @@
 """The options of ``vsx zone`` and ``vsx room``. The docstring of each is its help."""
 
 import argparse
-import re
 
 from vsx_ros.cli.option_values import map_file
 
@@ -22,7 +21,6 @@ def zone(parser: argparse.ArgumentParser) -> None:
     add = verbs.add_parser("add", help="draw a zone", description="Draws a zone; it replaces one of the same name.")
     add.add_argument("name", metavar="NAME", help="its name")
     add.add_argument("kind", choices=KINDS, metavar="KIND", help=", ".join(KINDS))
-    add._negative_number_matcher = re.compile(r"^-[\d.]")  # corners may begin with a minus sign
     corners = 'corners in the map [m]: "x,y x,y x,y"'
     add.add_argument("points", nargs="+", metavar="CORNERS", help=corners)
     add.add_argument("--speed", type=float, metavar="M_S", help="of a slow zone, which needs it: e.g. 0.1")

@@ -2,7 +2,6 @@
 docstring of each is its help."""
 
 import argparse
-import re
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +65,6 @@ def go(parser: argparse.ArgumentParser) -> None:
     exploration.stay_at_user_goal keeps the robot there. Without DEG it looks the way it came. Ctrl-C ends the drive.
 
     exit codes: 0 reached, 1 not reached or no robot"""
-    parser._negative_number_matcher = re.compile(r"^-[\d.]")  # places may begin with a minus sign
     parser.add_argument("place", type=place, metavar="X,Y[,DEG]", help="metres in the map, and degrees")
     parser.add_argument("--stay", action="store_true", help="stay there, until the exploration is resumed")
 
@@ -79,7 +77,6 @@ def dock(parser: argparse.ArgumentParser) -> None:
     ends it. 'vsx undock' leaves the dock; then the exploration goes on.
 
     examples: vsx dock | vsx dock --at 0.2,-1.5,180 | exit codes: 0 it charges, 1 it does not, or no robot"""
-    parser._negative_number_matcher = re.compile(r"^-[\d.]")  # places may begin with a minus sign
     what = "where the base stands when it charges: metres in the map, and the degrees it looks to"
     parser.add_argument("--at", type=pose, metavar="X,Y,DEG", help=what)
 

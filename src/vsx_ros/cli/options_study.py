@@ -1,7 +1,6 @@
 """The options of the commands that plan, judge and compare; the docstring of each is its help."""
 
 import argparse
-import re
 from pathlib import Path
 
 from vsx_ros.cli.option_values import (
@@ -27,8 +26,6 @@ def plan(parser: argparse.ArgumentParser) -> None:
     map (lab_zones.yaml beside lab.yaml) are obeyed as a robot obeys them.
 
     example: vsx plan --start 0,0,0 --goal 2,-1,90 --phi 1 --plot plan.png"""
-    # Poses may begin with a minus sign.
-    parser._negative_number_matcher = re.compile(r"^-[\d.]")
     add = parser.add_argument
     add("--start", type=pose, required=True, metavar="X,Y,DEG", help="metres and degrees")
     add("--goal", type=pose, required=True, metavar="X,Y,DEG", help="metres and degrees")
