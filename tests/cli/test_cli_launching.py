@@ -63,3 +63,21 @@ def test_words_for_no_folder_stay_words(here: Path, word: str) -> None:
 
 def test_a_dock_may_be_at_a_negative_place() -> None:
     assert told("simulate", "--dock", "-1,2,90")["dock"] == "-1,2,90"
+
+
+@pytest.mark.parametrize(
+    ("name", "option", "value", "said"),
+    [
+        ("simulate", "--dock", "-1,2", "'-1,2' is not a pose; write X,Y,DEG"),
+        ("simulate", "--rate-hz", "0", "0 images a second; give 1 to 60"),
+        ("replay", "--rate", "-1", "-1: give a positive number"),
+        ("replay", "--rate", "nan", "nan: give a positive number"),
+    ],
+)
+def test_what_a_node_would_refuse_is_refused_before_it_starts(
+    name: str, option: str, value: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = ["--bag", "a.bag"] if name == "replay" else []
+    with pytest.raises(SystemExit):
+        told(name, *bag, option, value)
+    assert f"argument {option}: {said}" in capsys.readouterr().err

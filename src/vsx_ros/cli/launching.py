@@ -9,7 +9,7 @@ from typing import Any
 
 from vsx_hw import bases
 from vsx_ros.cli.new_run import new_run
-from vsx_ros.cli.option_values import BASES, PLANNERS, Parser, camera, seed
+from vsx_ros.cli.option_values import BASES, PLANNERS, Parser, camera, pose_text, positive, rate, seed
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.ros import launch, logs
@@ -39,7 +39,7 @@ def nodes_of(name: str, args: argparse.Namespace) -> list[LaunchNode]:
         return launch.replay(args.bag, args.rate, not args.without_odometry, args.run_dir, named)
     if name == "simulate":
         open_world(args.world, args.seed, hard=[args.hard], where="--hard")
-        wires = args.devices, args.base, args.rate_hz, args.dock, args.battery_pace, args.hard
+        wires = args.devices, args.base, args.rate_hz, args.dock or "", args.battery_pace, args.hard
         world = args.world if args.world.partition(":")[0] in GENERATORS else _absolute(args.world)
         robot = launch.emulation(world, args.seed, *wires)
     else:
@@ -80,7 +80,7 @@ def parser(name: str) -> argparse.ArgumentParser:
         add("--bag", type=_absolute, required=True, help="bag with raw images, camera_info and odometry")
         for name, default in launch.BagTopics()._asdict().items():
             add(f"--{name.replace('_', '-')}-topic", default=default, help=f"what the bag calls it ({default})")
-        add("--rate", type=float, default=1.0, help="1 is real time")
+        add("--rate", type=positive, default=1.0, help="1 is real time")
         add("--without-odometry", action="store_true", help="the bag has none: the map has no scale")
         return options
     if name == "simulate":
@@ -90,8 +90,8 @@ def parser(name: str) -> argparse.ArgumentParser:
     if name == "simulate":
         add("--world", default="lab", help="lab (default), office, corridor, building, a Gazebo file or a world.yaml")
         add("--devices", type=_absolute, default="/tmp", help="folder for the emulated port and camera (/tmp)")
-        add("--rate-hz", type=float, default=15.0, help="images a second (15)")
-        add("--dock", default="", help="X,Y,DEG of a dock in the world and where it looks to (default: none)")
+        add("--rate-hz", type=rate, default=15.0, help="images a second (15)")
+        add("--dock", type=pose_text, help="X,Y,DEG of a dock in the world and where it looks to (default: none)")
         add("--battery-pace", type=float, default=1.0, help="how many times faster the battery drains and charges (1)")
         add("--hard", default="", help="NAME=AMOUNT of what makes the world hard: docs/how-to/hard-things.md")
     else:
