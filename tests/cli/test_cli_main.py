@@ -111,6 +111,11 @@ def test_a_place_may_begin_with_a_minus_sign():
         (["world", "lab", "--start", "nan,0,0", "--out", "w.yaml"], "'nan,0,0' is not a pose"),
         (["teleop", "--v", "fast"], "--v: invalid positive value: 'fast'"),
         (["reproduce", "fig5", "--time", "0"], "--time: 0: give a positive number"),
+        (
+            ["explore", "--room", "-x"],
+            "--room: expected one argument (one that begins with '-' is given as --room=-...)",
+        ),
+        (["map", "save", "--out"], "--out: expected one argument (one that begins with '-' is given as --out=-...)"),
         (["explore", "-5"], "unrecognized arguments: -5"),
         (["world", "lab", "--start", "-1,2"], "--start: '-1,2' is not a pose; write X,Y,DEG"),
         (["reproduce", "table1", "--jobs", "0"], "--jobs: 0: give a number of at least 1"),

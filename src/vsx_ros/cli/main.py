@@ -53,10 +53,13 @@ class _Parser(Parser):
     """A parser that reports mistakes in one sentence and ends with the project's exit code."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(FAILED, f"{self.prog}: {message}{self._near(message)}; '{self.prog} --help' lists what there is\n")
+        self.exit(FAILED, f"{self.prog}: {message}{self._remark(message)}; '{self.prog} --help' lists what there is\n")
 
-    def _near(self, message: str) -> str:
-        """The command, choice or option that resembles the one a message complains about, as a remark."""
+    def _remark(self, message: str) -> str:
+        """The command, choice or option that resembles the one a message complains about; or how a value that looks
+        like an option is given."""
+        if lacking := re.fullmatch("argument (--[^ ]+): expected one argument", message):
+            return f" (one that begins with '-' is given as {lacking[1]}=-...)"
         if option := re.search("unrecognized arguments: (-[^ =]+)", message):
             return did_you_mean(option[1], self._option_string_actions)
         choice = re.search("argument (.*?): invalid choice: '(.*?)'", message)
