@@ -29,6 +29,7 @@ from vsx_ros.exploration.utility import Ranker
 from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.view import with_view
 from vsx_ros.kernels import kernel
 from vsx_ros.occupancy.driven_ground import DriveHistory
 from vsx_ros.occupancy.grid import FREE, OccupancyGrid
@@ -173,7 +174,7 @@ class Run:
     """Mission, planner and ground map on a base that follows its plans exactly."""
 
     def __init__(self, seed: int, rank: Ranker) -> None:
-        config, world = Config(), generate_world("lab", seed)
+        config, world = with_view(Config()), generate_world("lab", seed)
         self._config, self._judge, self._landmarks = config, MapJudge(world, config), Landmarks(world, seed)
         self._planner, self._rng = Planner(config.planner, config.robot), np.random.default_rng(seed)
         planner = self._planner

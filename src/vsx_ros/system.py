@@ -18,6 +18,7 @@ from vsx_ros.exploration.mission import Mission
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
+from vsx_ros.geometry.view import view_rad, with_view
 from vsx_ros.navigation.navigator import ComputingTime, GoalPlanner, Navigator
 from vsx_ros.occupancy.anchored_poses import KeyframePlaces
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -60,7 +61,7 @@ class ExplorationSystem:
         """saved: a run to continue; the base stands where it stood. slam_map: a map to continue; the base may be
         anywhere in it. Raises CalibrationError when either was made with another camera or mount, InputError when the
         saved data is damaged."""
-        self._config = config
+        self._config = config = with_view(config, view_rad(camera))
         self.planner = GoalPlanner(config, planner, seed)
         self._computing_time = ComputingTime(config.computing)
         self._densifier = Densifier(camera, T_base_cam, config.dense, seed) if config.dense.enabled else None

@@ -83,13 +83,14 @@ def test_a_ranker(plugins: Path) -> None:
 import numpy as np, my_ranker
 from vsx_ros.config import Config
 from vsx_ros.exploration.utility import RANKERS, RankingInput
+from vsx_ros.geometry.view import with_view
 from vsx_ros.occupancy.grid import OccupancyGrid
 data = np.full((120, 120), -1, np.int8)
 data[20:100, 20:60] = 0
 grid = OccupancyGrid(data, 0.05, 0.0, 0.0)
 points = np.random.default_rng(0).uniform(0.0, 6.0, (400, 3))
 asked = RankingInput(grid, 0.2, points, np.zeros((0, 3)), lambda p: np.hypot(p[:, 0] - 2.0, p[:, 1] - 2.0),
-                     lambda p: np.zeros(len(p), bool), Config().exploration)
+                     lambda p: np.zeros(len(p), bool), with_view(Config()).exploration)
 views = RANKERS["nearest"](asked).views
 print(len(views) > 1, all(a.distance_m <= b.distance_m for a, b in zip(views, views[1:])))
 """

@@ -12,6 +12,7 @@ from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import near_poses
 from vsx_ros.exploration.view_selector import GoalBlacklist
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.view import with_view
 from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
 from vsx_ros.slam.state import TrackingState
 
@@ -170,7 +171,8 @@ def test_a_goal_is_judged_by_the_map_around_it(monkeypatch):
     seen, unseen = np.full((2000, 3000), FREE, np.int8), np.full((2000, 3000), FREE, np.int8)
     unseen[:, 1500:] = UNKNOWN
     before, *after = (OccupancyGrid(data, 0.05, -73.5, -50.0) for data in (unseen, unseen, seen, seen, seen))
-    expected = view_selector.ExpectedGain(SE2(0.5, 0.0, 0.0), before, 0.2, np.zeros((0, 3)), Config().exploration)
+    config = with_view(Config()).exploration
+    expected = view_selector.ExpectedGain(SE2(0.5, 0.0, 0.0), before, 0.2, np.zeros((0, 3)), config)
     told = [expected.why_obsolete(grid) for grid in after]
     assert told[:3] == ["", "", ""]
     assert told[3].startswith("seen on the way: 0.0 of")

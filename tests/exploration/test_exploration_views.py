@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from vsx_ros.arrays import array_bytes
 from vsx_ros.config import Config
@@ -23,11 +24,12 @@ from vsx_ros.exploration.utility import (
     window_sums,
 )
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.view import with_view
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import SECTORS, find_frontiers, looks_so_far, opaque_walls
 
-CONFIG = Config().exploration
-NO_LANDMARKS_NEEDED = Config().exploration.__class__(min_landmarks=0)
+CONFIG = with_view(Config()).exploration
+NO_LANDMARKS_NEEDED = replace(CONFIG, min_landmarks=0)
 RESOLUTION = 0.05
 NOWHERE_YET = np.zeros((0, 3))
 

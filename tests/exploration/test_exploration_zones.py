@@ -13,6 +13,7 @@ from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import RankingInput, rank_views
 from vsx_ros.exploration.view_selector import ViewSelector
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.view import with_view
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.keep_out import KeepOut
 from vsx_ros.occupancy.zoned_grid import with_zones
@@ -21,7 +22,7 @@ from vsx_ros.planning.planner import Planner
 from vsx_ros.robot import OperatorHold
 from vsx_ros.slam.state import TrackingState
 
-SECOND, CONFIG = 10**9, Config()
+SECOND, CONFIG = 10**9, with_view(Config())
 BODY_M, MARGIN_M = CONFIG.robot.radius_m, CONFIG.planner.zone_margin_m
 LANDMARKS = np.random.default_rng(0).uniform([-3.0, -2.0, 0.0], [3.0, 2.0, 1.0], (2000, 3))
 

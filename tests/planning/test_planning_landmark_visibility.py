@@ -96,7 +96,7 @@ def test_of_two_ways_equally_long_the_one_that_keeps_the_map_in_view_is_taken(go
 
 
 def test_driving_long_without_the_map_is_refused_and_a_little_of_it_is_slow():
-    config = PlannerConfig(sight_landmarks=30, max_blind_m=0.5)
+    config = PlannerConfig(sight_fov_rad=1.05, sight_landmarks=30, max_blind_m=0.5)
     start, goal = SE2(0.0, 0.0, 0.0), SE2(-2.0, 0.0, 3.0)
     refusal = Planner(config, RobotConfig()).plan(
         start, goal, OPEN, np.random.default_rng(0), Visibility(wall_ahead(), config)
@@ -104,7 +104,7 @@ def test_driving_long_without_the_map_is_refused_and_a_little_of_it_is_slow():
     assert isinstance(refusal, Refusal)
     assert refusal.kind is RefusalKind.BLIND
     assert "limit 0.5 m" in refusal.reason
-    config = PlannerConfig(sight_landmarks=30, max_blind_m=9.0)
+    config = PlannerConfig(sight_fov_rad=1.05, sight_landmarks=30, max_blind_m=9.0)
     plan = Planner(config, RobotConfig()).plan(
         start, goal, OPEN, np.random.default_rng(0), Visibility(wall_ahead(), config)
     )
@@ -138,7 +138,7 @@ def test_a_narrow_way_in_view_of_the_map_is_taken_where_the_wide_one_is_driven_b
     rng = np.random.default_rng(0)
     south = np.column_stack([rng.uniform(0.3, 8.2, 300), np.full(300, 0.12), np.full(300, 0.5)])
     east = np.column_stack([np.full(150, 8.38), rng.uniform(0.2, 2.0, 150), np.full(150, 0.5)])
-    config = PlannerConfig()
+    config = PlannerConfig(sight_fov_rad=1.05)
     planner, view = Planner(config, RobotConfig()), Visibility(np.vstack([south, east]), config)
     start, goal = SE2(2.21, 2.16, 0.29), SE2(7.0, 1.54, 0.27)
     plan = planner.plan(start, goal, OccupancyGrid(data, 0.05, 0.0, 0.0), np.random.default_rng(0), view)

@@ -13,6 +13,7 @@ from vsx_ros.config.maps import (
     Branch,
     Count,
     DenseConfig,
+    FieldOfView,
     GroundMapConfig,
     NonNegative,
     Positive,
@@ -41,7 +42,10 @@ _ASCENDING = (
     ("dense.min_range_m", "dense.max_range_m"),
     ("docking.reserve_ratio", "docking.charged_ratio"),
 )
-_OR_CALIBRATED = ("slam.shutter.readout_s", "slam.shutter.exposure_s")  # -1: the calibration's
+_OR_CALIBRATED = {  # -1: the calibration's; else at least so much
+    "slam.shutter.readout_s": 0.0, "slam.shutter.exposure_s": 0.0,
+    "planner.sight_fov_rad": 0.1, "exploration.sensor_fov_rad": 0.1,
+}  # fmt: skip
 
 
 class MountConfig(Branch, frozen=True):
@@ -93,7 +97,7 @@ class LimitsConfig(Branch, frozen=True):
 
 
 class PlannerConfig(Branch, frozen=True):
-    """Motion planning (paper 4)."""
+    """Motion planning (paper 4). sight_fov_rad: the view that counts; -1: the camera's by its calibration."""
 
     phi_rad_m: Annotated[float, Meta(ge=LEAST_PHI_RAD_M)] = 2.0
     # Clearance beside the body in the map, which may be 2 cm off: always kept, and kept where that is no detour.
@@ -103,7 +107,7 @@ class PlannerConfig(Branch, frozen=True):
     max_reverse_m: NonNegative = 1.5
     # What the tracker needs in view, how fast to drive where it is not, and how far at most in one go.
     sight_landmarks: Count = 20
-    sight_fov_rad: Annotated[float, Meta(gt=0, lt=3.14)] = 1.05
+    sight_fov_rad: FieldOfView = -1.0
     sight_range_m: Positive = 5.0
     blind_v_m_s: Annotated[float, Meta(ge=0.01)] = 0.2
     unmapped_v_m_s: Annotated[float, Meta(ge=0.01)] = 0.08  # before there is a map
@@ -137,12 +141,12 @@ class FollowerConfig(Branch, frozen=True):
 
 
 class ExplorationConfig(Branch, frozen=True):
-    """Frontiers, views and the mission (paper 5.2)."""
+    """Frontiers, views and the mission (paper 5.2). sensor_fov_rad: as planner.sight_fov_rad."""
 
     ranker: str = "views"
     decide_s: Annotated[float, Meta(gt=0, le=2)] = 0.2  # live, the permission to drive ends 5 s after a decision
     sensor_range_m: Positive = 3.0
-    sensor_fov_rad: Annotated[float, Meta(gt=0, lt=3.14)] = 1.05
+    sensor_fov_rad: FieldOfView = -1.0
     mean_free_path_m: Positive = 1.0
     init_drive_m: Annotated[float, Meta(gt=0, le=1)] = 0.45
     init_headings: Count = 4  # a quarter turn apart, in which it drives ahead and back to start the map
@@ -210,9 +214,9 @@ def from_dict(tree: dict[str, Any]) -> Config:
     for low, high in _ASCENDING:
         if values[low] >= values[high]:
             raise ConfigError(f"configuration: {low} is {values[low]:g}; it must be below {high}, {values[high]:g}")
-    for name in _OR_CALIBRATED:
-        if -1.0 < values[name] < 0.0:
-            raise ConfigError(f"configuration: {name} is {values[name]:g}; give -1 (the calibration's) or at least 0")
+    for name, least in _OR_CALIBRATED.items():
+        if -1.0 < (value := values[name]) < least:
+            raise ConfigError(f"configuration: {name} is {value:g}; give -1 (the calibration's) or at least {least:g}")
     return config
 
 

@@ -8,6 +8,7 @@ Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
 Ratio = Annotated[float, Meta(ge=0, le=1)]
 Count = Annotated[int, Meta(ge=1)]
+FieldOfView = Annotated[float, Meta(ge=-1, lt=3.14)]
 
 
 class Branch(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

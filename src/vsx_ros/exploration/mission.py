@@ -48,12 +48,12 @@ class Mission:
     """Explores until no view is worth its drive, and recovers when lost; gives a reason for everything."""
 
     def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:
-        exploration, planner = config.exploration, config.planner
+        exploration = config.exploration
         self._log, self._home, self._trail, self._cancels = MissionLog(), Home(), Trail(spacing_m=0.05), CancelWatch()
         self.view_selector = ViewSelector(config, travel_costs)
         self._start_drives, self._stay_at_user_goal = StartDrives(exploration), exploration.stay_at_user_goal
         self._tour = ViewTour(config, self._log, self._home, self._trail, self.view_selector)
-        self._recovery = Recovery(exploration, config.robot.radius_m, planner.phi_rad_m)
+        self._recovery = Recovery(config, self.view_selector)
         self._after_pause, self.paused_by, self._why = MissionState.STARTING, set[str](), ""  # who has not resumed it
 
     @property

@@ -8,9 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from vsx_ros.config import ExplorationConfig
+from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Situation
-from vsx_ros.exploration.utility import count_landmarks, traversable_cells
+from vsx_ros.exploration.utility import traversable_cells
+from vsx_ros.exploration.view_selector import ViewSelector
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 
@@ -116,9 +117,10 @@ def escape_arc(
 class Recovery:
     """``next`` returns one small drive at a time; between two drives the camera has time to recognise a place."""
 
-    def __init__(self, config: ExplorationConfig, radius_m: float, bend_rad_m: float) -> None:
-        """radius_m: of the robot [m]. bend_rad_m: of the arcs to the sides [rad/m]."""
-        self._config, self._radius_m, self._bend_rad_m = config, radius_m, bend_rad_m
+    def __init__(self, config: Config, views: ViewSelector) -> None:
+        """views: of the same robot."""
+        self._config, self._radius_m, self._views = config.exploration, config.robot.radius_m, views
+        self._bend_rad_m = config.planner.phi_rad_m  # of the arcs to the sides
         self._over_ns, self._is_displaced = -_AGAIN_NS, False
         self.owes_a_step = False
         """Whether to continue although the camera is tracked."""
@@ -186,7 +188,7 @@ class Recovery:
             return 0.0
         T_map_odom = situation.T_map_base @ situation.T_odom_base.inverse()
         poses = np.array([(T_map_odom @ pose).as_array() for pose in trail])
-        counts = count_landmarks(situation.grid, poses, situation.landmarks_world, self._config)[::-1]
+        counts = self._views.count_landmarks(situation.grid, poses, situation.landmarks_world)[::-1]
         back = int(counts.argmax())
         return sum(a.distance_to(b) for a, b in zip(trail[::-1][:back], trail[::-1][1:]))
 

@@ -89,7 +89,8 @@ class RankingInput(NamedTuple):
     """Input of a ranking.
 
     radius_m: of the robot with its clearance. landmarks_world: (M, 2) or (M, 3) map points [m]. looked_from: (L, 3)
-    poses from which the camera has looked. travel_costs: path lengths from here. blacklist: poses near failed goals."""
+    poses from which the camera has looked. travel_costs: path lengths from here. blacklist: poses near failed goals.
+    config: with the camera's field of view (``geometry.view.with_view``)."""
 
     grid: OccupancyGrid
     radius_m: float

@@ -7,13 +7,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsx_ros.arrays import BoolArray, FloatArray
+from vsx_ros.arrays import BoolArray, FloatArray, IntArray
 from vsx_ros.config import Config, ExplorationConfig
 from vsx_ros.exploration.decision import SECOND_NS
 from vsx_ros.exploration.time_left import TimeLeft, left_to_see
-from vsx_ros.exploration.utility import RANKERS, Ranking, RankingInput, TravelCostsFrom, View, gain_at, near_poses
+from vsx_ros.exploration.utility import (
+    RANKERS,
+    Ranking,
+    RankingInput,
+    TravelCostsFrom,
+    View,
+    count_landmarks,
+    gain_at,
+    near_poses,
+)
 from vsx_ros.exploration.zone_exit import exit_pose
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.view import KINECT_RAD, with_view
 from vsx_ros.occupancy.anchored_poses import MapCorrections
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import WALL_ROW_M, Frontier, find_frontiers
@@ -68,7 +78,8 @@ class ViewSelector:
     one. time_left: of the exploration, as far as it is known."""
 
     def __init__(self, config: Config, travel_costs: TravelCostsFrom) -> None:
-        self._config, self._travel_costs = config.exploration, travel_costs
+        self._given, self._travel_costs = config, travel_costs
+        self.look_with(KINECT_RAD)
         self._rank = RANKERS[config.exploration.ranker]
         self._radius_m = config.robot.radius_m + config.planner.clearance_m
         self.looked_from: list[SE2] = []
@@ -76,6 +87,10 @@ class ViewSelector:
         self._exits = GoalBlacklist(_EXIT_RADIUS_M, self._config.blacklist_s)
         self._grid: OccupancyGrid | None = None
         self.ranking, self.time_left = Ranking([], {}), TimeLeft()
+
+    def look_with(self, fov_rad: float) -> None:
+        """The camera has this field of view [rad]; the configuration may have another."""
+        self._config = with_view(self._given, fov_rad).exploration
 
     def look_from(self, T_map_base: SE2) -> None:
         """Remember the pose if it is far enough, in place or heading, from the last one."""
@@ -102,6 +117,10 @@ class ViewSelector:
         self.ranking = ranking = self._rank(asked)
         self.time_left.add(now_ns, grid.known_area_m2, left_to_see(ranking.views, self._config.sensor_range_m))
         return ranking
+
+    def count_landmarks(self, grid: OccupancyGrid, poses: FloatArray, landmarks_world: FloatArray) -> IntArray:
+        """(N,) known landmarks that each pose (N, 3) would have in view."""
+        return count_landmarks(grid, poses, landmarks_world, self._config)
 
     def frontiers(self) -> list[Frontier]:
         """Where the known free ground ends in the last ranked map, for display."""

@@ -10,6 +10,7 @@ from vsx_ros.control.trajectory_tracker import FollowResult
 from vsx_ros.errors import PlanningError
 from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2
+from vsx_ros.geometry.view import KINECT_RAD, with_view
 from vsx_ros.navigation.follower import Follower
 from vsx_ros.navigation.goal_execution import Act, Brake, Done, ExecutionInput, Follow, GoalExecution, PlanRequest
 from vsx_ros.occupancy.grid import OccupancyGrid
@@ -32,7 +33,7 @@ class GoalPlanner:
 
     def __init__(self, config: Config, kind: str, seed: int) -> None:
         """kind: a name in PLANNERS. Raises ConfigError for any other."""
-        self._kind = PLANNERS[kind]
+        self._kind, self._fov_rad = PLANNERS[kind], KINECT_RAD
         self._rng = np.random.default_rng(seed)
         self._grid_ns = self._landmarks_ns = 0
         self._landmarks: FloatArray = np.zeros((0, 3))
@@ -43,6 +44,10 @@ class GoalPlanner:
         """Plan with this configuration from now on."""
         self._config, self.blind = config, Planner(config.planner, config.robot)
         self._planner = self._kind(config.planner, config.robot)
+
+    def look_with(self, fov_rad: float) -> None:
+        """The camera has this field of view [rad]; the configuration may have another."""
+        self._fov_rad = fov_rad
 
     def take_grid(self, grid: OccupancyGrid, stamp_ns: int) -> None:
         """Take the newest map."""
@@ -111,7 +116,7 @@ class GoalPlanner:
         """What to keep in view; None when no landmarks belong to the present map."""
         if len(self._landmarks) == 0 or abs(self._landmarks_ns - self._grid_ns) > _SAME_MAP_NS:
             return None
-        return Visibility(self._landmarks, self._config.planner)
+        return Visibility(self._landmarks, with_view(self._config, self._fov_rad).planner)
 
 
 class ComputingTime:

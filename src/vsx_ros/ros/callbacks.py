@@ -9,15 +9,17 @@ import rospy
 from diagnostic_msgs.srv import AddDiagnostics, AddDiagnosticsRequest, AddDiagnosticsResponse
 from genpy import Message
 from nav_msgs.msg import Odometry as OdometryMsg
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
 from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 
 from vsx_hw.errors import DeviceError
 from vsx_ros.errors import InputError, VsxError
+from vsx_ros.geometry.camera import PinholeCamera
+from vsx_ros.geometry.view import view_rad
 from vsx_ros.limits import json_tree
 from vsx_ros.robot import Odometry, OdometryEpochs, OperatorHold, PoseSpeeds
-from vsx_ros.ros import convert, headers, logs, threads, topics
+from vsx_ros.ros import convert, headers, images, logs, threads, topics
 
 # Larger than any image: with rospy's default of 64 kB, a slow callback gets images one second late (ros_comm #536).
 IMAGE_BUFFER_BYTES = 2**24
@@ -104,6 +106,20 @@ def hear_odometry(callback: Callable[[Odometry], None], topic: str = topics.ODOM
         callback(epochs.enter(odometry))
 
     subscribe(topic, OdometryMsg, take, queue_size=ODOMETRY_QUEUE, tcp_nodelay=True)
+
+
+def hear_view(callback: Callable[[float], None]) -> None:
+    """Subscribe to the camera's field of view [rad], by the calibration that comes with its images; told when that
+    changes."""
+    known: PinholeCamera | None = None
+
+    def take(msg: CameraInfo) -> None:
+        nonlocal known
+        before, known = known, images.our_camera(msg)
+        if known != before:
+            callback(view_rad(known))
+
+    subscribe(topics.CAMERA_INFO, CameraInfo, take, queue_size=1)
 
 
 def hear_operator_hold(callback: Callable[[OperatorHold | None], None]) -> rospy.Subscriber:

@@ -52,6 +52,11 @@ def camera(msg: CameraInfo, image_topic: str = topics.IMAGE) -> PinholeCamera:
     return found
 
 
+def our_camera(msg: CameraInfo) -> PinholeCamera:
+    """That of the images; their topic may have another name here, which tells rectified ones."""
+    return camera(msg, rospy.resolve_name(topics.IMAGE))
+
+
 def shutter_msg(shutter: Shutter | None) -> Float64MultiArray:
     """Readout and exposure [s], which camera_info has no fields for; empty if unknown."""
     return Float64MultiArray(data=list(shutter or ()))

@@ -27,7 +27,7 @@ from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal, TimedPlan
 from vsx_ros.robot import MAP_FRAME
 from vsx_ros.ros import convert, headers, threads, topics
-from vsx_ros.ros.callbacks import subscribe
+from vsx_ros.ros.callbacks import hear_view, subscribe
 from vsx_ros.ros.driving import path_msg
 from vsx_ros.ros.logs import OK, Diagnostics
 from vsx_ros.ros.situation import LocalizationSubscriber
@@ -35,7 +35,8 @@ from vsx_ros.ros.zones import ZonedMap
 
 
 class PlanningThread:
-    """Subscribers: map, zones, vslam/map_points. Publishers: move_base/stats/plan_ms. Services: move_base/make_plan."""
+    """Subscribers: map, zones, vslam/map_points, camera/rgb/camera_info. Publishers: move_base/stats/plan_ms. Services:
+    move_base/make_plan."""
 
     def __init__(self, config: Config, diagnostics: Diagnostics, where: LocalizationSubscriber) -> None:
         """Raises ConfigError for an unknown ~planner."""
@@ -48,6 +49,7 @@ class PlanningThread:
         self._plan_ms_pub = rospy.Publisher(topics.PLAN_MS, Float32, queue_size=10, latch=True)
         ZonedMap(config, self._planner.take_grid)
         subscribe(topics.MAP_POINTS, PointCloud2, self._on_points, queue_size=1, buff_size=2**22)
+        hear_view(self._planner.look_with)
         rospy.Service(topics.MAKE_PLAN, GetPlan, self._on_make_plan)
         threads.worker("planner", self._work)
         serve_adjustable(config, self._change)

@@ -81,7 +81,7 @@ class SlamInput:
 
     def _on_info(self, msg: CameraInfo) -> None:
         try:
-            changed = _camera(msg) != self._camera
+            changed = images.our_camera(msg) != self._camera
         except CalibrationError:
             changed = True
         if changed:
@@ -92,7 +92,7 @@ class SlamInput:
         while True:
             try:
                 info = rospy.wait_for_message(topics.CAMERA_INFO, CameraInfo, timeout=_SILENCE_S)
-                self._camera = _camera(info)
+                self._camera = images.our_camera(info)
                 subscribe(topics.CAMERA_INFO, CameraInfo, self._on_info, queue_size=1)
                 self._used_s = time.monotonic()
                 self._shutter_heard.wait(_SHUTTER_WAIT_S)
@@ -146,11 +146,6 @@ class SlamInput:
         self._status.refused(reason)
         if time.monotonic() - self._used_s > self._lease.length_s:
             self._status.without_images(refusal(topics.IMAGE))
-
-
-def _camera(msg: CameraInfo) -> PinholeCamera:
-    """That of the images; their topic may have another name here, which tells rectified ones."""
-    return images.camera(msg, rospy.resolve_name(topics.IMAGE))
 
 
 class SensorSync:

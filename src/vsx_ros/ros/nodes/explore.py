@@ -1,8 +1,8 @@
 """Node ``explore``: chooses the next view and lets move_base drive there.
 
 Subscribers: map, zones, vslam/{map_points,keyframe_places,pose,state}, odom, mobile_base/{hazards,operator_hold},
-    battery (nearly empty: the robot goes home, once, if no dock is known), dock/pose, follower/lease,
-    move_base/{goal,status} (goals of others come first).
+    camera/rgb/camera_info (its field of view), battery (nearly empty: the robot goes home, once, if no dock is known),
+    dock/pose, follower/lease, move_base/{goal,status} (goals of others come first).
 Publishers: explore/frontiers (as explore_lite), explore/status (latched String, JSON, 1 Hz and on change),
     explore/events (String, JSON: every change of state and every choice, with its reason), explore/coverage (known
     area, m2), move_base/lease.
@@ -23,7 +23,7 @@ from vsx_ros.exploration.mission import Mission
 from vsx_ros.kernels.warmup import warm_up
 from vsx_ros.planning.planner import Planner
 from vsx_ros.ros import energy_messages, headers, node, threads, topics
-from vsx_ros.ros.callbacks import subscribe
+from vsx_ros.ros.callbacks import hear_view, subscribe
 from vsx_ros.ros.driving import PERIOD_S, Lease
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
 from vsx_ros.ros.mission_output import GoalSender, MissionTopics, MissionWriter
@@ -44,6 +44,7 @@ class ExploreNode:
         self._lock = threading.Lock()
         self._battery_empty = False
         self._heard = HeardSituation(config)
+        hear_view(self._mission.view_selector.look_with)
         self._diagnostics = Diagnostics()
         self._lease = Lease(topics.NAVIGATION_LEASE, rospy.get_name())
         self._topics = MissionTopics(self._mission, config.exploration.stop_cost_m)

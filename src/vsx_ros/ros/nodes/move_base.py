@@ -1,7 +1,7 @@
 """Node ``move_base``: plans to goals so that the camera keeps its features, and pursues them to the end.
 
-Subscribers: map, zones, vslam/map_points, odom, vslam/pose, vslam/state, move_base_simple/goal, follower/status,
-    move_base/lease.
+Subscribers: map, zones, vslam/map_points, camera/rgb/camera_info (its field of view), odom, vslam/pose, vslam/state,
+    move_base_simple/goal, follower/status, move_base/lease.
 Publishers: move_base/global_plan, move_base/trajectory (latched; the header stamp is its identity; one point with only
     a deceleration: stop along the path; no points: stop at once), move_base/stats/plan_ms, follower/lease.
 Services: move_base/make_plan (frames as of goals; the answer is in map), move_base/preview_goal.
