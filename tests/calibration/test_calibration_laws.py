@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from vsx_ros.calibration.mount import TrackedPose, calibrate_mount
+from vsx_ros.calibration.mount import MAX_PITCH_RAD, MAX_YAW_RAD, TrackedPose, calibrate_mount
 from vsx_ros.calibration.odometry import closing_turn, from_camera, from_known_turns, from_known_way, total_turn
 from vsx_ros.calibration.verdict import Grade, Verdict
-from vsx_ros.errors import InputError
+from vsx_ros.config import Config, overridden
+from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
@@ -147,6 +148,15 @@ def test_the_mount_is_found_exactly_whatever_the_map_s_scale(scale):
     assert abs(result.floor.pitch_off) < 2e-3
     assert abs(result.floor.roll) < 2e-3
     assert result.verdict.grade is Grade.GOOD
+
+
+@pytest.mark.parametrize(("name", "most"), [("pitch_down_rad", MAX_PITCH_RAD), ("yaw_left_rad", MAX_YAW_RAD)])
+def test_a_direction_that_is_called_good_can_be_configured_and_no_other(name, most):
+    for way in (-1.0, 1.0):
+        mount = overridden(Config(), {f"robot.mount.{name}": way * most}).robot.mount
+        assert getattr(mount, name) == way * most
+        with pytest.raises(ConfigError, match=f"robot.mount.{name} is .*; give a number from -{most:g} to {most:g}"):
+            overridden(Config(), {f"robot.mount.{name}": 1.01 * way * most})
 
 
 @pytest.mark.parametrize("jump", [SE2(0.25, 0.0, 0.0), SE2(0.6, 0.0, 0.0), SE2(-1.0, 0.0, 0.0)])

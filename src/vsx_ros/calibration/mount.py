@@ -26,7 +26,7 @@ MIN_FLOOR_POINTS = 30  # fewer are clutter, not a floor
 GOOD_HEIGHT_M, USABLE_HEIGHT_M = 0.005, 0.015  # standard error: of 0.3 m it scales the map by 2 % and 5 %
 GOOD_SCALE = 0.015  # relative standard error: 5 mm of 0.3 m
 LEVEL_RAD = math.radians(1.0)  # floors and brackets are usually less off; more is reported in the verdict
-MAX_PITCH_RAD, MAX_YAW_RAD = 0.8, math.radians(30.0)  # beyond, it does not look ahead; config has the same pitch bound
+MAX_PITCH_RAD, MAX_YAW_RAD = 0.8, 0.2  # beyond, it does not look ahead; config has the same bounds
 
 
 class TrackedPose(NamedTuple):

@@ -49,13 +49,13 @@ _OR_CALIBRATED = {  # -1: the calibration's; else at least so much
 
 
 class MountConfig(Branch, frozen=True):
-    """Where the camera sits on the base (T_base_cam)."""
+    """Where the camera sits on the base (T_base_cam). It looks ahead: views and ways are chosen by that."""
 
     forward_m: float = -0.09
     left_m: float = 0.0
     height_m: Positive = 0.31
     pitch_down_rad: Annotated[float, Meta(ge=-0.8, le=0.8)] = 0.0
-    yaw_left_rad: float = 0.0
+    yaw_left_rad: Annotated[float, Meta(ge=-0.2, le=0.2)] = 0.0
 
 
 class OdometryConfig(Branch, frozen=True):
