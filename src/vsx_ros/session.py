@@ -64,6 +64,7 @@ class SlamSession:
         """Create the SLAM of this kind. metric: whether there is odometry. Raises CalibrationError when the map was
         made with another camera or mount."""
         mount = self.T_base_cam if metric else None
+        self.ground.look_with(camera)
         if metric and self._config.self_calibration.enabled:
             self.calibration = DrivingCalibration(self.T_base_cam, camera, self._config, not self.resumed)
         self._slam = slam = kind(

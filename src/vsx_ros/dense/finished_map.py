@@ -40,7 +40,9 @@ class FinishedMap:
         self, snapshot: MapSnapshot, camera: PinholeCamera, T_base_cam: SE3 | None, config: Config, seed: int = 0
     ) -> None:
         """T_base_cam: the camera's mount; None for a map made without odometry."""
-        self._snapshot, self._T_base_cam, self._config = snapshot, T_base_cam, config
+        self._snapshot, self._T_base_cam = snapshot, T_base_cam
+        self._ground_map = GroundMap(config.ground_map, config.robot)
+        self._ground_map.look_with(camera)
         densifier = Densifier(camera, T_base_cam, config.dense, seed)
         self._surfaces = Surfaces.none()
         self.planes: tuple[Plane, ...] | None = None
@@ -80,7 +82,7 @@ class FinishedMap:
 
     def _built(self, snapshot: MapSnapshot, surfaces: Surfaces, trail: list[SE2]) -> OccupancyGrid:
         points, rays = snapshot.points_world, snapshot.rays
-        return GroundMap(self._config.ground_map, self._config.robot).build(
+        return self._ground_map.build(
             rays.T_world_cams, points, rays.keyframe, rays.point, DriveHistory(trail), surfaces, rays.level
         )
 

@@ -16,6 +16,7 @@ from vsx_ros.config import Config
 from vsx_ros.dense.densify import DenseMap
 from vsx_ros.dense.planes import Plane
 from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.kernels.occupancy.ground_map import Surfaces
@@ -111,6 +112,10 @@ class MappedGround:
         self.dense: AnchoredSurface | None = None
         self.zones, self._docked = AnchoredZones(), AnchoredPoses(0.0)
         self._zone_margin_m, self._radius_m = config.planner.zone_margin_m, config.robot.radius_m
+
+    def look_with(self, camera: PinholeCamera) -> None:
+        """The camera that sees the points; until then a Kinect."""
+        self._ground_map.look_with(camera)
 
     def moved(self, pose: SE2, now_ns: int, beside: int = NEAREST) -> None:
         """The base stands here [m], so the ground is free. beside: id of the keyframe by which the pose was found."""

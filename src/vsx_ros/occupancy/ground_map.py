@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from vsx_ros.arrays import BoolArray, Indices, Int32Array, Points2, Points3
 from vsx_ros.config import GroundMapConfig, RobotConfig
 from vsx_ros.errors import InputError
+from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import SE3
 from vsx_ros.kernels.occupancy import ground_cells
 from vsx_ros.kernels.occupancy.ground_cells import Counts, Lattice
@@ -19,7 +20,7 @@ from vsx_ros.occupancy.certainty import Evidence, obstacle_probability
 from vsx_ros.occupancy.driven_ground import DriveHistory
 from vsx_ros.occupancy.grid import FREE, MAX_EXTENT_M, OCCUPIED, UNKNOWN, OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import MIN_SURE_VOTES, gaps, rims, walls
-from vsx_ros.occupancy.virtual_scan import meet, virtual_scans
+from vsx_ros.occupancy.virtual_scan import KINECT_NOISE_RAD, bearing_noise_rad, meet, virtual_scans
 
 _MIN_FREE_VOTES = 1  # keyframes; rims and gaps need more
 _MIN_POINTS, _POINT_HITS = 2, 3
@@ -41,7 +42,11 @@ class GroundMap:
     """Builds the whole grid at each call: old poses leave no trace, and the same input gives the same grid."""
 
     def __init__(self, config: GroundMapConfig, robot: RobotConfig) -> None:
-        self._config, self._robot = config, robot
+        self._config, self._robot, self._noise_rad = config, robot, KINECT_NOISE_RAD
+
+    def look_with(self, camera: PinholeCamera) -> None:
+        """The camera that sees the points; until then a Kinect."""
+        self._noise_rad = bearing_noise_rad(camera)
 
     def build(
         self, T_world_cams: Sequence[SE3], points_world: Points3, obs_keyframe: Indices, obs_point: Indices,
@@ -62,7 +67,7 @@ class GroundMap:
         self._check(len(T_world_cams), points_world, obs_keyframe, obs_point, obs_level)
         points = writable(points_world, np.float64).reshape(-1, 3)
         keyframe, point = writable(obs_keyframe, np.int32), writable(obs_point, np.int32)
-        scans = virtual_scans(T_world_cams, points, keyframe, point, self._config)
+        scans = virtual_scans(T_world_cams, points, keyframe, point, self._config, self._noise_rad)
         spots, touched, outline = self._touched(surfaces or Surfaces.none(), len(T_world_cams))
         meet(scans, spots, touched, self._config)
         if obs_level is not None:

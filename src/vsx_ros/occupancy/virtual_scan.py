@@ -9,6 +9,7 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray, Int32Array, Points3
 from vsx_ros.config import GroundMapConfig
+from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3, stacked
 from vsx_ros.kernels.occupancy import ground_map as kernels
@@ -18,7 +19,8 @@ from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 N_BEARINGS = 720  # half a degree each: 5 cm at 6 m, a cell
 _MAX_GAP_BINS, _MAX_GAP_M = 20, 0.15
 """Bearings between two rays take the shorter range, but only as far out as the rays are this close to each other."""
-_PIXEL_NOISE_RAD = 0.0012  # 0.6 pixels at a focal length of 500: how well a bearing to a point is known
+_NOISE_PX = 0.6  # how well a bearing to a point is known
+KINECT_NOISE_RAD = 0.0012  # as a Kinect knows it; finer pixels need not be sharper
 _MAX_HIT_ERROR_M = 0.10  # two cells; points less exact along the ray make no obstacle
 _CAUTION = 2.0  # a ray proves the floor free up to this many depth errors and one cell before its point
 _TOP_M = 1.0  # up to this height, points above a point support it: legs and edges continue upwards
@@ -26,10 +28,17 @@ FOOT_M = 0.15  # a ray that ends below this height would have met any higher obs
 _FLOOR_GROWTH = 0.012  # floor points scatter with distance: pose and depth errors add this much height per metre
 
 
+def bearing_noise_rad(camera: PinholeCamera) -> float:
+    """How well a camera knows the bearing to a point [rad]."""
+    return max(KINECT_NOISE_RAD, _NOISE_PX / camera.fx)
+
+
 def virtual_scans(
-    T_world_cams: Sequence[SE3], points: Points3, keyframe: Int32Array, point: Int32Array, config: GroundMapConfig
-) -> PolarScans:
+    T_world_cams: Sequence[SE3], points: Points3, keyframe: Int32Array, point: Int32Array, config: GroundMapConfig,
+    noise_rad: float = KINECT_NOISE_RAD,
+) -> PolarScans:  # fmt: skip
     """Scans of all keyframes. keyframe, point (O,): the observations. points (M, 3): map points, z above the floor.
+    noise_rad: of bearings to them.
 
     A ray from the camera to a point proves the floor passable where the ray is low enough to have met an obstacle. A
     point near the floor is floor. A point between the obstacle heights is an obstacle, unless its depth is too
@@ -44,7 +53,7 @@ def virtual_scans(
         max(_TOP_M, config.obstacle_max_height_m),
         _FLOOR_GROWTH,
     )
-    ranges = config.max_range_m, _PIXEL_NOISE_RAD, _MAX_HIT_ERROR_M, 0.5 * config.resolution_m, _CAUTION
+    ranges = config.max_range_m, noise_rad, _MAX_HIT_ERROR_M, 0.5 * config.resolution_m, _CAUTION
     parallax = kernels.point_parallax(positions, points, keyframe, point)
     scans = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, N_BEARINGS, heights, ranges)
     kernels.bridge_gaps(scans.free, scans.begin, _MAX_GAP_BINS, _MAX_GAP_M)
