@@ -133,6 +133,20 @@ def test_images_that_are_packed_and_loaded_again_are_the_same(monkeypatch) -> No
     assert at_once.nbytes < before.nbytes, "no more than two were ever there unpacked"
 
 
+@pytest.mark.parametrize("size", [(960, 540), (1283, 723)])
+def test_levels_of_stored_images_halve_exactly_also_where_rows_are_left_over(size: tuple[int, int]) -> None:
+    camera = PinholeCamera(*size, 500.0, 500.0, size[0] / 2, size[1] / 2)
+    image = np.random.default_rng(1).integers(0, 255, size[::-1], np.uint8)
+    empty = scene.snapshot([], scene.DRIVE[:1], np.zeros((0, 3)))
+    views = KeyframeImages(camera).views(dataclasses.replace(empty, images=(image,)), 1)
+    finer = image
+    for times, (offset, height, width) in zip((4, 2, 2, 2), views.table):
+        level = views.store[0, offset : offset + height * width].reshape(height, width)
+        whole = finer[: times * height, : times * width].astype(float)
+        assert np.abs(level - whole.reshape(height, times, width, times).mean(axis=(1, 3))).max() <= 0.51
+        finer = level
+
+
 def test_stored_images_are_free_of_distortion() -> None:
     bent = PinholeCamera(640, 480, 500.0, 500.0, 310.0, 250.0, (0.2, -0.3, 0.001, 0.002, 0.0))
     v, u = np.mgrid[0:480, 0:640]

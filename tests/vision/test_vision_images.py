@@ -33,6 +33,13 @@ def test_levels_are_means_of_two_by_two(size):
         assert np.abs(coarse - mean).max() <= 0.5
 
 
+def test_a_small_image_has_the_scale_of_the_pyramid_also_where_rows_are_left_over():
+    row = np.arange(540)
+    image = np.repeat(((row // 8) * 3).astype(np.uint8)[:, None], 960, axis=1)
+    small = small_image(build_pyramid(image))
+    assert np.diff(small[3:-3, 30]) == pytest.approx(np.full(len(small) - 7, 6.0), abs=0.05)
+
+
 @pytest.mark.parametrize(
     "image",
     [np.zeros((480, 640, 3), np.uint8), np.zeros((480, 640), np.float32), np.zeros((20, 20), np.uint8), None, "x"],

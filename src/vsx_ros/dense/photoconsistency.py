@@ -19,7 +19,7 @@ from vsx_ros.geometry.se3 import stacked
 from vsx_ros.kernels.dense import surface_cells as kernels
 from vsx_ros.kernels.dense.view_choice import Views
 from vsx_ros.slam.snapshot import MapSnapshot
-from vsx_ros.vision.pyramid import layout
+from vsx_ros.vision.pyramid import layout, shrunk
 
 _CULLED_KEPT = 300  # images of so many culled keyframes stay: until the surfaces that they show are settled
 _UNPACKED = 300  # images that were used last: more than see one place
@@ -124,7 +124,7 @@ class KeyframeImages:
         self._used = max(self._used, slot + 1)
         self._store = grown(self._store, self._used)
         for offset, height, width in self._table.tolist():
-            image = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+            image = shrunk(image, image.shape[1] // width)
             self._store[slot, offset : offset + height * width] = image.ravel()
         return slot
 

@@ -110,11 +110,16 @@ def build_pyramid(image: GrayImage) -> Pyramid:
     finer = pyramid.level(0)
     finer[:] = image
     for index in range(1, LEVELS):
-        h, w = height >> index, width >> index
-        level = pyramid.level(index)
-        cv2.resize(finer[: 2 * h, : 2 * w], (w, h), dst=level, interpolation=cv2.INTER_AREA)
-        finer = level
+        finer = shrunk(finer, 2, pyramid.level(index))
     return pyramid
+
+
+def shrunk(image: GrayImage, times: int, into: GrayImage | None = None) -> GrayImage:
+    """Means of squares of ``times`` px. A part of a square, at the right or at the bottom, is left out: the scale is
+    exact. into: where the result belongs."""
+    height, width = image.shape[0] // times, image.shape[1] // times
+    whole = image[: times * height, : times * width]
+    return np.asarray(cv2.resize(whole, (width, height), dst=into, interpolation=cv2.INTER_AREA))
 
 
 @lru_cache(maxsize=4)
@@ -132,9 +137,7 @@ def layout(height: int, width: int) -> tuple[NDArray[np.int64], int]:
 
 def small_image(pyramid: Pyramid) -> SmallImage:
     """Level 3 halved once more (40x30 for VGA), blurred by 0.75 px, zero mean."""
-    coarse = pyramid.level(3)
-    height, width = coarse.shape
-    small = cv2.resize(coarse, (width // 2, height // 2), interpolation=cv2.INTER_AREA).astype(np.float32)
+    small = shrunk(pyramid.level(3), 2).astype(np.float32)
     small = cv2.GaussianBlur(small, (0, 0), 0.75)
     return np.asarray(small - np.float32(small.mean(dtype=np.float64)))
 
