@@ -93,6 +93,7 @@ def test_wrong_parameters_are_named(tmp_path, text, assignments, message):
         ("planner.phi_rad_m=1e-6", ("planner.phi_rad_m",)),
         ("ground_map.resolution_m=0.001", ("ground_map.resolution_m",)),
         ("robot.radius_m=5", ("robot.radius_m",)),
+        ("dense.planes.hypotheses=65473", ("dense.planes.hypotheses", "65472")),
         ("slam.shutter.readout_s=26", ("slam.shutter.readout_s", "0.2")),
         ("slam.shutter.exposure_s=15", ("slam.shutter.exposure_s", "0.2")),
         ("slam.shutter.readout_s=-0.5", ("slam.shutter.readout_s", "-1")),

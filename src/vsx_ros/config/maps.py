@@ -206,7 +206,7 @@ class PlanesConfig(Branch, frozen=True):
 
     tile_m: Positive = 3.0
     max_points_per_tile: Count = 1000
-    hypotheses: Count = 2000
+    hypotheses: Annotated[int, Meta(ge=1, le=65472)] = 2000  # J-linkage takes no more
     noise_px: Positive = 0.4
     floor_sigma_m: Positive = 0.01
     inlier_sigmas: Positive = 2.5
