@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
@@ -11,13 +12,11 @@ from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.evaluation.trajectory import trajectory_error
 from vsx_ros.io.bag import open_recording
-from vsx_ros.kernels import geometry
-from vsx_ros.kernels.slam import bundle, epipolar, pose
-from vsx_ros.kernels.vision import alignment, search
-from vsx_ros.kernels.warmup import warm_up
+from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.robot import Frame
 from vsx_ros.slam.slam import SequentialSlam, ThreadedSlam
 from vsx_ros.slam.state import TrackingState
+from vsx_ros.vision.corners import PackedCorners
 
 DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[2] / "../shared/data"))
 CONFIG = Config().slam
@@ -228,21 +227,15 @@ def test_a_broken_mapper_is_reported_to_the_caller(arc_drive, monkeypatch):
     slam.close()
 
 
-def test_warm_up_compiles_what_tracking_uses(arc_drive):
-    warm_up()
-    kernels = [
-        bundle.adjust,
-        search.predict,
-        geometry.unproject_pixels,
-        search.search,
-        epipolar.search_rays,
-        alignment.align_small,
-        pose.optimize_pose,
-    ]
-    before = [len(k.compiled.signatures) for k in kernels]
-    run(arc_drive)
-    run(arc_drive._replace(frames=arc_drive.frames[:50]), change=lambda k, frame, odometry: (frame, None))
-    assert [len(k.compiled.signatures) for k in kernels] == before
+def test_packed_keyframes_are_searched_and_their_map_goes_on_from_a_file(arc_drive, tmp_path):
+    culling = msgspec.structs.replace(CONFIG.culling, behind=1)
+    config = msgspec.structs.replace(CONFIG, culling=culling)
+    slam, results, _ = run(arc_drive, SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, config, 1))
+    assert results[-1].state is TrackingState.GOOD
+    assert sum(isinstance(k.data.corners, PackedCorners) for k in slam.slam_map().view.keyframes if k.alive) > 3
+    save_slam_map(slam.slam_map(), tmp_path / "map.vsx")
+    slam = SequentialSlam(arc_drive.camera, arc_drive.T_base_cam, config, 1, load_slam_map(tmp_path / "map.vsx"))
+    assert run(arc_drive, slam)[1][-1].state is TrackingState.GOOD
 
 
 def recording(name):

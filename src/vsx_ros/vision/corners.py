@@ -57,7 +57,7 @@ class PackedCorners(NamedTuple):
     @property
     def row_table(self) -> NDArray[np.int64]:
         """See ``Corners``."""
-        return np.concatenate([[0], np.cumsum(self.per_row)])
+        return np.concatenate([np.zeros(1, np.int64), np.cumsum(self.per_row, dtype=np.int64)])
 
 
 class CornerDetector:
