@@ -97,13 +97,13 @@ def way_out_of_pocket(pose: SE2, target: SE2, bounds: ArcBounds, remaining: Floa
     margin, phi, _ = bounds
     coarse = coarse_lattice(phi)
     rows, columns = _around(margin, pose)
-    near = _part(margin, rows, columns)
+    near, ahead = _part(margin, rows, columns), np.ascontiguousarray(remaining[rows, columns])
     arc_m = coarse.bins * 2.0 * math.pi / coarse.headings / phi
     for times in _FINENESS:
         lattice = _finer(coarse, times, _FINE_STATES)
         here = bounds._replace(margin=near)
-        poses, parents, motions, step, _ = _searched(pose, target, here, remaining[rows, columns], lattice)
-        winner = best_exit(margin, poses, parents, motions, step, phi, arc_m, remaining[rows, columns], near)
+        poses, parents, motions, step, _ = _searched(pose, target, here, ahead, lattice)
+        winner = best_exit(margin, poses, parents, motions, step, phi, arc_m, ahead, near)
         if winner >= 0:
             turns, lengths = lattice_way(poses, parents, motions, winner, step, poses[winner], phi)
             return CoarsePath(turns, lengths, phi).joined()
