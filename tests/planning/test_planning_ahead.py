@@ -90,6 +90,11 @@ def test_an_obstacle_where_the_plan_knew_nothing_is_news():
     assert obstacle_ahead(STRAIGHT, 5.0, with_post(1.5, 0.16), RADIUS_M, planned_m) is not None
 
 
+def test_a_drive_of_one_sample_has_a_clearance_without_the_compiler():
+    stay = Trajectory(np.zeros(1), np.zeros((1, 3)), np.zeros(1), np.zeros(1))
+    assert planned_clearance(stay, with_post(0.2, 0.01), RADIUS_M) == pytest.approx([0.2], abs=0.03)
+
+
 def test_on_bends_too_the_nearest_obstacle_that_is_braked_for_softly_is_not_come_too_near() -> None:
     limits, rng, judged = LimitsConfig(), np.random.default_rng(1), 0
     for _ in range(12):

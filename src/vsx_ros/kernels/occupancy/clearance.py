@@ -18,12 +18,14 @@ class DistanceField(NamedTuple):
     origin_y: float
 
     def at(self, points_world: Points2) -> FloatArray:
-        """(N,) bilinear values [m] at (N, 2) points; outside, the edge's value minus the distance to it."""
-        return interpolate_many(self, np.ascontiguousarray(points_world, float).reshape(-1, 2))
+        """(N,) bilinear values [m] at (N, 2) points; outside, the edge's value minus the distance to it.
+
+        They are copied: numba takes an array that is read-only for another type."""
+        return interpolate_many(self, np.array(points_world, float, order="C").reshape(-1, 2))
 
     def gradient(self, points_world: Points2) -> FloatArray:
         """(N, 2) central differences over one cell [m/m]."""
-        return gradient_many(self, np.ascontiguousarray(points_world, float).reshape(-1, 2))
+        return gradient_many(self, np.array(points_world, float, order="C").reshape(-1, 2))
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
         """Row and column of the cell at a position [m]; may lie outside."""
