@@ -1,5 +1,6 @@
 """For all tests."""
 
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 from chromium import EXECUTABLE, Chromium
+from warm_kernels import watched
 
 import vsx_ros  # noqa: F401  # before any test imports cv2, which reads its limit then
 
@@ -15,6 +17,7 @@ import vsx_ros  # noqa: F401  # before any test imports cv2, which reads its lim
 _DEFAULTS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
 for number, handler in _DEFAULTS.items():
     signal.signal(number, handler)
+_DRIVEN = "dense", "exploration", "navigation", "occupancy", "planning", "slam", "system"
 
 
 @pytest.fixture(autouse=True)
@@ -28,13 +31,31 @@ def handlers_stay() -> Iterator[None]:
     assert after == before, "the test leaves signals handled otherwise"
 
 
+def room(item: pytest.Item) -> str:
+    return item.path.relative_to(Path(__file__).parent).parts[0]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def late_kernels(request: pytest.FixtureRequest) -> list[str]:
+    """See ``watched``; empty where no test drives."""
+    compiled = os.environ.get("NUMBA_DISABLE_JIT") != "1"
+    return watched() if compiled and any(room(item) in _DRIVEN for item in request.session.items) else []
+
+
+@pytest.fixture(autouse=True)
+def kernels_are_warm(request: pytest.FixtureRequest, late_kernels: list[str]) -> Iterator[None]:
+    """No drive waits for the compiler: what the stack calls in these rooms, the warm-up has compiled."""
+    yield
+    late = [*late_kernels]
+    late_kernels.clear()
+    assert not late or room(request.node) not in _DRIVEN, f"the warm-up leaves out {late}"
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest files come first, so that no worker is left alone with one at the end of all."""
-    tests = Path(__file__).parent
 
     def is_short(item: pytest.Item) -> bool:
-        room = item.path.relative_to(tests).parts[0]
-        return room not in ("cli", "ros", "system") and not item.get_closest_marker("ros")
+        return room(item) not in ("cli", "ros", "system") and not item.get_closest_marker("ros")
 
     items.sort(key=is_short)
 

@@ -182,7 +182,7 @@ def test_ground_that_is_not_wanted_hides_what_is_behind_it_and_gains_nothing():
     looks, place = looks_so_far(grid, NOWHERE_YET, CONFIG), np.array([[0.5, 2.0]])
     near = np.broadcast_to(np.arange(120) < 40, grid.shape)
     of_all, of_near, of_far = (
-        view_gain(grid, place, looks._replace(wanted=np.array(wanted)), CONFIG)[0, 0]
+        view_gain(grid, place, looks._replace(wanted=np.ascontiguousarray(wanted)), CONFIG)[0, 0]
         for wanted in (looks.wanted, near, ~near)
     )
     assert of_all == pytest.approx(of_near + of_far)

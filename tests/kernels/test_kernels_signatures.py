@@ -3,8 +3,8 @@ warm-up compiles all that other packages call."""
 
 import ast
 import importlib
+import os
 import pathlib
-import pkgutil
 import subprocess
 import sys
 import types
@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from numba.core import types as compiled
 from numba.np.numpy_support import as_dtype
+from warm_kernels import every_kernel
 
 from vsx_ros import kernels
 
@@ -44,11 +45,7 @@ def fits(said, found, given):
 
 def mismatches():
     """How many kernels were called or compiled in this process, and where one differs from its signature."""
-    names = [m.name for m in pkgutil.walk_packages(kernels.__path__, "vsx_ros.kernels.")]
-    members = {
-        f for name in names for f in vars(importlib.import_module(name)).values() if isinstance(f, kernels.Kernel)
-    }
-    seen = [f.compiled for f in members if f.compiled.overloads]
+    seen = [f.compiled for f in every_kernel() if f.compiled.overloads]
     wrong = []
     for f in seen:
         hints = typing.get_type_hints(f.py_func)
@@ -95,7 +92,8 @@ def test_a_type_fits_its_own_alone(said, found, expected):
 @pytest.mark.compiled
 def test_signatures_are_what_is_compiled():
     # In a process of its own: other tests compile for what they please.
-    done = subprocess.run([sys.executable, __file__], capture_output=True, text=True, check=False)
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run([sys.executable, __file__], env=paths, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
