@@ -34,7 +34,7 @@ def _noted(dispatcher: Any, late: list[str]) -> Callable[..., object]:
         caller = sys._getframe(2)  # of ``Kernel.__call__``
         if caller.f_globals["__name__"].startswith("vsx_ros."):
             types = ", ".join(str(dispatcher.typeof_pyval(each)) for each in args)
-            late.append(f"{caller.f_code.co_qualname} calls {dispatcher.__name__}({types})")
+            late.append(f"{caller.f_code.co_name} calls {dispatcher.__name__}({types})")
         return compile_for(*args, **names)
 
     return noted
