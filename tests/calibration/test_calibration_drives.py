@@ -11,8 +11,8 @@ from board_pictures import CAMERA, Photographer
 from drives import record
 
 from vsx_ros.calibration.board import Board
-from vsx_ros.calibration.mount import TrackedPose, calibrate_mount
-from vsx_ros.calibration.verdict import Grade
+from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_mount
+from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.cli import calibrate_drives
 from vsx_ros.cli.main import execute, parse
 from vsx_ros.cli.recorded_drive import known_before
@@ -250,3 +250,30 @@ def test_the_factors_of_the_recording_are_those_of_the_robots_file(tmp_path, mon
     update_robot_file(default_robot_file(), "robot.odometry", {"linear_scale": 1.05}, "by hand")
     assert known_before(parse(words)).robot.odometry.linear_scale == 1.05
     assert known_before(parse([*words, "--out", str(tmp_path / "new.yaml")])) == Config()
+
+
+@pytest.mark.parametrize("how", ["set", "config"])
+def test_what_is_given_is_written_also_if_it_is_the_usual(how, straight, tmp_path):
+    """The camera is moved back to where it usually is, after it was elsewhere."""
+    out, usual = tmp_path / "robot.yaml", {"forward_m": -0.09, "left_m": 0.0}
+    out.write_text(yaml.safe_dump({"robot": {"mount": {"forward_m": -0.07, "left_m": 0.012}}}), encoding="utf-8")
+    known = tmp_path / "known.yaml"
+    known.write_text(yaml.safe_dump({"robot": {"mount": usual}}), encoding="utf-8")
+    more = [word for name, value in usual.items() for word in ("--set", f"robot.mount.{name}={value}")]
+    more = more if how == "set" else ["--config", known]
+    assert calibrated(["mount", straight.folder, *more], out)["mount"].items() >= usual.items()
+
+
+def test_a_factor_set_to_1_is_written(spin, tmp_path):
+    out = tmp_path / "robot.yaml"
+    out.write_text("robot: {odometry: {linear_scale: 0.98}}", encoding="utf-8")
+    more = ["--set", "robot.odometry.linear_scale=1"]
+    assert calibrated(["odometry", spin.folder, "--turns", 1, *more], out)["odometry"]["linear_scale"] == 1.0
+
+
+def test_a_height_by_the_ruler_is_written_where_the_floor_does_not_tell_it(straight, tmp_path, monkeypatch):
+    out, direction = tmp_path / "robot.yaml", MountCalibration(0.1, 0.0, 0.001, 1.6, None, Verdict([]))
+    monkeypatch.setattr(calibrate_drives, "_seen_by_slam", lambda *_: ([], None))
+    monkeypatch.setattr(calibrate_drives, "calibrate_mount", lambda *_: direction)
+    found = calibrated(["mount", straight.folder, "--set", "robot.mount.height_m=0.31"], out)["mount"]
+    assert found["height_m"] == 0.31

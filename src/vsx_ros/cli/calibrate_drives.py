@@ -2,6 +2,7 @@
 
 import argparse
 import math
+from typing import Any
 
 from vsx_ros.arrays import Points3
 from vsx_ros.calibration import odometry
@@ -9,16 +10,16 @@ from vsx_ros.calibration.board import Board, board_poses
 from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_mount
 from vsx_ros.cli.option_values import refuse
 from vsx_ros.cli.recorded_drive import camera_of, conclude, known_before, recorded_drive
-from vsx_ros.config import MountConfig, OdometryConfig, SlamConfig
+from vsx_ros.config import MountConfig, SlamConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.mount import mounted
 from vsx_ros.io.recording import Recording
+from vsx_ros.runs.parameters import named
 from vsx_ros.runs.self_calibration import FILE, read_self_calibration
 from vsx_ros.slam.slam import SequentialSlam
 from vsx_ros.slam.state import TrackingState
 
 OF_A_DRIVE = "distance", "turns", "board", "calibration", "image_topic", "odometry_topic", "config", "set"
-_MEASURED_BY_HAND = "forward_m", "left_m"
 
 
 def calibrate_odometry(args: argparse.Namespace) -> int:
@@ -38,13 +39,13 @@ def calibrate_odometry(args: argparse.Namespace) -> int:
         else:
             drive, _ = _seen_by_slam(recording, config.slam)
         result = odometry.from_camera(drive, T_base_cam, metric=args.board is not None)
-    values, sure, known = dict[str, float](), list[str](), config.robot.odometry
+    known, sure = config.robot.odometry, list[str]()
+    values = _of_branch("robot.odometry", named(None, args.set))
     for name, before, factor, word, of in (
         ("linear_scale", known.linear_scale, result.linear, "way", "m of way"),
         ("angular_scale", known.angular_scale, result.angular, "turn", "rad of turning"),
     ):
         if factor is None:
-            values |= _given(known, OdometryConfig(), name)
             print(f"{name:14} {before:.4f}: this drive does not tell")
             continue
         values[name], exact = round(before * factor.value, 5), f"known to {100 * factor.sigma:.2f} %"
@@ -54,10 +55,9 @@ def calibrate_odometry(args: argparse.Namespace) -> int:
     return conclude(args.out, "robot.odometry", values, result.verdict, ", ".join(sure))
 
 
-def _given(config: OdometryConfig | MountConfig, usual: OdometryConfig | MountConfig, *names: str) -> dict[str, float]:
-    """Those of the parameters that --config or --set give other than the usual. The others stay as they are in the
-    robot's file."""
-    return {name: getattr(config, name) for name in names if getattr(config, name) != getattr(usual, name)}
+def _of_branch(branch: str, given: dict[str, Any]) -> dict[str, float]:
+    """The given parameters of a branch. The others stay as they are in the robot's file."""
+    return {name.rpartition(".")[2]: value for name, value in given.items() if name.rpartition(".")[0] == branch}
 
 
 def _from_run(args: argparse.Namespace) -> int:
@@ -82,8 +82,8 @@ def calibrate_mount_of(args: argparse.Namespace) -> int:
     drive, points = _seen_by_slam(recording, config.slam)
     result = calibrate_mount(drive, points, before.forward_m, before.left_m)
     print(*_mount_lines(result, before), sep="\n")
-    values = {"pitch_down_rad": round(result.pitch_down, 5), "yaw_left_rad": round(result.yaw_left, 5)}
-    values |= _given(before, MountConfig(), *_MEASURED_BY_HAND)
+    values = _of_branch("robot.mount", named(args.config, args.set))
+    values |= {"pitch_down_rad": round(result.pitch_down, 5), "yaw_left_rad": round(result.yaw_left, 5)}
     if result.floor is not None:
         values["height_m"] = round(result.floor.height, 4)
     sure = f"direction known to {math.degrees(result.direction_sigma):.2f} deg"

@@ -29,7 +29,7 @@ __all__ = [
     "ComputingConfig", "Config", "DenseConfig", "DockingConfig", "ExplorationConfig", "FollowerConfig",
     "GroundMapConfig", "LEAST_PHI_RAD_M", "LimitsConfig", "MountConfig", "OdometryConfig", "PlannerConfig",
     "RobotConfig", "RoomsConfig", "RunsConfig", "SIGMAS", "SelfCalibrationConfig", "SlamConfig",
-    "from_dict", "overridden", "to_dict",
+    "from_dict", "leaves", "overridden", "to_dict",
 ]  # fmt: skip
 
 LEAST_PHI_RAD_M = 0.01
@@ -207,7 +207,7 @@ def from_dict(tree: dict[str, Any]) -> Config:
         config: Config = msgspec.convert(tree, Config)
     except msgspec.ValidationError as error:
         raise ConfigError(f"configuration: {in_words(Config, _names(), tree, str(error))}") from error
-    values = dict(_leaves(to_dict(config)))
+    values = dict(leaves(to_dict(config)))
     for name, value in values.items():
         if isinstance(value, int | float) and not abs(value) <= _MOST:
             raise ConfigError(f"configuration: {name} is {value}; it needs a number of at most {_MOST:g}")
@@ -221,12 +221,13 @@ def from_dict(tree: dict[str, Any]) -> Config:
 
 
 def _names() -> Iterator[str]:
-    return (name for name, _ in _leaves(to_dict(Config())))
+    return (name for name, _ in leaves(to_dict(Config())))
 
 
-def _leaves(tree: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def leaves(tree: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted name and value of all parameters in a nested dict."""
     for name, value in tree.items():
-        yield from _leaves(value, f"{prefix}{name}.") if isinstance(value, dict) else [(prefix + name, value)]
+        yield from leaves(value, f"{prefix}{name}.") if isinstance(value, dict) else [(prefix + name, value)]
 
 
 def to_dict(config: Config) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import yaml
 
-from vsx_ros.config import SIGMAS, Config, from_dict, overridden
+from vsx_ros.config import SIGMAS, Config, from_dict, leaves, overridden, to_dict
 from vsx_ros.errors import ConfigError, explained
 from vsx_ros.io.atomic import write_text
 from vsx_ros.limits import file_text, yaml_tree
@@ -27,11 +27,27 @@ _UNITS = (
 def load(file: Path | None, assignments: Sequence[str]) -> Config:
     """Defaults, then the file, then NAME=VALUE assignments. Raises ConfigError naming the file or entry, e.g. for an
     unknown name."""
-    config = Config()
-    if file is not None:
-        with explained(ConfigError, f"configuration {file} cannot be read", "'vsx config' prints one"):
-            tree = yaml_tree(file_text(file))
-        config = from_dict(tree if tree is not None else {})
+    return overridden(from_dict(_tree(file)), _assigned(assignments))
+
+
+def named(file: Path | None, assignments: Sequence[str]) -> dict[str, Any]:
+    """Dotted name and value of what the file and the assignments name, also where it is the default. Raises as
+    ``load``."""
+    values = dict(leaves(to_dict(load(file, assignments))))
+    names = {name for name, _ in leaves(_tree(file))} | _assigned(assignments).keys()
+    return {name: value for name, value in values.items() if name in names}
+
+
+def _tree(file: Path | None) -> Any:
+    if file is None:
+        return {}
+    with explained(ConfigError, f"configuration {file} cannot be read", "'vsx config' prints one"):
+        tree = yaml_tree(file_text(file))
+    return tree if tree is not None else {}
+
+
+def _assigned(assignments: Sequence[str]) -> dict[str, Any]:
+    """Dotted names and values. Raises ConfigError for one that is no assignment."""
     values: dict[str, Any] = {}
     for assignment in assignments:
         name, equals, text = assignment.partition("=")
@@ -39,7 +55,7 @@ def load(file: Path | None, assignments: Sequence[str]) -> Config:
             raise ConfigError(f"--set {assignment}: expected NAME=VALUE, e.g. --set limits.v_m_s=0.2")
         with explained(ConfigError, f"--set {assignment}: the value is none", "write a number"):
             values[name.strip()] = _number(yaml_tree(text)) if text else ""
-    return overridden(config, values)
+    return values
 
 
 def _number(value: Any) -> Any:
