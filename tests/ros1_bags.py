@@ -46,6 +46,11 @@ def odometry(stamp_ns, x, heading_variance=0.0):
     )
 
 
+def numbers(values):
+    layout = T["std_msgs/msg/MultiArrayLayout"]([], 0)
+    return T["std_msgs/msg/Float64MultiArray"](layout, np.array(values, np.float64))
+
+
 def write(path, messages, compression=None):
     writer = Writer(path)
     if compression:

@@ -243,7 +243,7 @@ def test_a_height_is_as_good_as_the_floor_that_is_seen(count, grade):
     assert result.floor is None or abs(result.floor.height - 0.31) < 4.0 * result.floor.sigma
 
 
-def test_the_factors_of_the_recording_are_those_of_the_robots_file(tmp_path, monkeypatch):
+def test_what_is_known_before_is_of_the_robots_file(tmp_path, monkeypatch):
     monkeypatch.setenv("ROS_HOME", str(tmp_path))
     words = ["calibrate", "odometry", "x.bag"]
     assert known_before(parse(words)) == Config()

@@ -6,9 +6,10 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from ros1_bags import SCENE, T, compressed, header, image, info, odometry, write, write_drive
+from ros1_bags import SCENE, T, compressed, header, image, info, numbers, odometry, write, write_drive
 from rosbags.rosbag1 import Writer
 
+from vsx_ros.config import OdometryConfig
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.io.bag import open_recording
 
@@ -356,8 +357,7 @@ def test_calibration_of_another_size_is_refused(tmp_path):
 
 
 def told_shutter(times):
-    kind, layout = "std_msgs/msg/Float64MultiArray", T["std_msgs/msg/MultiArrayLayout"]([], 0)
-    return "/camera/rgb/shutter", T[kind](layout, np.array(times, np.float64))
+    return "/camera/rgb/shutter", numbers(times)
 
 
 @pytest.mark.parametrize(("times", "shutter"), [([0.026, 0.015], (0.026, 0.015)), ([], None)])
@@ -373,4 +373,24 @@ def test_a_shutter_that_cannot_be_is_one_sentence(tmp_path, times):
     path = write(tmp_path / "a.bag", [("/camera/rgb/camera_info", info()), told_shutter(times),
                                       ("/camera/rgb/image_raw", image(1))])  # fmt: skip
     with pytest.raises(CalibrationError, match="readout and exposure in seconds"):
+        _ = open_recording(path)
+
+
+@pytest.mark.parametrize("space", ["", "/robot"])
+def test_the_factors_that_the_base_told_are_the_recordings_each_once(tmp_path, space):
+    """A node that starts again tells them again; those of another robot are of no interest."""
+    told = [(f"{space}/mobile_base/odometry_factors", numbers(factors)) for factors in ((0.974, 1.02),) * 2]
+    other = [("/other/mobile_base/odometry_factors", numbers((0.9, 0.9)))]
+    drive = [(f"{space}/odom", odometry(10**8, 0.0)), ("/camera/rgb/image_raw", image(10**8))]
+    recording = open_recording(write(tmp_path / "a.bag", told + other + drive))
+    assert recording.factors == (OdometryConfig(0.974, 1.02),)
+    assert open_recording(write(tmp_path / "b.bag", other + drive)).factors == ()
+    assert open_recording(tmp_path / "a.bag", None, "none").factors == ()
+
+
+@pytest.mark.parametrize("factors", [[], [1.0], [1.0, 0.0], [1.0, np.nan], [1.0, 1.0, 1.0]])
+def test_factors_that_cannot_be_are_one_sentence(tmp_path, factors):
+    path = write(tmp_path / "a.bag", [("/mobile_base/odometry_factors", numbers(factors)),
+                                      ("/odom", odometry(1, 0.0)), ("/image", image(1))])  # fmt: skip
+    with pytest.raises(InputError, match="the factors of distance and turn"):
         _ = open_recording(path)

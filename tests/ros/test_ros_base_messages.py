@@ -22,7 +22,8 @@ from vsx_hw.create.dialect import battery_of
 from vsx_hw.kobuki.feedback import battery_of as kobuki_battery_of
 from vsx_hw.readings import DockBeam, DockSignals, GyroReading, Hazard, OdometryReading, RateSample
 from vsx_ros.errors import InputError
-from vsx_ros.ros import base_messages, callbacks, convert, energy_messages, topics
+from vsx_ros.io import bag
+from vsx_ros.ros import base_messages, callbacks, convert, energy_messages, record, topics
 
 
 class Told(base_messages.BaseTopics):
@@ -30,11 +31,13 @@ class Told(base_messages.BaseTopics):
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, robot_type: str = "kobuki") -> None:
         monkeypatch.setattr(rospy, "Publisher", lambda *_, **__: SimpleNamespace(publish=lambda message: None))
+        self.told = dict[str, Any]()
         monkeypatch.setattr(rospy, "get_param", lambda name, default: default)
-        super().__init__(robot_type, 3.0)
+        super().__init__(robot_type, 3.0, (0.974, 1.02))
         self.holds: list[tuple[str, int]] = []
 
     def _tell(self, topic: str, message: Any) -> None:
+        self.told[topic] = message
         if topic == topics.OPERATOR_HOLD:
             self.holds.append(tuple(json.loads(message.data).values()))
 
@@ -71,6 +74,13 @@ def test_each_edge_of_tf_has_one_source(
 ) -> None:
     monkeypatch.setattr(base_messages.headers, "_prefix", prefix)
     assert Told(monkeypatch, robot_type)._publishers.keys() & {topics.ODOM, topics.TF} == told
+
+
+def test_the_factors_in_the_odometry_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bag holds them, also one of 'vsx record'; the calibration reads them there."""
+    assert list(Told(monkeypatch).told[topics.ODOM_FACTORS].data) == [0.974, 1.02]
+    assert topics.ODOM_FACTORS in record._TOPICS
+    assert bag.FACTORS == topics.ODOM_FACTORS
 
 
 @pytest.mark.parametrize("text", ['{"by": 3, "since_ns": 1}', '{"by": "teleop", "since_ns": "x"}', '{"by": "a"}', "[]"])

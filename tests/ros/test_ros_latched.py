@@ -26,9 +26,9 @@ pytestmark = pytest.mark.ros
 ROOM = Path(__file__).resolve().parents[2] / "src" / "vsx_ros" / "ros"
 KINDS = {topic: kind for node in topics.PUBLISHED.values() for topic, kind in node.items()}
 LATCHED = {
-    topics.TF_STATIC, topics.SHUTTER, topics.HAZARDS, topics.BUTTONS, topics.MUX_ACTIVE, topics.OPERATOR_HOLD,
-    topics.SLAM_STATE, topics.MAP, topics.MAP_METADATA, topics.MAP_POINTS, topics.KEYFRAMES, topics.SLAM_PATH,
-    topics.KEYFRAME_PLACES,
+    topics.TF_STATIC, topics.SHUTTER, topics.ODOM_FACTORS, topics.HAZARDS, topics.BUTTONS, topics.MUX_ACTIVE,
+    topics.OPERATOR_HOLD, topics.SLAM_STATE, topics.MAP, topics.MAP_METADATA, topics.MAP_POINTS, topics.KEYFRAMES,
+    topics.SLAM_PATH, topics.KEYFRAME_PLACES,
     topics.GLOBAL_PLAN, topics.TRAJECTORY, topics.PLAN_MS, topics.FOLLOWER_STATUS,
     topics.FRONTIERS, topics.EXPLORE_STATUS, topics.COVERAGE, topics.ZONES, topics.ZONE_MARKERS, topics.ROOMS,
     topics.ROOM_MARKERS, topics.DOCKED, topics.DOCK_POSE, topics.DOCK_STATUS,

@@ -9,7 +9,7 @@ from vsx_ros.calibration import odometry
 from vsx_ros.calibration.board import Board, board_poses
 from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_mount
 from vsx_ros.cli.option_values import refuse
-from vsx_ros.cli.recorded_drive import camera_of, conclude, known_before, recorded_drive
+from vsx_ros.cli.recorded_drive import camera_of, conclude, known_before, recorded_drive, recorded_with
 from vsx_ros.config import MountConfig, SlamConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.mount import mounted
@@ -28,6 +28,9 @@ def calibrate_odometry(args: argparse.Namespace) -> int:
     if (args.input / FILE).exists():
         return _from_run(args)
     config, recording = known_before(args), recorded_drive(args)
+    ways, turns = args.distance is not None or args.board is not None, args.distance is None
+    measured = ["linear_scale"] * ways + ["angular_scale"] * turns
+    known, sure = recorded_with(args, recording, *measured), list[str]()
     if args.distance is not None:
         result = odometry.from_known_way(recording.odometry, args.distance)
     elif args.turns is not None:
@@ -39,17 +42,17 @@ def calibrate_odometry(args: argparse.Namespace) -> int:
         else:
             drive, _ = _seen_by_slam(recording, config.slam)
         result = odometry.from_camera(drive, T_base_cam, metric=args.board is not None)
-    known, sure = config.robot.odometry, list[str]()
     values = _of_branch("robot.odometry", named(None, args.set))
     for name, before, factor, word, of in (
         ("linear_scale", known.linear_scale, result.linear, "way", "m of way"),
         ("angular_scale", known.angular_scale, result.angular, "turn", "rad of turning"),
     ):
         if factor is None:
-            print(f"{name:14} {before:.4f}: this drive does not tell")
+            stays = f"{values[name]:.4f}: as given" if name in values else "stays: this drive does not tell"
+            print(f"{name:14} {stays}")
             continue
         values[name], exact = round(before * factor.value, 5), f"known to {100 * factor.sigma:.2f} %"
-        recorded = f"the drive was recorded with {before:.4f}"
+        recorded = f"the drive {'was' if recording.factors else 'is taken to be'} recorded with {before:.4f}"
         print(f"{name:14} {values[name]:.4f}: {recorded}; {exact} from {factor.measured:.2f} {of}")
         sure.append(f"{word} {exact}")
     return conclude(args.out, "robot.odometry", values, result.verdict, ", ".join(sure))

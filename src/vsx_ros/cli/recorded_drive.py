@@ -5,13 +5,13 @@ import dataclasses
 from pathlib import Path
 
 from vsx_ros.calibration.verdict import Grade, Verdict
-from vsx_ros.config import Config
-from vsx_ros.errors import CalibrationError, InputError
+from vsx_ros.config import Config, OdometryConfig
+from vsx_ros.errors import CalibrationError, ConfigError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.io.bag import open_recording
 from vsx_ros.io.calibration_file import read_calibration
 from vsx_ros.io.recording import Recording
-from vsx_ros.runs.parameters import default_robot_file, load, update_robot_file
+from vsx_ros.runs.parameters import default_robot_file, load, named, update_robot_file
 from vsx_ros.runs.process import DONE, FAILED
 from vsx_ros.runs.start import told
 
@@ -28,9 +28,29 @@ def recorded_drive(args: argparse.Namespace) -> Recording:
 
 
 def known_before(args: argparse.Namespace) -> Config:
-    """The parameters that the drive was recorded with: those of --config, else of the file that gets the result."""
+    """The parameters of --config, else of the file that gets the result; and of --set."""
     file: Path = args.config or args.out or default_robot_file()
     return load(file if args.config or file.exists() else None, args.set)
+
+
+def recorded_with(args: argparse.Namespace, recording: Recording, *measured: str) -> OdometryConfig:
+    """The factors in the drive's odometry: those that it tells, else those of --config and --set, else none. Today's
+    may be newer than the drive. measured: those that matter. Raises InputError when they changed on the way or cannot
+    be known, ConfigError when --set contradicts the drive."""
+    source, given, told = recording.source, named(None, args.set), recording.factors
+    if len(told) > 1:
+        raise InputError(f"the factors in the odometry of {source} changed while it was recorded; record it again")
+    known = told[0] if told else known_before(args).robot.odometry
+    for name in measured:
+        option, value = f"robot.odometry.{name}", getattr(known, name)
+        if told and given.get(option, value) != value:
+            raise ConfigError(f"{source} was recorded with {option}={value:g}, as it tells itself; leave out --set")
+        if not told and args.config is None and option not in given and value != 1.0:
+            raise InputError(
+                f"{source} does not tell the {name} that it was recorded with, and {args.out or default_robot_file()} "
+                f"with {value:g} may be newer; give that of then with --set {option}=NUMBER (1: none)"
+            )
+    return known
 
 
 def camera_of(recording: Recording) -> PinholeCamera:

@@ -8,12 +8,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from vsx_ros.config import OdometryConfig
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.level import LevelWatch
 from vsx_ros.geometry.se3 import SE3, StampedPose
 from vsx_ros.io.bag_reader import Messages, is_bag_folder, messages
-from vsx_ros.io.calibration_file import camera_from_topic, shutter_from_topic
+from vsx_ros.io.bag_topics import COMPRESSED, ODOMETRY, POSE, chosen_images, chosen_odometry
+from vsx_ros.io.calibration_file import camera_from_topic, factors_from_topic, shutter_from_topic
 from vsx_ros.io.image_encoding import GrayImages
 from vsx_ros.io.image_folder import open_folder
 from vsx_ros.io.left_out import LeftOut, tried, until_damage, usable
@@ -21,11 +23,9 @@ from vsx_ros.io.recording import LEFT_OUT, NO_ODOMETRY, Recording
 from vsx_ros.io.stamp_order import StampOrder
 from vsx_ros.robot import UNSURE_HEADING_RAD2, Frame, Odometry, OdometryEpochs, PoseSpeeds, with_speeds
 
-IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
-SHUTTER = "std_msgs/msg/Float64MultiArray"  # of the camera node
-ODOMETRY, CAMERA_INFO, POSE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
-_POSES = (POSE, "geometry_msgs/msg/PoseWithCovarianceStamped")
-_LONGEST_LISTING = 1000  # characters of topics in a message
+NUMBERS = "std_msgs/msg/Float64MultiArray"  # of the camera node's shutter, and of the base's factors
+FACTORS = "mobile_base/odometry_factors"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 _HELD_READINGS = 64  # about a second
 GROUND_TRUTH_TOPIC = "ground_truth/camera"
 T = TypeVar("T")
@@ -59,8 +59,8 @@ def open_bag(
     rectified images. Raises InputError for a file that is not a readable bag or lacks the topic."""
     with messages(path) as bag:
         counts = bag.counts()
-        images = _image_topic(bag, path, counts, image_topic)
-        odometry_from = _odometry_topic(path, counts, odometry_topic)
+        images = chosen_images(bag, path, counts, image_topic)
+        odometry_from = chosen_odometry(path, counts, odometry_topic)
         truth_from = [t for t, (kind, _) in counts.items() if kind == POSE and t.endswith(GROUND_TRUTH_TOPIC)]
         damage = [bag.damage]
         camera = _camera(bag, images, counts, damage) if own_camera else None
@@ -74,74 +74,12 @@ def open_bag(
             frame_count=counts[images][1],
             camera=camera,
             odometry=odometry,
+            factors=_factors(bag, odometry_from, counts) if odometry and odometry_from else (),
             ground_truth=truth,
             open_frames=frames,
             damage="; ".join(dict.fromkeys(text for text in damage if text)),
         )
         return recording.with_odometry_at(stamp_ns for stamp_ns, _ in LeftOut().of(bag.of(images)))
-
-
-def _listing(counts: dict[str, tuple[str, int]]) -> str:
-    if not any(count for _, count in counts.values()):
-        return "it holds no messages at all"
-    return "it has " + _words(f"{topic} ({kind.replace('/msg/', '/')})" for topic, (kind, _) in counts.items())
-
-
-def _words(names: Iterable[str]) -> str:
-    """The names on one line, even if a damaged bag has unprintable ones."""
-    return "".join(c if c.isprintable() else "?" for c in ", ".join(names))[:_LONGEST_LISTING]
-
-
-def _named_depth(name: str) -> bool:
-    return any(word in name.lower() for word in ("depth", "disparity"))
-
-
-def _is_depth(bag: Messages, topic: str) -> bool:
-    """Whether an image topic with such a name holds distances, by its first message: depth cameras have colour, too."""
-    first = _first(bag, topic) if _named_depth(topic) else None
-    told = str(getattr(first, "encoding", getattr(first, "format", "")))
-    return "compressedDepth" in told or told.partition(";")[0].strip() in ("16UC1", "mono16", "32FC1")
-
-
-def _image_topic(bag: Messages, path: Path, counts: dict[str, tuple[str, int]], wanted: str | None) -> str:
-    images = [t for t, (kind, count) in counts.items() if kind in (IMAGE, COMPRESSED) and count]
-    if wanted is not None:
-        return _wanted(path, counts, images, wanted, "image")
-    cameras = [t for t in images if not _is_depth(bag, t)]
-    usable = [
-        t for t in cameras if not _named_depth("/".join(t.removesuffix("/compressed").split("/")[-2:]))
-    ] or cameras
-    raw_preferred = [t for t in usable if not (t.endswith("/compressed") and t.removesuffix("/compressed") in usable)]
-    if not raw_preferred:
-        depth = "; a camera's among those of depth can be chosen with --image-topic" if images else ""
-        raise InputError(f"bag {path} has no image topic; {_listing(counts)}{depth}")
-    if len(raw_preferred) > 1:
-        raise InputError(f"bag {path} has several image topics; choose one with --image-topic: {_words(raw_preferred)}")
-    return raw_preferred[0]
-
-
-def _odometry_topic(path: Path, counts: dict[str, tuple[str, int]], wanted: str | None) -> str | None:
-    found = [t for t, (kind, count) in counts.items() if kind == ODOMETRY and count]
-    if wanted == NO_ODOMETRY:
-        return None
-    if wanted is not None:
-        poses = [t for t, (kind, count) in counts.items() if kind in _POSES and count]
-        return _wanted(path, counts, [*found, *poses], wanted, "odometry")
-    candidates = [t for t in found if "ground_truth" not in t]
-    if len(candidates) > 1:
-        raise InputError(
-            f"bag {path} has several odometry topics; choose one with --odometry-topic, or none: {_words(candidates)}"
-        )
-    return candidates[0] if candidates else None
-
-
-def _wanted(path: Path, counts: dict[str, tuple[str, int]], found: list[str], wanted: str, kind: str) -> str:
-    names = (wanted, "/" + wanted.lstrip("/"))
-    for name in names:
-        if name in found:
-            return name
-    told = [f" (that is {counts[name][1]} messages of {counts[name][0]})" for name in names if name in counts]
-    raise InputError(f"bag {path} has no {kind} topic {wanted}{''.join(told[:1])}; {_listing(counts)}")
 
 
 def _camera(
@@ -152,7 +90,7 @@ def _camera(
     namespace = image_topic.removesuffix("/compressed").rpartition("/")[0]
     beside = f"{namespace}/camera_info"
     topic = beside if beside in infos else infos[0] if len(infos) == 1 else None
-    info = _first(bag, topic) if topic else None
+    info = bag.first(topic) if topic else None
     if info is None:
         return None
     size, source = (info.width, info.height), f"topic {topic}"
@@ -164,15 +102,10 @@ def _camera(
         only = f"the calibration is that of {topic}, the only one of the bag, which does not lie beside {image_topic}"
         damage.append(f"{only}; if it is of another camera, give the right one with --calibration FILE")
     told = f"{namespace}/shutter"
-    if camera is None or counts.get(told, ("", 0))[0] != SHUTTER:
+    if camera is None or counts.get(told, ("", 0))[0] != NUMBERS:
         return camera
-    times = _first(bag, told)
+    times = bag.first(told)
     return camera if times is None else replace(camera, shutter=shutter_from_topic(times.data, told))
-
-
-def _first(bag: Messages, topic: str) -> Any:
-    """The first message that can be read, None if there is none."""
-    return next(LeftOut().of(bag.of(topic)), (0, None))[1]
 
 
 def _odometry(bag: Messages, topic: str, kind: str, damage: list[str]) -> list[Odometry]:
@@ -189,6 +122,14 @@ def _odometry(bag: Messages, topic: str, kind: str, damage: list[str]) -> list[O
     if watch.refusal:
         damage.append(f"odometry of {topic} is not used: {watch.refusal}")
     return [] if watch.refusal else readings
+
+
+def _factors(bag: Messages, odometry_topic: str, counts: dict[str, tuple[str, int]]) -> tuple[OdometryConfig, ...]:
+    """What mobile_base told beside the odometry of the factors in it, each once."""
+    topic = f"{odometry_topic.rpartition('/')[0]}/{FACTORS}"
+    if counts[odometry_topic][0] != ODOMETRY or counts.get(topic, ("", 0))[0] != NUMBERS:
+        return ()
+    return tuple(dict.fromkeys(factors_from_topic(told.data, topic) for _, told in LeftOut().of(bag.of(topic))))
 
 
 def _reading(stamp_ns: int, message: Any, topic: str, watch: LevelWatch) -> Odometry:

@@ -17,7 +17,7 @@ from ruamel.yaml.error import YAMLError
 from vsx_ros.errors import InputError, VsxError
 from vsx_ros.io.bag_without_index import UnindexedBag
 from vsx_ros.io.bounded_rosbags import BoundedRos1, BoundedRos2, ZstdError
-from vsx_ros.io.left_out import tried
+from vsx_ros.io.left_out import LeftOut, tried
 from vsx_ros.limits import DAMAGE, OverLimitError
 
 METADATA = "metadata.yaml"  # a folder with this file is a ROS 2 bag
@@ -54,6 +54,10 @@ class Messages:
         where nothing behind the damage can be found."""
         with _damage_explained(self._path, ros2=self._ros2):
             yield from self._of(topic)
+
+    def first(self, topic: str) -> Any:
+        """The first message that can be read, None if there is none."""
+        return next(LeftOut().of(self.of(topic)), (0, None))[1]
 
     def _of(self, topic: str) -> Iterator[tuple[int, Any] | InputError]:
         connections = [c for c in self._reader.connections if c.topic == topic]

@@ -1,5 +1,6 @@
 """Camera calibration files: ROS camera_info YAML (as camera_calibration writes it) and the plain camera.json."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +9,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from vsx_ros.errors import CalibrationError, explained, reason_of
+from vsx_ros.config import OdometryConfig
+from vsx_ros.errors import CalibrationError, InputError, explained, reason_of
 from vsx_ros.geometry import lens
 from vsx_ros.geometry.camera import PinholeCamera, Shutter
 from vsx_ros.io.atomic import write_text
@@ -119,6 +121,15 @@ def shutter_from_topic(times: Sequence[float], topic: str) -> Shutter | None:
     if len(numbers) != len(Shutter._fields) or not Shutter(*numbers).is_possible:
         raise CalibrationError(f"topic {topic} holds {numbers[:5]}; it must be readout and exposure in seconds")
     return Shutter(*numbers)
+
+
+def factors_from_topic(factors: Sequence[float], topic: str) -> OdometryConfig:
+    """The factors in the odometry, of distance and turn, as mobile_base publishes them. Raises InputError if they are
+    invalid."""
+    numbers = [float(factor) for factor in factors]
+    if len(numbers) != 2 or not all(0.0 < number < math.inf for number in numbers):
+        raise InputError(f"topic {topic} holds {numbers[:5]}; it must be the factors of distance and turn")
+    return OdometryConfig(*numbers)
 
 
 def write_calibration(path: Path, camera: PinholeCamera, camera_name: str = "camera", remark: str = "") -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
 
+from vsx_ros.config import OdometryConfig
 from vsx_ros.errors import CalibrationError, InputError, VsxError
 from vsx_ros.geometry.camera import PinholeCamera
 from vsx_ros.geometry.se3 import StampedPose
@@ -27,8 +28,9 @@ class Recording:
     """The recorded data and its source. source: file or folder. image_topic, odometry_topic: None for a folder or
     without odometry. frame_count: number of images. camera: its calibration, if found. odometry: all readings, by
     stamp. ground_truth: T_world_cam by stamp, empty if unknown. open_frames: starts reading the images, in order; in
-    place of one that cannot be used, why. damage: what is wrong with a recording that can be used in part, in words;
-    empty for a good one. tell: hears, in words, how many images were left out, each time that all were read."""
+    place of one that cannot be used, why. factors: what the base told of those in its odometry, each once; empty if it
+    told none. damage: what is wrong with a recording that can be used in part, in words; empty for a good one. tell:
+    hears, in words, how many images were left out, each time that all were read."""
 
     source: Path
     image_topic: str | None
@@ -38,6 +40,7 @@ class Recording:
     odometry: Sequence[Odometry]
     ground_truth: Sequence[StampedPose]
     open_frames: Callable[[], Iterator[Frame | InputError]]
+    factors: Sequence[OdometryConfig] = ()
     damage: str = ""
     tell: Callable[[str], object] = str
 
@@ -90,7 +93,9 @@ class Recording:
 
     def without_odometry(self, why: str) -> "Recording":
         """The same without odometry; ``damage`` says why."""
-        return replace(self, odometry=[], odometry_topic=None, damage="; ".join(filter(None, (self.damage, why))))
+        return replace(
+            self, odometry=[], odometry_topic=None, factors=(), damage="; ".join(filter(None, (self.damage, why)))
+        )
 
     def _usable(self, left_out: LeftOut) -> Iterator[Frame]:
         fitting = (self._fitting(frame) for frame in self.open_frames())

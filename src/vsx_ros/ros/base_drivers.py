@@ -57,6 +57,11 @@ class BaseSettings(NamedTuple):
     angular_scale: float = 1.0
     allow_unknown_firmware: bool = False
 
+    @property
+    def factors(self) -> tuple[float, float]:
+        """On measured distance and on measured turn."""
+        return self.linear_scale, self.angular_scale
+
 
 class Listeners(NamedTuple):
     """Callbacks of a base: each reading; (connected, message) at every change; whether the wheels turn, after each
@@ -81,7 +86,7 @@ def at_port(baud: int, dialect: Callable[[float, float], Dialect]) -> BaseEntry:
     protocol from the factors on measured distance and on measured turn."""
 
     def driver(settings: BaseSettings, hears: Listeners) -> Base:
-        port, spoken = settings.port, dialect(settings.linear_scale, settings.angular_scale)
+        port, spoken = settings.port, dialect(*settings.factors)
         if isinstance(spoken, KobukiDialect):
             spoken.allow_unknown_firmware = settings.allow_unknown_firmware
         return BaseDriver(
@@ -94,7 +99,7 @@ def at_port(baud: int, dialect: Callable[[float, float], Dialect]) -> BaseEntry:
 
 def _over_topics(settings: BaseSettings, hears: Listeners) -> Base:
     """Raises ConfigError for factors other than 1: all nodes hear the odometry from the base's own driver."""
-    if (settings.linear_scale, settings.angular_scale) != (1.0, 1.0):
+    if settings.factors != (1.0, 1.0):
         raise ConfigError(
             f"robot.odometry has the factors {settings.linear_scale:g} and {settings.angular_scale:g}, but a base with "
             "a ROS driver of its own (base ros) is calibrated there: give them to that driver, and set both to 1 here"

@@ -11,7 +11,7 @@ import rospy
 from geometry_msgs.msg import TransformStamped, Vector3
 from nav_msgs.msg import Odometry as OdometryMsg
 from sensor_msgs.msg import BatteryState, Imu, JointState, PointCloud2
-from std_msgs.msg import Bool, String, UInt8, UInt8MultiArray
+from std_msgs.msg import Bool, Float64MultiArray, String, UInt8, UInt8MultiArray
 from tf2_msgs.msg import TFMessage
 
 from vsx_hw.readings import BaseReading, GyroReading, Hazard, OdometryReading, RateSample
@@ -102,8 +102,9 @@ class BaseTopics:
     """Publishes each reading. For a base with its own driver: only what that driver does not publish already. It knows
     nothing of a prefix of our frames."""
 
-    def __init__(self, robot_type: str, teleop_quiet_s: float) -> None:
-        """teleop_quiet_s: the operator holds the wheels for so long after the last command of teleop [s]."""
+    def __init__(self, robot_type: str, teleop_quiet_s: float, factors: tuple[float, float]) -> None:
+        """teleop_quiet_s: the operator holds the wheels for so long after the last command of teleop [s]. factors: of
+        distance and turn, in the odometry."""
         self._hold, self._held = OperatorHoldWatch(teleop_quiet_s), OperatorHold("", 0)
         self._telling_hold = threading.Lock()
         own_driver = topic_names(robot_type)
@@ -113,6 +114,7 @@ class BaseTopics:
         fast: dict[str, Any] = {"queue_size": 50, "tcp_nodelay": True}
         self._offer(topics.ODOM, OdometryMsg, ours or renamed, **fast)
         joins = ours or (renamed and headers.own(topics.ODOM_FRAME) != topics.ODOM_FRAME)
+        self._offer(topics.ODOM_FACTORS, Float64MultiArray, queue_size=1, latch=True)
         self._offer(topics.TF, TFMessage, joins and rospy.get_param("~publish_tf", True), **fast)
         self._offer(topics.JOINT_STATES, JointState, ours, queue_size=5)
         self._offer(topics.BATTERY, BatteryState, ours, queue_size=1)
@@ -128,6 +130,7 @@ class BaseTopics:
         self._news: dict[str, object] = {}
         self._touched = False
         self.tell_hazards(Hazard.NONE, 0)
+        self._tell_new(topics.ODOM_FACTORS, Float64MultiArray(data=list(factors)))
         self._tell_new(topics.BUTTONS, UInt8(0))
         self._tell_new(topics.MUX_ACTIVE, String("idle"))
 

@@ -28,11 +28,11 @@ from vsx_ros.ros.callbacks import IMAGE_BUFFER_BYTES, subscribe
 from vsx_ros.runs.process import DONE, FAILED, Progress, SignalFlag
 
 _TOPICS = (
-    topics.CAMERA_INFO, topics.SHUTTER, topics.ODOM, topics.TF, topics.TF_STATIC, topics.IMU, topics.HAZARDS,
-    topics.BUTTONS, topics.BATTERY, topics.MUX_ACTIVE, topics.OPERATOR_HOLD, topics.COMMAND_SAFETY,
-    topics.COMMAND_TELEOP, topics.COMMAND_NAVI, topics.POSE, topics.SLAM_STATE, topics.EXPLORE_STATUS,
-    topics.EXPLORE_EVENTS, topics.DIAGNOSTICS, topics.GLOBAL_PLAN, topics.PLAN_MS, topics.COVERAGE, topics.ZONES,
-    topics.ROOMS, *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
+    topics.CAMERA_INFO, topics.SHUTTER, topics.ODOM, topics.ODOM_FACTORS, topics.TF, topics.TF_STATIC, topics.IMU,
+    topics.HAZARDS, topics.BUTTONS, topics.BATTERY, topics.MUX_ACTIVE, topics.OPERATOR_HOLD,
+    topics.COMMAND_SAFETY, topics.COMMAND_TELEOP, topics.COMMAND_NAVI, topics.POSE, topics.SLAM_STATE,
+    topics.EXPLORE_STATUS, topics.EXPLORE_EVENTS, topics.DIAGNOSTICS, topics.GLOBAL_PLAN, topics.PLAN_MS,
+    topics.COVERAGE, topics.ZONES, topics.ROOMS, *(f"{topics.STATS}/{name}" for name in topics.STAT_TYPES),
 )  # fmt: skip
 _NEEDED = (topics.IMAGE, topics.CAMERA_INFO, topics.ODOM)
 _CAMERA_WAIT_S = 20.0  # for the first image; then recording begins all the same

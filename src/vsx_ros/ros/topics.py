@@ -61,6 +61,7 @@ SET_CAMERA_INFO = _service("camera/rgb/set_camera_info", "sensor_msgs/SetCameraI
 
 # mobile_base: driver, mux and safety
 ODOM = _topic("odom", "nav_msgs/Odometry", "mobile_base")
+ODOM_FACTORS = _topic("mobile_base/odometry_factors", "std_msgs/Float64MultiArray", "mobile_base")  # distance, turn
 JOINT_STATES = _topic("joint_states", "sensor_msgs/JointState", "mobile_base")
 HAZARDS = _topic("mobile_base/hazards", "std_msgs/UInt8", "mobile_base")
 OPERATOR_HOLD = _topic("mobile_base/operator_hold", "std_msgs/String", "mobile_base")  # JSON: by, since_ns

@@ -9,7 +9,7 @@ Publishers: odom (50 Hz), /tf odom -> base_footprint (with the base ros its driv
     vsx_hw.readings.Hazard, latched, on change), mobile_base/buttons (UInt8, those pressed, latched, on change; Kobuki:
     1, 2, 4 are B0, B1, B2; Create: 1 Play, 4 Advance; Create 2: 1 Clean, 2 Spot, 4 Dock), battery (1 Hz),
     cmd_vel_mux/active (latched, on change), mobile_base/operator_hold (latched String, JSON, on change: by, since_ns;
-    "by" is "emergency stop", teleop, safety_controller or empty),
+    "by" is "emergency stop", teleop, safety_controller or empty), mobile_base/odometry_factors (latched: way, turn),
     mobile_base/sensors/imu_data (if the base has a gyro) and imu_data_raw (Kobuki: 100 samples a second of its three
     axes, bias not removed), mobile_base/docked (latched, on change), mobile_base/sensors/dock_ir (UInt8MultiArray: the
     dock's beams on the right, centre, left receiver, bits of vsx_hw.readings.DockBeam; its label: the kind of base),
@@ -54,7 +54,7 @@ class MobileBaseNode:
         self._master.period_s, self._master.topics_every = 0.1, 3
         settings = base_settings(config)
         self._supervisor = supervisor(config, settings)
-        self._topics = BaseTopics(settings.robot_type, config.exploration.teleop_quiet_s)
+        self._topics = BaseTopics(settings.robot_type, config.exploration.teleop_quiet_s, settings.factors)
         diagnostics = Diagnostics(settings.port)
         settings = wait_for_base(settings, diagnostics)
         self._health = BaseHealth(diagnostics, self._supervisor)
