@@ -1,10 +1,16 @@
 """Which factors are in the odometry of a recorded drive, however often and late it is calibrated."""
 
+import cv2
+import numpy as np
 import pytest
 import yaml
+from drives import record
 from ros1_bags import image, numbers, odometry, write
 
+from vsx_ros.cli import calibrate_shutter
 from vsx_ros.cli.main import execute
+from vsx_ros.errors import InputError
+from vsx_ros.io.trajectory_file import read_trajectory
 
 WAY, TRUE = 2.0, 0.974
 
@@ -69,3 +75,59 @@ def test_a_factor_that_contradicts_the_drive_is_refused(tmp_path, robot_file, ca
     bag, words = drive(tmp_path / "a.bag", 1.0), ["--distance", str(WAY), "--set", "robot.odometry.linear_scale=0.98"]
     assert execute(["calibrate", "odometry", str(bag), *words]) == 1
     assert "was recorded with robot.odometry.linear_scale=1, as it tells itself" in capsys.readouterr().err
+
+
+def test_the_height_is_that_of_wheels_as_they_are_known_now(tmp_path, robot_file):
+    """The manual's way: both from one drive, on wheels that count 5 % too much."""
+    recorded = record(tmp_path / "straight", [(0.2, 0.0, 8.0)])
+    readings = read_trajectory(recorded.folder / "odometry.txt")
+    images = [line.split() for line in (recorded.folder / "rgb.txt").read_text().splitlines()]
+    messages = [("/mobile_base/odometry_factors", numbers((1.0, 1.0)))]
+    for (stamp, name), reading in zip(images, readings, strict=True):
+        x = 1.05 * float(np.linalg.norm(reading.T.translation - readings[0].T.translation))
+        pixels = cv2.imread(str(recorded.folder / name), cv2.IMREAD_GRAYSCALE)
+        ns = round(float(stamp) * 1e9) + 1
+        messages += [("/odom", odometry(ns, x)), ("/image_raw", image(ns, pixels, "mono8", *pixels.shape))]
+    bag = write(tmp_path / "straight.bag", messages)
+    assert execute(["calibrate", "odometry", str(bag), "--distance", str(recorded.way)]) == 0
+    assert execute(["calibrate", "mount", str(bag), "--calibration", str(recorded.folder / "camera.yaml")]) == 0
+    found = yaml.safe_load(robot_file.read_text(encoding="utf-8"))["robot"]
+    assert found["odometry"]["linear_scale"] < 0.97
+    assert found["mount"]["height_m"] == pytest.approx(recorded.T_base_cam.translation[2], abs=0.008)
+
+
+@pytest.mark.parametrize(
+    ("told", "now", "more", "way"),
+    [
+        ([1.0], "{linear_scale: 0.974}", [], WAY),
+        ([TRUE], "{linear_scale: 0.974}", [], WAY / TRUE),
+        ([TRUE], "{angular_scale: 1.0}", [], WAY / TRUE),
+        ([1.0], "{linear_scale: 0.9}", ["--set", "robot.odometry.linear_scale=0.974"], WAY),
+        ([], "{linear_scale: 0.974}", ["--set", "robot.odometry.linear_scale=1"], WAY),
+        ([], "{linear_scale: 0.974}", ["--set", "robot.odometry.linear_scale=0.974"], WAY / TRUE),
+        ([], "{linear_scale: 1.0}", [], WAY / TRUE),
+    ],
+)
+def test_shutter_and_mount_take_the_way_with_the_factor_known_now(
+    told, now, more, way, tmp_path, robot_file, monkeypatch
+):
+    """What is not named now stays as it was recorded."""
+    robot_file.parent.mkdir(parents=True)
+    robot_file.write_text(f"robot: {{odometry: {now}}}", encoding="utf-8")
+    bag, ways = drive(tmp_path / "a.bag", *told), []
+
+    def seen(recording, _):
+        ways.append(recording.odometry[-1].T_odom_base.x - recording.odometry[0].T_odom_base.x)
+        raise InputError("that will do")
+
+    monkeypatch.setattr(calibrate_shutter, "shutter_of_drive", seen)
+    assert execute(["calibrate", "shutter", str(bag), *more]) == 1
+    assert ways == [pytest.approx(way)]
+
+
+@pytest.mark.parametrize("what", ["mount", "shutter"])
+def test_neither_is_taken_from_a_drive_whose_factor_nobody_knows(what, tmp_path, robot_file, capsys):
+    robot_file.parent.mkdir(parents=True)
+    robot_file.write_text("robot: {odometry: {linear_scale: 0.974}}", encoding="utf-8")
+    assert execute(["calibrate", what, str(drive(tmp_path / "a.bag"))]) == 1
+    assert "does not tell the linear_scale" in capsys.readouterr().err

@@ -9,7 +9,14 @@ from vsx_ros.calibration import odometry
 from vsx_ros.calibration.board import Board, board_poses
 from vsx_ros.calibration.mount import MountCalibration, TrackedPose, calibrate_mount
 from vsx_ros.cli.option_values import refuse
-from vsx_ros.cli.recorded_drive import camera_of, conclude, known_before, recorded_drive, recorded_with
+from vsx_ros.cli.recorded_drive import (
+    camera_of,
+    conclude,
+    drive_on_known_wheels,
+    known_before,
+    recorded_drive,
+    recorded_with,
+)
 from vsx_ros.config import MountConfig, SlamConfig
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.mount import mounted
@@ -80,7 +87,7 @@ def _from_run(args: argparse.Namespace) -> int:
 
 def calibrate_mount_of(args: argparse.Namespace) -> int:
     """The camera's direction and height, from a straight drive, and its place as far as it is given."""
-    config, recording = known_before(args), recorded_drive(args)
+    config, recording = known_before(args), drive_on_known_wheels(args, "linear_scale")
     before = config.robot.mount
     drive, points = _seen_by_slam(recording, config.slam)
     result = calibrate_mount(drive, points, before.forward_m, before.left_m)

@@ -16,7 +16,7 @@ from vsx_ros.calibration.shutter import (
     readout_change,
     turns,
 )
-from vsx_ros.cli.recorded_drive import camera_of, conclude, known_before, recorded_drive
+from vsx_ros.cli.recorded_drive import camera_of, conclude, drive_on_known_wheels, known_before
 from vsx_ros.config import Config
 from vsx_ros.config.maps import ShutterConfig
 from vsx_ros.geometry.mount import mounted
@@ -42,7 +42,8 @@ class _Seen(NamedTuple):
 
 def calibrate_shutter(args: argparse.Namespace) -> int:
     """Latency and readout of the camera."""
-    found, exposure_s = shutter_of_drive(recorded_drive(args), known_before(args))
+    recording = drive_on_known_wheels(args, "linear_scale", "angular_scale")
+    found, exposure_s = shutter_of_drive(recording, known_before(args))
     for name, factor in (("latency_s", found.latency), ("readout_s", found.readout)):
         print(f"{name:10} {factor.value:.4f}: known to {1e3 * factor.sigma:.1f} ms from {factor.measured:.0f} images")
     values = {"readout_s": found.readout.value, "exposure_s": exposure_s, "latency_s": found.latency.value}

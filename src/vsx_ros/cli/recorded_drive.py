@@ -2,8 +2,11 @@
 
 import argparse
 import dataclasses
+import sys
 from pathlib import Path
+from typing import Any
 
+from vsx_ros.calibration.corrected_odometry import CorrectedOdometry, OdometryCorrection
 from vsx_ros.calibration.verdict import Grade, Verdict
 from vsx_ros.config import Config, OdometryConfig
 from vsx_ros.errors import CalibrationError, ConfigError, InputError
@@ -27,10 +30,43 @@ def recorded_drive(args: argparse.Namespace) -> Recording:
     return recording
 
 
+def drive_on_known_wheels(args: argparse.Namespace, *needed: str) -> Recording:
+    """The drive, its odometry with the factors that are known now: of --config, else of the file that gets the result,
+    and of --set; if it does not tell which it has, these options do, and the file has those known now. needed: factors
+    that the result depends on. Raises InputError if one that it has cannot be known, and as ``recorded_drive``."""
+    drive = recorded_drive(args)
+    if not drive.factors:
+        drive = dataclasses.replace(drive, factors=(recorded_with(args, drive, *needed),))
+        return with_factors(drive, named(_robot_file(args), []))
+    recorded_with(args, drive)
+    return with_factors(drive, named(args.config or _robot_file(args), args.set))
+
+
+def with_factors(recording: Recording, given: dict[str, Any]) -> Recording:
+    """The recording, its odometry with those of the given parameters that are its factors; others stay as recorded."""
+    if len(recording.factors) != 1:
+        return recording
+    old = recording.factors[0]
+    linear = given.get("robot.odometry.linear_scale", old.linear_scale)
+    angular = given.get("robot.odometry.angular_scale", old.angular_scale)
+    if (new := OdometryConfig(linear, angular)) == old:
+        return recording
+    wheels = CorrectedOdometry()
+    wheels.correction = OdometryCorrection(linear / old.linear_scale, angular / old.angular_scale)
+    factors = f"{old.linear_scale:g} of way and {old.angular_scale:g} of turn, now {linear:g} and {angular:g}"
+    print(f"vsx: {recording.source}: its odometry had the factors {factors}", file=sys.stderr)
+    return dataclasses.replace(recording, odometry=[wheels.take(o) for o in recording.odometry], factors=(new,))
+
+
 def known_before(args: argparse.Namespace) -> Config:
     """The parameters of --config, else of the file that gets the result; and of --set."""
-    file: Path = args.config or args.out or default_robot_file()
-    return load(file if args.config or file.exists() else None, args.set)
+    return load(args.config or _robot_file(args), args.set)
+
+
+def _robot_file(args: argparse.Namespace) -> Path | None:
+    """The file that gets the result, None if there is none yet."""
+    file: Path = args.out or default_robot_file()
+    return file if file.exists() else None
 
 
 def recorded_with(args: argparse.Namespace, recording: Recording, *measured: str) -> OdometryConfig:
