@@ -7,7 +7,7 @@ import yaml
 from drives import record
 from ros1_bags import image, numbers, odometry, write
 
-from vsx_ros.cli import calibrate_shutter
+from vsx_ros.cli import calibrate_shutter, replay
 from vsx_ros.cli.main import execute
 from vsx_ros.errors import InputError
 from vsx_ros.io.trajectory_file import read_trajectory
@@ -131,3 +131,30 @@ def test_neither_is_taken_from_a_drive_whose_factor_nobody_knows(what, tmp_path,
     robot_file.write_text("robot: {odometry: {linear_scale: 0.974}}", encoding="utf-8")
     assert execute(["calibrate", what, str(drive(tmp_path / "a.bag"))]) == 1
     assert "does not tell the linear_scale" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("told", "more", "way", "factor"),
+    [
+        ([0.95], [], WAY / TRUE, 0.95),
+        ([0.95], ["--set", "robot.odometry.linear_scale=0.9253"], WAY, 0.9253),
+        ([0.95], ["--set", "robot.mount.height_m=0.4"], WAY / TRUE, 0.95),
+        ([], ["--set", "robot.odometry.linear_scale=0.974"], WAY / TRUE, 0.974),
+        ([0.95, 0.9253], ["--set", "robot.odometry.linear_scale=0.9"], WAY / TRUE, 0.9),
+    ],
+)
+def test_a_replay_takes_the_way_with_the_given_factor_and_says_which_it_has(
+    told, more, way, factor, tmp_path, monkeypatch
+):
+    """What the run finds out while driving multiplies the factor in its configuration."""
+    seen = []
+
+    def begun(recording, config, _):
+        seen.extend([recording.odometry[-1].T_odom_base.x, config.robot.odometry.linear_scale])
+        raise InputError("that will do")
+
+    monkeypatch.setattr(replay, "_slam", begun)
+    monkeypatch.setattr(replay, "compile_kernels", lambda *_: None)
+    words = [str(drive(tmp_path / "a.bag", *told)), "--out", str(tmp_path / "run"), *more]
+    assert execute(["replay", *words]) == 1
+    assert seen == [pytest.approx(way, rel=1e-4), factor]

@@ -6,8 +6,11 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from msgspec.structs import replace as with_values
+
 from vsx_ros.cli.compiled import SLAM, compile_kernels
 from vsx_ros.cli.option_values import refuse
+from vsx_ros.cli.recorded_drive import with_factors
 from vsx_ros.config import Config
 from vsx_ros.dense.finished_map import FinishedMap
 from vsx_ros.errors import ConfigError, InputError, MapFileError
@@ -20,7 +23,7 @@ from vsx_ros.io.recording import NO_ODOMETRY, Recording
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, RunEvent
-from vsx_ros.runs.parameters import load
+from vsx_ros.runs.parameters import load, named
 from vsx_ros.runs.process import STOPPED, Progress, ended_well, interruptible
 from vsx_ros.runs.record import RunRecord
 from vsx_ros.runs.report import map_given_up, replay_end, tell_the_end, write_report
@@ -42,7 +45,7 @@ def replay(args: argparse.Namespace) -> int:
     if (args.input / "rgb.txt").exists():
         topics = ["image_topic"] + ["odometry_topic"] * (args.odometry_topic != NO_ODOMETRY)
         refuse(args, f"{args.input} is a folder of images, without topics", *topics)
-    config, recording = load(args.config, args.set), opened_recording(args)
+    config, recording = _on_its_wheels(load(args.config, args.set), opened_recording(args), args)
     compile_kernels(*SLAM, *(["surfaces"] if args.map and not args.ros else []))
     if args.ros:
         from vsx_ros.ros.replay import replay
@@ -75,6 +78,15 @@ def replay(args: argparse.Namespace) -> int:
             more.insert(0, lambda: folder.write_poses("groundtruth", recording.ground_truth))
         failure = keeper.finish(folder, slam, summary, None, grid, *more)
         return tell_the_end(folder, summary.as_dict(), code, failure)
+
+
+def _on_its_wheels(config: Config, recording: Recording, args: argparse.Namespace) -> tuple[Config, Recording]:
+    """Both with the same factors of the wheels: those that --config and --set name, else those of the recording. One
+    that does not tell its factors stays as it is."""
+    recording = with_factors(recording, named(args.config, args.set))
+    if len(recording.factors) == 1:
+        config = with_values(config, robot=with_values(config.robot, odometry=recording.factors[0]))
+    return config, recording
 
 
 def _refuse_pace(args: argparse.Namespace) -> None:
