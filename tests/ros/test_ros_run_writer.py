@@ -4,6 +4,7 @@ import errno
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,14 +14,15 @@ pytest.importorskip("rospy")
 import rosgraph
 from processes import Processes
 from ros_ports import HOST, free_port
+from std_msgs.msg import Float64MultiArray
 
-from vsx_ros.config import Config
+from vsx_ros.config import Config, OdometryConfig, from_dict
 from vsx_ros.errors import MapFileError
 from vsx_ros.evaluation.breaks import Continuity, continuity
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Frame, Odometry, VelocityCommand
-from vsx_ros.ros import logs, slam_run
+from vsx_ros.ros import logs, slam_run, topics
 from vsx_ros.ros.slam_run import SlamRun
 from vsx_ros.runs import record, session
 from vsx_ros.runs.folder import RunFolder
@@ -221,6 +223,21 @@ def test_a_run_whose_results_cannot_be_written_can_be_gone_on_with(driven, tmp_p
     monkeypatch.undo()
     monkeypatch.setattr(slam_run.rospy, "get_param", lambda name, usual: {"~run_dir": str(tmp_path)}.get(name, usual))
     assert SlamRun(Config()).first_epoch == 1
+
+
+def test_what_is_found_while_driving_multiplies_the_factors_that_the_base_told(driven, tmp_path, monkeypatch) -> None:
+    """The base may have been started before the last calibration, or with parameters of its own."""
+    robot, slam, frames = driven
+    monkeypatch.setattr(slam_run.rospy, "get_param", lambda name, usual: {"~run_dir": str(tmp_path)}.get(name, usual))
+    heard, known = dict[str, Any](), []
+    monkeypatch.setattr(slam_run, "subscribe", lambda topic, kind, take, **_: heard.update({topic: take}))
+    monkeypatch.setattr(slam_run, "write_self_calibration", lambda folder, calibration, factors: known.append(factors))
+    run = SlamRun(from_dict({"robot": {"odometry": {"linear_scale": 0.974}}}))
+    heard[topics.ODOM_FACTORS](Float64MultiArray(data=[1.0, 1.02]))
+    for result, odometry in frames:
+        run.frame(slam, result, odometry, 0.01)
+    run.end(slam, GROUND, None, None, lambda *_: None)
+    assert known == [OdometryConfig(1.0, 1.02)]
 
 
 def test_a_disk_that_takes_nothing_keeps_no_node_from_beginning(driven, tmp_path: Path, monkeypatch) -> None:

@@ -8,15 +8,18 @@ from typing import Any, TypeAlias
 
 import rospy
 from numpy.typing import NDArray
+from std_msgs.msg import Float64MultiArray
 
 from vsx_ros.arrays import Points3
 from vsx_ros.config import Config
 from vsx_ros.errors import InputError
 from vsx_ros.geometry.mount import mounted
+from vsx_ros.io.calibration_file import factors_from_topic
 from vsx_ros.io.slam_map_file import load_slam_map, save_slam_map
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.robot import Frame, Odometry
-from vsx_ros.ros import logs, node
+from vsx_ros.ros import logs, node, topics
+from vsx_ros.ros.callbacks import subscribe
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.places import begin_places, resume_places, rooms_known
 from vsx_ros.runs.previous import PreviousSessions
@@ -38,7 +41,8 @@ class SlamRun:
     InputError for damaged files."""
 
     def __init__(self, config: Config) -> None:
-        self._known_odometry = config.robot.odometry
+        self._factors = config.robot.odometry  # in the odometry, until the base tells its own
+        subscribe(topics.ODOM_FACTORS, Float64MultiArray, self._on_factors, queue_size=1)
         T_base_cam, run_dir = mounted(config.robot.mount), node.run_dir()
         self._save_map = str(rospy.get_param("~save_map", ""))  # read now: the master may be gone at the end
         self._save_map_to, self._saving = Path(run_dir or tempfile.gettempdir()) / "map.vsxmap", threading.Lock()
@@ -57,6 +61,9 @@ class SlamRun:
             begin_places(self.session.ground, path, Path(zones) if zones else None, room)
         self._keeper = RunWriter(T_base_cam, self._folder, before, logs.log_errors, _REST, config.runs)
         self.first_epoch = 1 + self._keeper.record.odom_epoch
+
+    def _on_factors(self, msg: Float64MultiArray) -> None:
+        self._factors = factors_from_topic(msg.data, rospy.resolve_name(topics.ODOM_FACTORS))
 
     def see(self, frame: Frame, grid: OccupancyGrid | None) -> None:
         """Note the newest image and ground map; from the tracking thread."""
@@ -104,7 +111,7 @@ class SlamRun:
     def _write_results(self, slam: ThreadedSlam, surface: Points3 | None, grid: OccupancyGrid | None) -> None:
         if self._folder is None:
             return
-        folder, known = self._folder, self._known_odometry
+        folder, known = self._folder, self._factors
         more = [lambda: write_self_calibration(folder.path, self.session.calibration, known)]
         if said := self._keeper.finish(folder, slam, None, surface, grid, *more):
             raise InputError(said)

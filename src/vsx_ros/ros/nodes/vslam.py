@@ -1,6 +1,6 @@
 """Node ``vslam``: computes pose, sparse map and ground map from images and odometry.
 
-Subscribers: camera/rgb/image_raw, camera/rgb/camera_info, camera/rgb/shutter, odom, mobile_base/{hazards,docked}.
+Subscribers: camera/rgb/{image_raw,camera_info,shutter}, odom, mobile_base/{hazards,docked,odometry_factors}.
 Publishers: vslam/pose (base_footprint in map, stamp of the image), /tf map -> odom, /tf_static (camera, gyro),
     vslam/state, vslam/stats/*, follower/lease; vslam/preview/compressed (while someone looks); map, map_metadata,
     vslam/{map_points,keyframes,keyframe_places,path}, zones, zones/markers, rooms, rooms/markers, dock/pose (latched);
