@@ -177,8 +177,7 @@ class Run:
         config, world = with_view(Config()), generate_world("lab", seed)
         self._config, self._judge, self._landmarks = config, MapJudge(world, config), Landmarks(world, seed)
         self._planner, self._rng = Planner(config.planner, config.robot), np.random.default_rng(seed)
-        planner = self._planner
-        self._mission = Mission(config, lambda a, grid: lambda poses: planner.travel_costs(a, grid, poses))
+        self._mission = Mission(config, self._planner.travel_costs)
         self._mission.view_selector._rank = rank
         self._ground = GroundMap(config.ground_map, config.robot)
         self._grid: OccupancyGrid | None = None

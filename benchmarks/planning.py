@@ -201,13 +201,14 @@ def section_costs(quick: bool, phis: list[float]) -> list[Row]:
     every = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3)
     rows = []
     for phi in phis:
-        planner = Planner(PlannerConfig(phi_rad_m=phi), ROBOT)
+        config = PlannerConfig(phi_rad_m=phi)
+        planner = Planner(config, ROBOT)
         seconds, ratio = [], []
         for grid, start, goal in problems(range(5 if quick else 20), 1):
             begun = time.process_time()
-            planner.travel_costs(start, grid, every)
+            planner.travel_costs(start, grid, config.clearance_m, every)
             seconds.append(time.process_time() - begun)
-            cost = float(planner.travel_costs(start, grid, goal.as_array()[None])[0])
+            cost = float(planner.travel_costs(start, grid, config.clearance_m, goal.as_array()[None])[0])
             plan = planner.plan(start, goal, grid, np.random.default_rng(0))
             if isinstance(plan, Plan) and np.isfinite(cost):
                 ratio.append(cost / plan.path.length_m)

@@ -38,8 +38,8 @@ def test_a_ranker_of_a_user_s_module_is_found_by_name(tmp_path: Path, monkeypatc
     )
     config = overridden(Config(), {"exploration.ranker": "nothing"})
     with pytest.raises(ConfigError, match="no view ranker named 'nothing'"):
-        ViewSelector(config, lambda start, grid: lambda poses: poses[:, 0])
+        ViewSelector(config, lambda start, grid, clearance_m, poses: poses[:, 0])
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv(PLUGINS, "my_ranker")
     load_plugins()
-    ViewSelector(config, lambda start, grid: lambda poses: poses[:, 0])
+    ViewSelector(config, lambda start, grid, clearance_m, poses: poses[:, 0])

@@ -77,7 +77,7 @@ class ExplorationSystem:
         self.ground = self.session.ground
         self.navigator = Navigator(config, self.planner, self._computing_time)
         ways = Planner(config.planner, config.robot)
-        self.mission = Mission(config, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
+        self.mission = Mission(config, ways.travel_costs)
         self.grid: OccupancyGrid | None = None
         self._keyframes: KeyframePlaces | None = None
         self.dense: DenseMap | None = None

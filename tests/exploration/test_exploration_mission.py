@@ -28,8 +28,8 @@ def half_known() -> OccupancyGrid:
     return OccupancyGrid(data, 0.05, -1.5, -2.0)
 
 
-def euclid(start, grid):
-    return lambda poses: np.hypot(poses[:, 0] - start.x, poses[:, 1] - start.y)
+def euclid(start, grid, clearance_m, poses):
+    return np.hypot(poses[:, 0] - start.x, poses[:, 1] - start.y)
 
 
 def situation(**changes) -> Situation:
@@ -180,7 +180,7 @@ def test_a_goal_is_judged_by_the_map_around_it(monkeypatch):
 
 
 def test_where_every_view_is_out_of_reach_it_steps_back_then_turns_and_only_then_gives_up():
-    mission = Mission(Config(), lambda start, grid: lambda poses: np.full(len(poses), np.inf))
+    mission = Mission(Config(), lambda start, grid, clearance_m, poses: np.full(len(poses), np.inf))
     mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))
     for k in range(1, 12):
         mission.decide(k, situation(T_odom_base=SE2(0.05 * k, 0, 0), navigation=NavigationState.ACTIVE))
@@ -198,7 +198,7 @@ def test_where_every_view_is_out_of_reach_it_steps_back_then_turns_and_only_then
 
 
 def test_a_mission_that_begins_boxed_in_looks_around_on_the_spot():
-    mission = Mission(Config(), lambda start, grid: lambda poses: np.full(len(poses), np.inf))
+    mission = Mission(Config(), lambda start, grid, clearance_m, poses: np.full(len(poses), np.inf))
     stands = situation(T_map_base=SE2(1.45, 0.0, 0.0))
     mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))
     decisions = [mission.decide((2 + 3 * k) * SECOND, stands) for k in range(14)]
@@ -209,7 +209,7 @@ def test_a_mission_that_begins_boxed_in_looks_around_on_the_spot():
 
 def test_a_mission_that_begins_boxed_in_and_turns_looks_all_around() -> None:
     """The way back along a trail of turns on the spot would turn it back again."""
-    mission, at = Mission(Config(), lambda start, grid: lambda poses: np.full(len(poses), np.inf)), SE2()
+    mission, at = Mission(Config(), lambda start, grid, clearance_m, poses: np.full(len(poses), np.inf)), SE2()
     mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))
     headings = []
     for k in range(60):
@@ -228,8 +228,8 @@ def test_what_failed_is_tried_again_when_nothing_else_is_left_but_not_for_ever()
     config = Config()
     only = SE2(1.0, 0.0, 0.0)
 
-    def one_place(start, grid):
-        return lambda poses: np.where(near_poses(poses, only.as_array()[None], 0.15, 0.2), 1.0, np.inf)
+    def one_place(start, grid, clearance_m, poses):
+        return np.where(near_poses(poses, only.as_array()[None], 0.15, 0.2), 1.0, np.inf)
 
     mission = Mission(config, one_place)
     mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))

@@ -30,7 +30,7 @@ SAVED = SavedMission(
 
 
 def mission_of(saved: SavedMission) -> Mission:
-    mission = Mission(Config(), lambda start, grid: lambda poses: np.zeros(len(poses)))
+    mission = Mission(Config(), lambda start, grid, clearance_m, poses: np.zeros(len(poses)))
     mission.restore(SECOND, saved, SE2())
     return mission
 
@@ -87,7 +87,7 @@ def test_a_paused_mission_stands_until_it_is_told_to_go_on() -> None:
 
 
 def test_a_pause_while_a_resumed_mission_waits_for_the_wheels_is_kept() -> None:
-    mission = Mission(Config(), lambda start, grid: lambda poses: np.zeros(len(poses)))
+    mission = Mission(Config(), lambda start, grid, clearance_m, poses: np.zeros(len(poses)))
     mission.pause(0)
     mission.restore(SECOND, SAVED._replace(paused=False), SE2())
     assert mission.state is MissionState.PAUSED
@@ -113,7 +113,7 @@ def test_a_trail_is_not_told_relative_to_a_pose_of_another_odometry() -> None:
 
 
 def test_a_mission_stopped_before_it_was_recalled_stays_ended() -> None:
-    mission = Mission(Config(), lambda start, grid: lambda poses: np.zeros(len(poses)))
+    mission = Mission(Config(), lambda start, grid, clearance_m, poses: np.zeros(len(poses)))
     mission.stop(0)
     mission.restore(SECOND, SAVED, SE2())
     assert mission.outcome is Outcome.STOPPED
@@ -123,7 +123,7 @@ def test_a_mission_stopped_before_it_was_recalled_stays_ended() -> None:
 
 
 def test_a_robot_sent_home_before_it_was_recalled_goes_home() -> None:
-    mission = Mission(Config(), lambda start, grid: lambda poses: np.zeros(len(poses)))
+    mission = Mission(Config(), lambda start, grid, clearance_m, poses: np.zeros(len(poses)))
     mission.home(0)
     mission.restore(SECOND, SAVED._replace(going_home=False, paused=False), SE2())
     assert mission.to_save(2 * SECOND, SE2(), 0).going_home

@@ -3,6 +3,7 @@ and explores only where it is told."""
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -42,8 +43,8 @@ def zoned(*zones: Zone) -> OccupancyGrid:
     return with_zones(floor(), zones, MARGIN_M, BODY_M, version=1)
 
 
-def euclid(start, grid):
-    return lambda poses: np.hypot(poses[:, 0] - start.x, poses[:, 1] - start.y)
+def euclid(start, grid, clearance_m, poses):
+    return np.hypot(poses[:, 0] - start.x, poses[:, 1] - start.y)
 
 
 def situation(grid: OccupancyGrid, **changes) -> Situation:
@@ -63,7 +64,7 @@ def under_way() -> tuple[Mission, Decision]:
 def ranked(grid: OccupancyGrid) -> list[SE2]:
     asked = RankingInput(
         grid=grid, radius_m=BODY_M + CONFIG.planner.clearance_m, landmarks_world=LANDMARKS,
-        looked_from=np.zeros((0, 3)), travel_costs=euclid(SE2(), grid),
+        looked_from=np.zeros((0, 3)), travel_costs=partial(euclid, SE2(), grid, 0.1),
         blacklist=lambda poses: np.zeros(len(poses), np.bool_), config=CONFIG.exploration,
     )  # fmt: skip
     return [view.pose for view in rank_views(asked).views]
@@ -168,7 +169,7 @@ def test_the_way_out_is_found_though_more_ground_is_nearer_behind_a_wall(gap_cel
     cells[58 : 58 + gap_cells, 118:120] = FREE  # narrower than the body
     grid = with_zones(replace(floor(), data=cells), [box(-1.0, -2.0, 1.9, 2.0)], MARGIN_M, BODY_M, version=1)
     ways = Planner(CONFIG.planner, CONFIG.robot)
-    selector = ViewSelector(CONFIG, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
+    selector = ViewSelector(CONFIG, ways.travel_costs)
     out = selector.exit_pose(0, grid, SE2(1.5, 0.0, math.pi))
     assert out is not None
     assert out.x < -1.0 - BODY_M

@@ -163,7 +163,7 @@ def test_what_stands_farther_on_is_seen_on_the_same_map_as_the_base_comes_nearer
 def driven_out(heading: float, within_s: float, *beside: Zone) -> np.ndarray:
     """The rows of a base that has left a zone, beside these, by the way that the mission chooses."""
     ways = Planner(CONFIG.planner, CONFIG.robot)
-    selector = ViewSelector(CONFIG, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
+    selector = ViewSelector(CONFIG, ways.travel_costs)
     run = LockStep()
     run.base.pose = SE2(0.3, 0.0, heading)
     run.localization = type(run.localization)()
@@ -197,7 +197,7 @@ def test_out_of_a_zone_the_way_leads_to_room_for_the_body(beyond: int, strip_m: 
     cells[80 : 80 + crack_cells, wall : wall + 4] = FREE
     grid = with_zones(replace(floor, data=cells), [box(0.0, 0.0, 0.8)], MARGIN_M, BODY_M, version=1)
     run, pose, ways = LockStep(), SE2(0.5, 0.0, math.pi), Planner(CONFIG.planner, CONFIG.robot)
-    selector = ViewSelector(CONFIG, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
+    selector = ViewSelector(CONFIG, ways.travel_costs)
     out = selector.exit_pose(0, grid, pose)
     assert out is not None
     run.planner.take_grid(grid, run.base.now_ns)

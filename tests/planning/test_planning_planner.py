@@ -251,7 +251,7 @@ def test_nan_is_an_error_and_start_equal_goal_is_not(kind):
     assert isinstance(plan, Plan)
     assert plan.path.length_m == 0.0
     with pytest.raises(PlanningError, match="drop it"):
-        Planner(CONFIG, ROBOT).travel_costs(SE2(1.0, 1.0, 0.0), grid(room()), np.full((1, 3), np.nan))
+        Planner(CONFIG, ROBOT).travel_costs(SE2(1.0, 1.0, 0.0), grid(room()), 0.1, np.full((1, 3), np.nan))
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 5), (40, 1)])

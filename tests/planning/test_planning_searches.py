@@ -83,7 +83,7 @@ def test_travel_costs_go_around_obstacles():
         [90.0, 0.0, 0.0],
         [0.5, 0.0, math.pi],  # here, but turned round
     ])  # fmt: skip
-    costs = planner.travel_costs(start, map_, poses)
+    costs = planner.travel_costs(start, map_, CONFIG.clearance_m, poses)
     assert costs[0] == pytest.approx(0.7, abs=0.2)
     assert 5.0 < costs[1] < 10.0
     assert np.isinf(costs[2])
@@ -92,7 +92,7 @@ def test_travel_costs_go_around_obstacles():
     plan = planner.plan(start, SE2(*poses[1]), map_, np.random.default_rng(0))
     assert isinstance(plan, Plan)
     assert costs[1] == pytest.approx(plan.path.length_m, rel=0.2)
-    blocked = planner.travel_costs(SE2(50.0, 50.0, 0.0), map_, poses)
+    blocked = planner.travel_costs(SE2(50.0, 50.0, 0.0), map_, CONFIG.clearance_m, poses)
     assert np.all(np.isinf(blocked))
 
 
@@ -101,7 +101,7 @@ def test_travel_costs_in_a_large_hall_are_as_long_as_the_ways():
     hall = OccupancyGrid(np.zeros((800, 800), np.int8), 0.05, -20.0, -20.0)
     headings = np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)
     poses = np.column_stack([15.0 * np.cos(headings), 15.0 * np.sin(headings), headings])
-    costs = Planner(CONFIG, ROBOT).travel_costs(SE2(), hall, poses)
+    costs = Planner(CONFIG, ROBOT).travel_costs(SE2(), hall, CONFIG.clearance_m, poses)
     least = [shortest_word(SE2(), SE2(*pose), CONFIG.phi_rad_m).length_m for pose in poses.tolist()]
     assert costs == pytest.approx(np.array(least), rel=0.05)
 
@@ -112,11 +112,11 @@ def test_travel_costs_do_not_depend_on_the_order_of_the_poses_nor_on_full_turns(
     poses = np.repeat(draw.uniform((-0.9, -0.9, -3.0), (4.9, 2.9, 3.0), (60, 3)), 3, axis=0)
     poses[:, 2] += np.tile([0.0, 1.0, 2.0], 60)
     start = SE2(0.5, 0.0, 7.0)
-    costs = planner.travel_costs(start, map_, poses)
+    costs = planner.travel_costs(start, map_, CONFIG.clearance_m, poses)
     assert 20 < np.isfinite(costs).sum() < 180
     shuffled = draw.permutation(180)
-    assert planner.travel_costs(start, map_, poses[shuffled]).tobytes() == costs[shuffled].tobytes()
-    turned = planner.travel_costs(start, map_, poses + np.array([0.0, 0.0, 2.0 * math.pi]))
+    assert planner.travel_costs(start, map_, CONFIG.clearance_m, poses[shuffled]).tobytes() == costs[shuffled].tobytes()
+    turned = planner.travel_costs(start, map_, CONFIG.clearance_m, poses + np.array([0.0, 0.0, 2.0 * math.pi]))
     assert turned == pytest.approx(costs, abs=1e-4)
 
 

@@ -45,8 +45,8 @@ class InARoom(Exploring):
         )  # fmt: skip
 
 
-def euclid(start: SE2, grid: OccupancyGrid) -> Any:
-    return lambda poses: np.hypot(poses[:, 0] - start.x, poses[:, 1] - start.y)
+def euclid(start: SE2, grid: OccupancyGrid, clearance_m: float, poses: Any) -> Any:
+    return np.hypot(poses[:, 0] - start.x, poses[:, 1] - start.y)
 
 
 def test_fifteen_minutes_of_a_silent_vslam_blacklist_and_end_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

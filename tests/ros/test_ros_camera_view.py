@@ -40,7 +40,7 @@ def test_the_view_is_told_with_each_new_calibration(heard: dict[str, Any]) -> No
 
 
 def test_a_mission_takes_a_kinects_view_until_it_knows_the_cameras(heard: dict[str, Any]) -> None:
-    selector = Mission(Config(), lambda start, grid: lambda poses: poses[:, 0]).view_selector
+    selector = Mission(Config(), lambda start, grid, clearance_m, poses: poses[:, 0]).view_selector
     callbacks.hear_view(selector.look_with)
     assert selector._config.sensor_fov_rad == KINECT_RAD
     heard[topics.CAMERA_INFO](info(350.0))

@@ -79,8 +79,8 @@ class Ranking(NamedTuple):
 
 TravelCosts = Callable[[FloatArray], FloatArray]  # (N, 3) poses to (N,) path lengths [m], infinite where no path exists
 
-TravelCostsFrom = Callable[[SE2, OccupancyGrid], TravelCosts]
-"""From start pose and grid to the function that computes the costs of many poses in one call."""
+TravelCostsFrom = Callable[[SE2, OccupancyGrid, float, FloatArray], FloatArray]
+"""The same from a start pose, in a grid, with a clearance beside the body [m]."""
 
 BlacklistedPoses = Callable[[FloatArray], BoolArray]  # (N, 3) poses to (N,) True where a goal failed a while ago
 

@@ -3,6 +3,7 @@ goal is not tried for a while, longer each time; if nothing else is left, it is 
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -81,7 +82,8 @@ class ViewSelector:
         self._given, self._travel_costs = config, travel_costs
         self.look_with(KINECT_RAD)
         self._rank = RANKERS[config.exploration.ranker]
-        self._radius_m = config.robot.radius_m + config.planner.clearance_m
+        self._clearances_m = config.planner.medium_clearance_m, config.planner.clearance_m
+        self._body_m, self._least_m = config.robot.radius_m, config.robot.radius_m + config.planner.clearance_m
         self.looked_from: list[SE2] = []
         self.blacklist = GoalBlacklist(self._config.blacklist_radius_m, self._config.blacklist_s)
         self._exits = GoalBlacklist(_EXIT_RADIUS_M, self._config.blacklist_s)
@@ -106,17 +108,24 @@ class ViewSelector:
         self._exits.moved(corrections)
 
     def rank(self, now_ns: int, T_map_base: SE2, grid: OccupancyGrid, landmarks_world: FloatArray) -> Ranking:
-        """The views worth the drive from here, best first, and the rejected candidates for each reason."""
+        """The views worth the drive from here, best first, and the rejected candidates for each reason. Those behind
+        narrow gaps come last: many gaps are wider when more is known, and a base that keeps little clearance touches
+        what the map has not got exactly."""
         self._grid = grid
         self.blacklist.choose_at(T_map_base)
-        asked = RankingInput(
-            grid=grid, radius_m=self._radius_m, landmarks_world=landmarks_world,
-            looked_from=pose_rows(self.looked_from), travel_costs=self._travel_costs(T_map_base, grid),
-            blacklist=lambda poses: self.blacklist.near(now_ns, poses), config=self._config,
-        )  # fmt: skip
-        self.ranking = ranking = self._rank(asked)
-        self.time_left.add(now_ns, grid.known_area_m2, left_to_see(ranking.views, self._config.sensor_range_m))
-        return ranking
+        for clearance_m in self._clearances_m:
+            asked = RankingInput(
+                grid=grid, radius_m=self._body_m + clearance_m, landmarks_world=landmarks_world,
+                looked_from=pose_rows(self.looked_from),
+                travel_costs=partial(self._travel_costs, T_map_base, grid, clearance_m),
+                blacklist=lambda poses: self.blacklist.near(now_ns, poses), config=self._config,
+            )  # fmt: skip
+            self.ranking = self._rank(asked)
+            if self.ranking.views:
+                break
+        views = self.ranking.views
+        self.time_left.add(now_ns, grid.known_area_m2, left_to_see(views, self._config.sensor_range_m))
+        return self.ranking
 
     def count_landmarks(self, grid: OccupancyGrid, poses: FloatArray, landmarks_world: FloatArray) -> IntArray:
         """(N,) known landmarks that each pose (N, 3) would have in view."""
@@ -132,8 +141,9 @@ class ViewSelector:
         if not isinstance(grid, ZonedGrid):
             return None
         self._exits.choose_at(T_map_base)
-        costs, failed = self._travel_costs, lambda poses: self._exits.near(now_ns, poses)
-        found = exit_pose(grid, T_map_base, self._radius_m, costs, failed)
+        opened, failed = grid.opened_at(T_map_base.x, T_map_base.y), lambda poses: self._exits.near(now_ns, poses)
+        costs = partial(self._travel_costs, T_map_base, opened, self._clearances_m[-1])
+        found = exit_pose(grid, T_map_base, self._least_m, costs, failed)
         if found is None:
             self._exits.release(now_ns)
         return found
@@ -149,7 +159,7 @@ class ViewSelector:
 
     def expected_gain(self, view: View, grid: OccupancyGrid) -> ExpectedGain:
         """What the view should show."""
-        return ExpectedGain(view.pose, grid, self._radius_m, pose_rows(self.looked_from), self._config)
+        return ExpectedGain(view.pose, grid, self._least_m, pose_rows(self.looked_from), self._config)
 
 
 class _Failure(NamedTuple):

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from vsx_ros.arrays import BoolArray, FloatArray
-from vsx_ros.exploration.utility import TravelCostsFrom, traversable_cells
+from vsx_ros.exploration.utility import TravelCosts, traversable_cells
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.keep_out import KeepOut
@@ -35,13 +35,13 @@ def exit_pose(
     grid: ZonedGrid,
     T_map_base: SE2,
     radius_m: float,
-    travel_costs: TravelCostsFrom,
+    travel_costs: TravelCosts,
     failed: Callable[[FloatArray], BoolArray],
 ) -> SE2 | None:
     """The pose outside all zones with the shortest way from the base; None when none can be driven to.
 
-    radius_m: of the body with its clearance. failed: which of poses (N, 3) are not to be tried. The other zones stay
-    closed on the way."""
+    radius_m: of the body with its clearance. travel_costs: from the base, its own zone open. failed: which of poses
+    (N, 3) are not to be tried. The other zones stay closed on the way."""
     room = np.argwhere(traversable_cells(grid, radius_m))
     room = room[(room % _STRIDE == 0).all(axis=1)]
     if not len(room):
@@ -49,7 +49,7 @@ def exit_pose(
     places = np.repeat(grid.centres(room), _HEADINGS, axis=0)
     headings = np.tile(T_map_base.theta + np.arange(_HEADINGS) * (2.0 * math.pi / _HEADINGS), len(room))
     poses = np.column_stack([places, headings])
-    costs = travel_costs(T_map_base, grid.opened_at(T_map_base.x, T_map_base.y))(poses)
+    costs = travel_costs(poses)
     costs = np.where(failed(poses), math.inf, costs)
     best = int(np.argmin(costs))
     return SE2(*poses[best].tolist()) if math.isfinite(costs[best]) else None

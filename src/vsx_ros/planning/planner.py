@@ -36,9 +36,8 @@ class Planner:
     def __init__(self, config: PlannerConfig, robot: RobotConfig) -> None:
         self._config, self._robot = config, robot
         preferred_m = max(config.clearance_m, config.preferred_clearance_m)
-        half_m = 0.5 * (preferred_m + config.clearance_m)  # through a narrow gap rather in its middle
         self._wide, self._half = (
-            msgspec.structs.replace(config, clearance_m=wider_m) for wider_m in (preferred_m, half_m)
+            msgspec.structs.replace(config, clearance_m=wider_m) for wider_m in (preferred_m, config.medium_clearance_m)
         )
 
     def plan(
@@ -161,9 +160,9 @@ class Planner:
             return Plan(goal, allowed[0], "fov")
         return Refusal(RefusalKind.INFEASIBLE, f"every short connection needs a reverse leg longer than {limit:g} m")
 
-    def travel_costs(self, start: SE2, grid: OccupancyGrid, poses: FloatArray) -> FloatArray:
+    def travel_costs(self, start: SE2, grid: OccupancyGrid, clearance_m: float, poses: FloatArray) -> FloatArray:
         """(N,) estimated travel lengths [m] from start to poses (N, 3) around the obstacles; inf where unreachable, and
-        where the clearance is less than the radius plus config.clearance_m, although ``plan`` reaches some such poses.
+        where the clearance is less than the radius plus clearance_m, although ``plan`` reaches some such poses.
 
         One search over positions and headings with arcs of curvature phi, forwards and in reverse, serves all poses.
         Raises PlanningError for poses that are not finite."""
@@ -172,7 +171,8 @@ class Planner:
         poses = np.ascontiguousarray(poses, float).reshape(-1, 3)
         if not np.all(np.isfinite(poses)):
             raise PlanningError("travel_costs was given a pose that is not finite; drop it before asking")
-        corridor = build_corridor(grid, start, None, self._config, self._robot)
+        config = msgspec.structs.replace(self._config, clearance_m=clearance_m)
+        corridor = build_corridor(grid, start, None, config, self._robot)
         if isinstance(corridor, Refusal):
             return np.full(len(poses), np.inf)
         m, lattice = corridor.margin, coarse_lattice(phi)

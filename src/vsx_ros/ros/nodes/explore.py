@@ -39,7 +39,7 @@ class ExploreNode:
 
     def __init__(self, config: Config) -> None:
         ways = Planner(config.planner, config.robot)
-        self._mission = Mission(config, lambda start, grid: lambda poses: ways.travel_costs(start, grid, poses))
+        self._mission = Mission(config, ways.travel_costs)
         warm_up("planning", "ground")
         self._lock = threading.Lock()
         self._battery_empty = False
