@@ -5,12 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from vsx_ros.config import Config
+from vsx_ros.config import Config, PlannerConfig, RobotConfig
 from vsx_ros.errors import ConfigError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.navigation.navigator import GoalPlanner
 from vsx_ros.occupancy.grid import OCCUPIED, OccupancyGrid
 from vsx_ros.planning.path import Plan, Refusal, TimedPlan
+from vsx_ros.planning.planner import Planner
+from vsx_ros.planning.planners import PLANNERS
 
 START, GOAL = SE2(1.0, 1.5, 0.0), SE2(2.0, 1.5, 0.0)
 
@@ -84,3 +86,15 @@ def test_before_there_is_a_map_it_turns_on_the_spot(plans: GoalPlanner) -> None:
     assert isinstance(turn, TimedPlan)
     assert turn.trajectory.poses[-1, 2] == pytest.approx(0.5 * math.pi)
     assert not turn.trajectory.v.any()
+
+
+def test_a_planner_of_a_user_hears_the_field_of_view(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard_rad = list[float]()
+
+    def mine(config: PlannerConfig, robot: RobotConfig) -> Planner:
+        heard_rad.append(config.sight_fov_rad)
+        return Planner(config, robot)
+
+    monkeypatch.setitem(PLANNERS, "mine", mine)
+    GoalPlanner(Config(), "mine", 1).look_with(0.8)
+    assert heard_rad == [pytest.approx(1.05, abs=0.01), 0.8]

@@ -109,9 +109,8 @@ class ViewSelector:
 
     def rank(self, now_ns: int, T_map_base: SE2, grid: OccupancyGrid, landmarks_world: FloatArray) -> Ranking:
         """The views worth the drive from here, best first, and the rejected candidates for each reason. Those behind
-        narrow gaps come last: many gaps are wider when more is known, and a base that keeps little clearance touches
-        what the map has not got exactly."""
-        self._grid = grid
+        narrow gaps count only when no other has enough landmarks in view: most gaps are wider when more is known."""
+        self._grid, best = grid, Ranking([], {})
         self.blacklist.choose_at(T_map_base)
         for clearance_m in self._clearances_m:
             asked = RankingInput(
@@ -120,12 +119,14 @@ class ViewSelector:
                 travel_costs=partial(self._travel_costs, T_map_base, grid, clearance_m),
                 blacklist=lambda poses: self.blacklist.near(now_ns, poses), config=self._config,
             )  # fmt: skip
-            self.ranking = self._rank(asked)
-            if self.ranking.views:
+            ranking = self._rank(asked)
+            is_safe = any(view.landmarks >= self._config.min_landmarks for view in ranking.views)
+            best = ranking if is_safe or not best.views else best
+            if is_safe:
                 break
-        views = self.ranking.views
-        self.time_left.add(now_ns, grid.known_area_m2, left_to_see(views, self._config.sensor_range_m))
-        return self.ranking
+        self.ranking = best
+        self.time_left.add(now_ns, grid.known_area_m2, left_to_see(best.views, self._config.sensor_range_m))
+        return best
 
     def count_landmarks(self, grid: OccupancyGrid, poses: FloatArray, landmarks_world: FloatArray) -> IntArray:
         """(N,) known landmarks that each pose (N, 3) would have in view."""

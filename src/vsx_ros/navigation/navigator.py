@@ -42,12 +42,14 @@ class GoalPlanner:
 
     def change(self, config: Config) -> None:
         """Plan with this configuration from now on."""
-        self._config, self.blind = config, Planner(config.planner, config.robot)
-        self._planner = self._kind(config.planner, config.robot)
+        self._given, self._config = config, with_view(config, self._fov_rad)
+        self.blind = Planner(self._config.planner, config.robot)
+        self._planner = self._kind(self._config.planner, config.robot)
 
     def look_with(self, fov_rad: float) -> None:
         """The camera has this field of view [rad]; the configuration may have another."""
         self._fov_rad = fov_rad
+        self.change(self._given)
 
     def take_grid(self, grid: OccupancyGrid, stamp_ns: int) -> None:
         """Take the newest map."""
@@ -116,7 +118,7 @@ class GoalPlanner:
         """What to keep in view; None when no landmarks belong to the present map."""
         if len(self._landmarks) == 0 or abs(self._landmarks_ns - self._grid_ns) > _SAME_MAP_NS:
             return None
-        return Visibility(self._landmarks, with_view(self._config, self._fov_rad).planner)
+        return Visibility(self._landmarks, self._config.planner)
 
 
 class ComputingTime:
