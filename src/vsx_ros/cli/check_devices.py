@@ -28,12 +28,13 @@ class UsbDevice(NamedTuple):
 
 
 def usb_devices(root: Path) -> list[UsbDevice]:
-    """All USB devices, from /sys/bus/usb/devices. root: root of the file system."""
+    """All USB devices of /sys/bus/usb/devices that have a file in /dev: a container sees the others, too, and was not
+    given them. root: root of the file system."""
     devices = []
     for entry in sorted((root / "sys/bus/usb/devices").glob("*")):
         vendor, product, bus, number = (content(entry / n) for n in ("idVendor", "idProduct", "busnum", "devnum"))
-        if vendor and product:
-            node = root / f"dev/bus/usb/{int(bus or 0):03d}/{int(number or 0):03d}"
+        node = root / f"dev/bus/usb/{int(bus or 0):03d}/{int(number or 0):03d}"
+        if vendor and product and node.exists():
             devices.append(UsbDevice(f"{vendor}:{product}", content(entry / "serial"), node))
     return devices
 
@@ -42,7 +43,8 @@ def check_devices(root: Path, environment: Mapping[str, str], speak: bool) -> It
     """Findings about the hardware. speak: open the devices and identify them; a missing device is then a failure."""
     ports = sorted({*(root / "dev").glob("ttyUSB*"), *(root / "dev").glob("ttyACM*"), *(root / "dev").glob("kobuki")})
     kinects = [device for device in usb_devices(root) if device.ids in _KINECT_CAMERAS]
-    videos = sorted(entry.name for entry in (root / "sys/class/video4linux").glob("video[0-9]*"))
+    known = sorted(entry.name for entry in (root / "sys/class/video4linux").glob("video[0-9]*"))
+    videos = [video for video in known if (root / "dev" / video).exists()]  # as in usb_devices
     if speak:
         videos = [video for video in videos if gives_images(root / "dev" / video)]
     absent = FAIL if speak else NOTE
@@ -79,10 +81,10 @@ def _ports(ports: list[Path], absent: str) -> Iterator[Finding]:
         yield _access("base", port, str(port), "sudo usermod -aG dialout $USER, then log in again")
 
 
-def _access(area: str, device: Path, name: str, remedy: str) -> Finding:
+def _access(area: str, device: Path, name: str, remedy: str, closed: str = FAIL) -> Finding:
     if os.access(device, os.R_OK | os.W_OK):
         return Finding(area, OK, f"{name} may be opened")
-    return Finding(area, FAIL, f"{name} may not be opened by this user", remedy)
+    return Finding(area, closed, f"{name} may not be opened by this user", remedy)
 
 
 def _cameras(root: Path, kinects: list[UsbDevice], videos: list[str], absent: str) -> Iterator[Finding]:
@@ -93,11 +95,12 @@ def _cameras(root: Path, kinects: list[UsbDevice], videos: list[str], absent: st
         number, kind = int(video.removeprefix("video")), content(root / "sys/class/video4linux" / video / "name")
         name = f"/dev/{video}: {kind}, as --camera v4l:{number}, calibrated by rgb_{video_name(number, root)}.yaml,"
         remedy = "sudo usermod -aG video $USER, then log in again"
-        yield _beside(kinects, _access("camera", root / "dev" / video, name, remedy))
+        yield _access("camera", root / "dev" / video, name, remedy, WARN)  # it may be the laptop's own
     if not kinects and any(device.ids in _KINECT_PARTS for device in usb_devices(root)):
         yield Finding("camera", FAIL, "the Kinect's motor or audio is on the USB, its camera is not", _BREAKER)
     elif not kinects and not videos:
-        yield Finding("camera", absent, "neither a Kinect nor a /dev/videoN", f"plug it in; {_BREAKER}")
+        remedy = f"plug it in, and give it to a container (docs/how-to/install.md); {_BREAKER}"
+        yield Finding("camera", absent, "neither a Kinect nor a /dev/videoN", remedy)
     if kinects and (root / "sys/module/gspca_kinect").exists():
         remedy = "sudo cp hw/udev/vsx-kinect.conf /etc/modprobe.d/ && sudo rmmod gspca_kinect"
         yield Finding("camera", WARN, "the kernel's driver gspca_kinect takes the Kinect from libusb", remedy)
