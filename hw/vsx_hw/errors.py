@@ -9,6 +9,14 @@ class DeviceNotFound(DeviceError):  # noqa: N818 (says what it is, like FileNotF
     """The device is absent, busy or may not be opened."""
 
 
+class OtherSize(DeviceError):  # noqa: N818
+    """A camera gives images, but not of the size asked for. width, height [px]: what it gives."""
+
+    def __init__(self, text: str, width: int, height: int) -> None:
+        super().__init__(text)
+        self.width, self.height = width, height
+
+
 class DeviceTimeout(DeviceError, TimeoutError):  # noqa: N818 (as socket.timeout)
     """The device did not answer in time."""
 

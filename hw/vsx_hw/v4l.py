@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from vsx_hw.cameras import FROZEN, FrozenImageDetector
 from vsx_hw.connection_thread import ConnectionThread
-from vsx_hw.errors import DeviceError, DeviceNotFound
+from vsx_hw.errors import DeviceError, DeviceNotFound, OtherSize
 from vsx_hw.readings import ImageReading, LinkStatus
 from vsx_hw.v4l_exposure import lock, unlock
 from vsx_hw.video_names import video_name, video_number
@@ -56,8 +56,7 @@ class V4lMode(NamedTuple):
 
 
 def open_video(number: int, mode: V4lMode = V4lMode()) -> Any:  # noqa: B008 (immutable)
-    """The capture device in that mode. Raises DeviceNotFound, or DeviceError when it gives another size, both with the
-    remedy."""
+    """The capture device in that mode. Raises DeviceNotFound, or OtherSize, both with the remedy."""
     os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")  # [s]; read at the first image, and 10 if not set
     capture = cv2.VideoCapture(number, cv2.CAP_V4L2)
     if not capture.isOpened():
@@ -68,7 +67,7 @@ def open_video(number: int, mode: V4lMode = V4lMode()) -> Any:  # noqa: B008 (im
 
 
 def set_up(capture: Any, number: int, mode: V4lMode) -> None:
-    """Ask an opened device for the mode and automatic exposure. Raises DeviceError when it gives another size."""
+    """Ask an opened device for the mode and automatic exposure. Raises OtherSize."""
     wanted: list[tuple[int, float]] = [(cv2.CAP_PROP_FOURCC, mode.fourcc), (cv2.CAP_PROP_FRAME_WIDTH, mode.width)]
     wanted += [(cv2.CAP_PROP_FRAME_HEIGHT, mode.height), (cv2.CAP_PROP_BUFFERSIZE, BUFFERS)]
     wanted += [(cv2.CAP_PROP_FPS, mode.rate_hz)] if mode.rate_hz else []
@@ -79,9 +78,10 @@ def set_up(capture: Any, number: int, mode: V4lMode) -> None:
     size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
     if size != (mode.width, mode.height):
         capture.release()
-        raise DeviceError(
+        raise OtherSize(
             f"/dev/video{number} gives {size[0]}x{size[1]} instead of {mode.width}x{mode.height}; "
-            f"'v4l2-ctl -d /dev/video{number} --list-formats-ext' lists what it has, set ~mode to one of these"
+            f"'v4l2-ctl -d /dev/video{number} --list-formats-ext' lists what it has, set ~mode to one of these",
+            *size,
         )
     unlock(capture)
 

@@ -11,6 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from free_ports import free_port
@@ -18,6 +19,7 @@ from waiting import PATIENCE_S
 
 from vsx_hw import v4l
 from vsx_hw.bases import base_emulator
+from vsx_hw.errors import DeviceNotFound
 from vsx_ros.cli import check_machine, main
 from vsx_ros.cli.check_devices import check_devices as devices
 from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding, check_speed, judged
@@ -82,6 +84,15 @@ def test_a_kinect_without_power_shows_its_motor_only(tmp_path: Path) -> None:
     assert "12 V" in found.remedy
 
 
+def video_node(root: Path, number: int) -> None:
+    """Another camera, not on the USB."""
+    entry = root / f"sys/class/video4linux/video{number}"
+    entry.mkdir(parents=True)
+    (entry / "name").write_text("bcm2835-isp\n", encoding="utf-8")
+    (root / "dev").mkdir(exist_ok=True)
+    (root / f"dev/video{number}").touch()
+
+
 def webcam(root: Path) -> Path:
     """Plug one in; its device file."""
     entry, device = root / "sys/class/video4linux/video0", root / "sys/bus/usb/devices/1-1"
@@ -115,14 +126,24 @@ def test_what_a_container_was_not_given_is_absent(tmp_path: Path) -> None:
 
 
 class Capture:
-    """OpenCV's capture device; damaged: so many of its images cannot be read."""
+    """OpenCV's capture device; damaged: so many of its images cannot be read. size: width, height [px]."""
 
-    def __init__(self, damaged: float) -> None:
-        self.damaged, self.released = damaged, False
+    def __init__(self, damaged: float, size: tuple[int, int] = (640, 480)) -> None:
+        self.damaged, self.size, self.released = damaged, size, False
+
+    def isOpened(self) -> bool:  # noqa: N802 (OpenCV's name)
+        return True
+
+    def set(self, name: int, value: float) -> bool:
+        return False
+
+    def get(self, name: int) -> float:
+        sizes = {cv2.CAP_PROP_FRAME_WIDTH: self.size[0], cv2.CAP_PROP_FRAME_HEIGHT: self.size[1]}
+        return float(sizes.get(name, 0))
 
     def read(self) -> object:
         self.damaged -= 1
-        return (False, None) if self.damaged >= 0 else (True, np.zeros((480, 640), np.uint8))
+        return (False, None) if self.damaged >= 0 else (True, np.zeros(self.size[::-1], np.uint8))
 
     def release(self) -> None:
         self.released = True
@@ -143,16 +164,56 @@ def test_with_hw_a_webcam_gives_an_image(
     assert capture.released
 
 
+@pytest.mark.parametrize(("damaged", "level"), [(0, NOTE), (math.inf, FAIL)])
+def test_with_hw_an_image_of_another_size_is_one(
+    damaged: float, level: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The camera of a laptop for faces, without VGA: the node camera takes it in another mode."""
+    webcam(tmp_path)
+    capture = Capture(damaged, (640, 360))
+    monkeypatch.setattr(v4l.cv2, "VideoCapture", lambda number, _: {0: capture}[number])
+    found = of("camera", list(devices(tmp_path, {}, True)))
+    assert [f.level for f in found] == [OK, level]
+    if level == NOTE:
+        assert "/dev/video0 gives images of 640x360" in found[1].text
+        assert "~mode" in found[1].remedy
+    assert capture.released
+
+
+@pytest.mark.parametrize("good", [0, 97])
+def test_with_hw_one_camera_with_an_image_is_enough(good: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts of a Raspberry Pi's own camera are listed as cameras, too."""
+    webcam(tmp_path)
+    video_node(tmp_path, 97)
+    monkeypatch.setattr(v4l, "open_video", lambda number: Capture(0 if number == good else math.inf))
+    found = of("camera", list(devices(tmp_path, {}, True)))[2:]
+    assert {f.text.split()[0]: f.level for f in found} == {f"/dev/video{good}": OK, f"/dev/video{97 - good}": WARN}
+
+
 def test_with_hw_a_webcam_that_does_not_open_is_a_failure(tmp_path: Path) -> None:
     """No kernel is behind this one, so that the driver cannot open it."""
-    entry = tmp_path / "sys/class/video4linux/video97"
-    entry.mkdir(parents=True)
-    (tmp_path / "dev").mkdir()
-    (tmp_path / "dev/video97").touch()
+    video_node(tmp_path, 97)
     found = of("camera", list(devices(tmp_path, {}, True)))
     assert [f.level for f in found] == [OK, FAIL]
     assert "/dev/video97 cannot be opened" in found[1].text
     assert "group video" in found[1].remedy
+
+
+def test_with_hw_one_base_is_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A laser scanner may be at another serial port."""
+    (tmp_path / "dev").mkdir()
+    for name in ("ttyUSB0", "ttyUSB1"):
+        (tmp_path / "dev" / name).touch()
+
+    def detect(port: str) -> str:
+        if port.endswith("1"):
+            return "kobuki"
+        raise DeviceNotFound(f"{port}: nothing answers; switch it on")
+
+    monkeypatch.setattr("vsx_hw.bases.detect_base", detect)
+    assert [f.level for f in of("base", list(devices(tmp_path, {}, True)))] == [OK, OK, WARN, OK]
+    (tmp_path / "dev/ttyUSB1").unlink()
+    assert [f.level for f in of("base", list(devices(tmp_path, {}, True)))] == [OK, FAIL]
 
 
 def test_with_hw_what_gives_no_images_is_no_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

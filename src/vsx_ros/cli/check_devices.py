@@ -106,11 +106,6 @@ def _cameras(root: Path, kinects: list[UsbDevice], videos: list[str], absent: st
         yield Finding("camera", WARN, "the kernel's driver gspca_kinect takes the Kinect from libusb", remedy)
 
 
-def _beside(kinects: list[UsbDevice], webcam: Finding) -> Finding:
-    """A laptop's own webcam is no failure of a robot with a Kinect."""
-    return webcam._replace(level=WARN) if kinects and webcam.level == FAIL else webcam
-
-
 def _udev_rule(root: Path) -> Finding:
     rules = [root / "etc/udev/rules.d/60-vsx.rules", root / "usr/lib/udev/rules.d/60-vsx.rules"]
     if any(rule.exists() for rule in rules):
@@ -139,26 +134,40 @@ def _spoken_to(ports: list[Path], kinects: list[UsbDevice], videos: list[str]) -
         with closing(UsbTransport()) as transport:
             return f"the Kinect opens, serial number {transport.serial}"
 
-    for port in {path.resolve(): path for path in ports}.values():
-        yield tried("base", partial(named, port))
+    once = {path.resolve(): path for path in ports}.values()
+    yield from _one_is_enough([tried("base", partial(named, port)) for port in once])
     if kinects:
         yield tried("camera", serial)
-    for video in videos:
-        yield _beside(kinects, tried("camera", partial(_image, video)))
+    looks = [tried("camera", partial(_image, video)) for video in videos]
+    yield from _one_is_enough(looks, elsewhere=bool(kinects))
 
 
-def _image(video: str) -> str:
-    """Take an image, as the node camera does."""
-    from vsx_hw.errors import DeviceError
+def _one_is_enough(found: list[Finding], *, elsewhere: bool = False) -> list[Finding]:
+    """Where one is good, here or elsewhere, the others need not be the robot's: their failures are warnings."""
+    if not elsewhere and all(finding.level == FAIL for finding in found):
+        return found
+    return [finding._replace(level=WARN) if finding.level == FAIL else finding for finding in found]
+
+
+def _image(video: str) -> Finding:
+    """Take an image, as the node camera does; one of another size is for its ~mode."""
+    from vsx_hw.errors import DeviceError, OtherSize
     from vsx_hw.v4l import MOST_BAD, V4lMode, grey, open_video
 
-    capture = open_video(int(video.removeprefix("video")))
+    number, mode, remedy = int(video.removeprefix("video")), V4lMode(), ""
+    try:
+        capture = open_video(number)
+    except OtherSize as other:
+        mode = V4lMode(other.width, other.height)
+        remedy = f"where it is the robot's: rosparam set /camera/mode {mode.width}x{mode.height} (~mode of the camera)"
+        capture = open_video(number, mode)
     try:
         for _ in range(MOST_BAD):
             ok, image = capture.read()
             if ok:
-                height, width = grey(image, V4lMode())[0].shape
-                return f"/dev/{video} gives images of {width}x{height}"
+                height, width = grey(image, mode)[0].shape
+                level, text = NOTE if remedy else OK, f"/dev/{video} gives images of {width}x{height}"
+                return Finding("camera", level, text, remedy)
     finally:
         capture.release()
     raise DeviceError(f"/dev/{video} opens and gives no image; check the cable")

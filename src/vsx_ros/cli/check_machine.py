@@ -49,12 +49,13 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
-def tried(area: str, look: Callable[[], str]) -> Finding:
-    """The result of a check, or its error: the problem and, after a semicolon, the remedy."""
+def tried(area: str, look: Callable[[], str | Finding]) -> Finding:
+    """The result of a check, a text if all is well, or its error: the problem and, after a semicolon, the remedy."""
     from vsx_hw.errors import DeviceError
 
     try:
-        return Finding(area, OK, look())
+        found = look()
+        return found if isinstance(found, Finding) else Finding(area, OK, found)
     except (DeviceError, VsxError) as error:
         text, _, remedy = str(error).partition("; ")
         return Finding(area, FAIL, text, remedy)
