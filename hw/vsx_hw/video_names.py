@@ -10,8 +10,9 @@ from pathlib import Path
 
 from vsx_hw.errors import DeviceNotFound
 
-MOVING = {"v4l": "rgb_video[0-9]*.yaml", "kinect": "rgb_usb-[0-9]*-[0-9]*.yaml"}
-"""Calibrations of earlier versions, by kind of camera: named by the number of /dev/videoN or the USB address."""
+FORMER = {"v4l": "rgb_video[0-9]*.yaml", "kinect": "rgb_usb-[0-9]*-[0-9]*.yaml", "ros": "rgb_*_compressed.yaml"}
+"""Calibrations of earlier versions, by kind of camera: named by the number of /dev/videoN, the USB address, or how a
+topic carries its images."""
 
 _QUERYCAP = 0x80685600  # answers: driver, card, bus_info, version, capabilities, device_caps, reserved
 _CAPABILITIES = struct.Struct("=16s32s32s3I12x")

@@ -225,9 +225,10 @@ def test_with_hw_what_gives_no_images_is_no_camera(tmp_path: Path, monkeypatch: 
     assert "neither" in found.text
 
 
-def test_a_calibration_that_is_named_by_a_number_is_not_called_good(tmp_path: Path) -> None:
+def test_a_calibration_with_a_name_of_earlier_versions_is_not_called_good(tmp_path: Path) -> None:
     (tmp_path / "camera_info").mkdir()
-    for name, level in (("video0", WARN), ("usb-1-7", WARN), ("usb-1-port1.4", OK), ("046d_0825_A1B2", OK)):
+    old, new = ("video0", "usb-1-7", "image_raw_compressed"), ("usb-1-port1.4", "046d_0825_A1B2", "image_raw")
+    for name, level in [(name, WARN) for name in old] + [(name, OK) for name in new]:
         file = tmp_path / f"camera_info/rgb_{name}.yaml"
         file.write_text(CAMERA_INFO, encoding="utf-8")
         (found,) = of("calibration", list(devices(tmp_path, {"ROS_HOME": str(tmp_path)}, False)))

@@ -181,9 +181,14 @@ def test_rectified_images_are_as_their_driver_says(
 
 
 @pytest.mark.parametrize(
-    ("device", "serial", "old"), [("v4l:0", "046d_0825_A1B2", "video0"), ("kinect", "usb-1-port1.4", "usb-1-7")]
+    ("device", "serial", "old"),
+    [
+        ("v4l:0", "046d_0825_A1B2", "video0"),
+        ("kinect", "usb-1-port1.4", "usb-1-7"),
+        (f"{DEVICE}/compressed", "cam_image_raw", "cam_image_raw_compressed"),
+    ],
 )
-def test_a_calibration_that_is_named_by_a_number_is_not_used_but_told(
+def test_a_calibration_with_a_name_of_earlier_versions_is_not_used_but_told(
     device: str, serial: str, old: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warned: list[str]
 ) -> None:
     """Another camera may have had that number."""
@@ -197,12 +202,27 @@ def test_a_calibration_that_is_named_by_a_number_is_not_used_but_told(
     assert not calibration.known
     wanted = tmp_path / f"camera_info/rgb_{serial}.yaml"
     assert len(warned) == 2
-    assert f"'mv {before} {wanted}'" in warned[1]
+    assert f"'mv {before} {wanted}'" in warned[0]
     before.rename(wanted)
     moved = CameraCalibration(device, "")
     assert moved.of(camera, 640, 480).fx == MEASURED.fx
     assert moved.known
     assert len(warned) == 2
+
+
+def test_a_calibration_with_a_name_of_earlier_versions_is_told_also_where_the_driver_has_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warned: list[str]
+) -> None:
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: name)
+    device, own = f"{DEVICE}/compressed", replace(MEASURED, fx=520.0)
+    before = CameraCalibration(device, "").store(SimpleNamespace(serial="cam_image_raw_compressed"), own)
+    source = TopicCamera("/cam/image_raw/compressed", lambda _: None)
+    source.calibration = MEASURED
+    calibration = CameraCalibration(device, "")
+    assert [calibration.of(source, 640, 480) for _ in range(3)] == [MEASURED] * 3
+    assert len(warned) == 1
+    assert f"'mv {before} {tmp_path / 'camera_info/rgb_cam_image_raw.yaml'}'" in warned[0]
 
 
 def test_no_calibration_is_stored_for_a_camera_that_is_not_known_yet(

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from vsx_hw.video_names import MOVING, content, gives_images, video_name
+from vsx_hw.video_names import FORMER, content, gives_images, video_name
 from vsx_ros.cli.check_machine import FAIL, NOTE, OK, WARN, Finding, tried
 
 _KINECT_CAMERAS = {"045e:02ae": "Kinect", "045e:02bf": "Kinect for Windows"}
@@ -63,9 +63,9 @@ def check_devices(root: Path, environment: Mapping[str, str], speak: bool) -> It
         remedy = "vsx calibrate camera --live --board 8x6x0.025 (docs/how-to/calibrate.md); without it the map is bent"
         yield Finding("calibration", WARN, f"{home / 'camera_info'} holds none, nominal values will be used", remedy)
     for file in files:
-        if any(file.match(form) for form in MOVING.values()):
-            remedy = "'mv' it to the name that the line of its camera tells, or delete it (docs/hardware.md)"
-            yield Finding("calibration", WARN, f"{file} is not used: any camera may have had that number", remedy)
+        if any(file.match(form) for form in FORMER.values()):
+            remedy = "'mv' it to the name that its camera's line or node tells, or delete it (docs/hardware.md)"
+            yield Finding("calibration", WARN, f"{file} has a name of earlier versions, which is not used", remedy)
         else:
             yield tried("calibration", partial(_calibration, file))
     if (home / "vsx_ros/robot.yaml").exists():

@@ -14,7 +14,7 @@ from vsx_hw.kinect.socket_transport import SocketTransport
 from vsx_hw.kinect.usb_transport import UsbTransport
 from vsx_hw.readings import ImageReading, LinkStatus
 from vsx_hw.v4l import V4lCamera, V4lMode
-from vsx_hw.video_names import MOVING
+from vsx_hw.video_names import FORMER
 from vsx_ros.errors import CalibrationError, ConfigError
 from vsx_ros.geometry.camera import KINECT_SHUTTER, PinholeCamera, nominal_camera
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
@@ -151,7 +151,7 @@ class CameraCalibration:
                 rospy.logwarn("calibration is of %dx%d, images are %dx%d", *size, width, height)
         self._refused, self.known = refused, camera is not None
         if camera is None:
-            self._tell_lack(source)
+            self._tell_lack()
         elif camera is self._stored:
             self._tell_difference(source, camera)
         assumed = nominal(self._device, width, height)
@@ -203,13 +203,14 @@ class CameraCalibration:
             self._lack = str(error)
             if file.exists():
                 rospy.logwarn("the stored calibration is not used: %s", error)
+            else:
+                self._tell_former(file)
             return None
 
-    def _tell_lack(self, source: Camera) -> None:
+    def _tell_lack(self) -> None:
         """Tell once that nothing was stored, when nothing else fits."""
         if self._lack:
             rospy.logwarn("camera is not calibrated: %s. Nominal values are used; expect a bent map", self._lack)
-            self._tell_moving(self._file(source))
             self._lack = ""
 
     def _tell_difference(self, source: Camera, stored: PinholeCamera) -> None:
@@ -224,14 +225,12 @@ class CameraCalibration:
             form = "%s is used (fx fy cx cy: %s px); its driver says %s. If that is right, delete it and start anew"
             rospy.logwarn(form, self._file(source), *words)
 
-    def _tell_moving(self, wanted: Path) -> None:
-        """Tell of files that are named by a number which other cameras may have had meanwhile; none is used."""
-        form = MOVING.get(self._device.partition(":")[0])
-        if form is None or self._url or wanted.exists():
-            return
-        for found in sorted(wanted.parent.glob(form)):
+    def _tell_former(self, wanted: Path) -> None:
+        """Tell of files with names of earlier versions, which may be of other cameras; none is used."""
+        form = FORMER.get(self._device.partition(":")[0], "")
+        for found in sorted(wanted.parent.glob(form)) if form else ():
             remedy = f"if it is of this camera, 'mv {found} {wanted}' and start anew"
-            rospy.logwarn("%s is not used, as any camera may have had that number; %s", found.name, remedy)
+            rospy.logwarn("%s is not used, as it has a name of earlier versions; %s", found.name, remedy)
 
 
 def nominal(device: str, width: int, height: int) -> PinholeCamera:
