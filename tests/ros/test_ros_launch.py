@@ -131,14 +131,19 @@ def test_a_replay_takes_a_configuration(tmp_path: Path) -> None:
     assert params["/config/planner/phi_rad_m"] == 0.625
 
 
-def test_replay_agrees_too() -> None:
-    words = ["bag:=/data/my drive.bag", "rate:=2", "image_topic:=/cam/image"]
+@pytest.mark.parametrize(("odometry", "factors"), [
+    ("/odom", "/mobile_base/odometry_factors"), ("/robot2/odom", "/robot2/mobile_base/odometry_factors"),
+])  # fmt: skip
+def test_replay_agrees_too(odometry: str, factors: str) -> None:
+    words = ["bag:=/data/my drive.bag", "rate:=2", "image_topic:=/cam/image", f"odometry_topic:={odometry}"]
     nodes, params = described([(str(CHECKOUT / "launch" / "replay.launch"), words)], [])
-    table = launch.replay("/data/my drive.bag", 2, named=launch.BagTopics("/cam/image"))
+    table = launch.replay("/data/my drive.bag", 2, named=launch.BagTopics("/cam/image", odometry=odometry))
     assert (nodes, params) == described([], [launch.xml(table, {}, {"/use_sim_time": True})])
     assert nodes["/vslam"][2] == ["camera/rgb/image_raw:=/cam/image"], "a name such as image_rect tells how to see them"
     assert "/data/my drive.bag" in nodes["/player"][2]
     assert not any("image_raw" in word for word in nodes["/player"][2])
+    assert factors in nodes["/player"][2], "what is found while driving multiplies them"
+    assert f"{factors}:=mobile_base/odometry_factors" in nodes["/player"][2]
     assert params["/use_sim_time"] is True
 
 

@@ -46,6 +46,11 @@ class BagTopics(NamedTuple):
     camera_info: str = "/camera/rgb/camera_info"
     odometry: str = "/odom"
 
+    @property
+    def factors(self) -> str:
+        """What the base told of the factors in its odometry, beside that."""
+        return f"{self.odometry.rpartition('/')[0]}/{topics.ODOM_FACTORS}"
+
 
 def bringup(base: str = "auto", port: str = "/dev/kobuki", camera: str = "kinect", info: str = "") -> list[LaunchNode]:
     """The robot itself: base and camera. base: its kind, or auto; info: URL or path of the camera's calibration. With
@@ -117,8 +122,10 @@ def replay(
     """A recording instead of the robot, played by rosbag's own player; only the SLAM listens. It ends with the bag.
     run_dir: as of ``exploration``. The images keep their name, which tells rectified ones."""
     named = named or BagTopics()
-    renamed = f"{named.camera_info}:={topics.CAMERA_INFO} {named.odometry}:={topics.ODOM}"
-    play = f"--clock --wait-for-subscribers -r {rate:g} {shlex.quote(bag)} --topics {' '.join(named)} {renamed}"
+    played = " ".join([*named, named.factors])
+    ours = {named.camera_info: topics.CAMERA_INFO, named.odometry: topics.ODOM, named.factors: topics.ODOM_FACTORS}
+    renamed = " ".join(f"{name}:={our}" for name, our in ours.items())
+    play = f"--clock --wait-for-subscribers -r {rate:g} {shlex.quote(bag)} --topics {played} {renamed}"
     player = LaunchNode("player", {}, package="rosbag", type="play", args=play, required=True)
     slam = vslam(0, run_dir, use_odometry=use_odometry)._replace(args=f"{topics.IMAGE}:={named.image}")
     return [slam, player]
