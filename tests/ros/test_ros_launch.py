@@ -144,6 +144,8 @@ def test_replay_agrees_too(odometry: str, factors: str) -> None:
     assert not any("image_raw" in word for word in nodes["/player"][2])
     assert factors in nodes["/player"][2], "what is found while driving multiplies them"
     assert f"{factors}:=mobile_base/odometry_factors" in nodes["/player"][2]
+    assert "/cam/shutter" in nodes["/player"][2]
+    assert "/cam/shutter:=camera/rgb/shutter" in nodes["/player"][2]
     assert params["/use_sim_time"] is True
 
 

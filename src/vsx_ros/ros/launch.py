@@ -47,6 +47,11 @@ class BagTopics(NamedTuple):
     odometry: str = "/odom"
 
     @property
+    def shutter(self) -> str:
+        """What the camera told of its shutter, beside the images."""
+        return f"{self.image.rpartition('/')[0]}/shutter"
+
+    @property
     def factors(self) -> str:
         """What the base told of the factors in its odometry, beside that."""
         return f"{self.odometry.rpartition('/')[0]}/{topics.ODOM_FACTORS}"
@@ -122,9 +127,9 @@ def replay(
     """A recording instead of the robot, played by rosbag's own player; only the SLAM listens. It ends with the bag.
     run_dir: as of ``exploration``. The images keep their name, which tells rectified ones."""
     named = named or BagTopics()
-    played = " ".join([*named, named.factors])
-    ours = {named.camera_info: topics.CAMERA_INFO, named.odometry: topics.ODOM, named.factors: topics.ODOM_FACTORS}
-    renamed = " ".join(f"{name}:={our}" for name, our in ours.items())
+    ours = {named.camera_info: topics.CAMERA_INFO, named.odometry: topics.ODOM}
+    ours |= {named.shutter: topics.SHUTTER, named.factors: topics.ODOM_FACTORS}
+    played, renamed = " ".join([named.image, *ours]), " ".join(f"{name}:={our}" for name, our in ours.items())
     play = f"--clock --wait-for-subscribers -r {rate:g} {shlex.quote(bag)} --topics {played} {renamed}"
     player = LaunchNode("player", {}, package="rosbag", type="play", args=play, required=True)
     slam = vslam(0, run_dir, use_odometry=use_odometry)._replace(args=f"{topics.IMAGE}:={named.image}")
