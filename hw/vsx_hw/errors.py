@@ -9,7 +9,7 @@ class DeviceNotFound(DeviceError):  # noqa: N818 (says what it is, like FileNotF
     """The device is absent, busy or may not be opened."""
 
 
-class OtherSize(DeviceError):  # noqa: N818
+class OtherSize(DeviceError):  # noqa: N818 (says what it is, too)
     """A camera gives images, but not of the size asked for. width, height [px]: what it gives."""
 
     def __init__(self, text: str, width: int, height: int) -> None:

@@ -20,9 +20,10 @@ from vsx_ros.errors import InputError
 from vsx_ros.exploration.decision import Action, Decision, NavigationState, SavedMission
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import convert, driving, headers, mission_output
+from vsx_ros.ros import convert, driving, goal_sender, headers, mission_output
 from vsx_ros.ros.driving import SHUTTING_DOWN
-from vsx_ros.ros.mission_output import TAKEN_WITHIN_S, GoalSender, MissionTopics, MissionWriter
+from vsx_ros.ros.goal_sender import TAKEN_WITHIN_S, GoalSender
+from vsx_ros.ros.mission_output import MissionTopics, MissionWriter
 from vsx_ros.runs.checkpoint import CheckpointData
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import FrameLine, Journal, RunEvent
@@ -35,12 +36,12 @@ class Sent:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 50.0
-        monkeypatch.setattr(mission_output.time, "monotonic", lambda: self.now_s)
+        monkeypatch.setattr(goal_sender.time, "monotonic", lambda: self.now_s)
         self.cancelled, self.goals = list[GoalID](), list[MoveBaseGoal]()
         self._machine = CommStateMachine(
             MoveBaseActionGoal(goal_id=GoalID(id="one")), None, None, lambda _: None, self.cancelled.append
         )
-        monkeypatch.setattr(mission_output.actionlib, "ActionClient", lambda *_: self)
+        monkeypatch.setattr(goal_sender.actionlib, "ActionClient", lambda *_: self)
         self.goal = GoalSender()
         self.goal.act(0, Decision(Action.GO, SE2(), "map", "", ""))
 

@@ -35,7 +35,7 @@ def bearing_noise_rad(camera: PinholeCamera) -> float:
 
 def virtual_scans(
     T_world_cams: Sequence[SE3], points: Points3, keyframe: Int32Array, point: Int32Array, config: GroundMapConfig,
-    noise_rad: float = KINECT_NOISE_RAD,
+    noise_rad: float,
 ) -> PolarScans:  # fmt: skip
     """Scans of all keyframes. keyframe, point (O,): the observations. points (M, 3): map points, z above the floor.
     noise_rad: of bearings to them.

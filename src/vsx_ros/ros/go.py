@@ -15,7 +15,7 @@ from vsx_ros.robot import OperatorHold
 from vsx_ros.ros import calls, convert, headers, operator_command, topics
 from vsx_ros.ros.callbacks import hear_operator_hold, subscribe
 from vsx_ros.ros.goal_preview import goal_pose
-from vsx_ros.ros.mission_output import GoalSender
+from vsx_ros.ros.goal_sender import GoalSender
 from vsx_ros.runs.process import DONE, FAILED, Progress
 
 _ANSWER_S = 5.0  # for a pose, for move_base and for the exploration

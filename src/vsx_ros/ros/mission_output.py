@@ -1,4 +1,4 @@
-"""Output of a mission: state, choices, frontiers and views (as explore_lite), goals for the base, and stored state."""
+"""Output of a mission: state, choices, frontiers and views (as explore_lite), and stored state."""
 
 import json
 import threading
@@ -6,25 +6,20 @@ import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import actionlib
 import rospy
-from actionlib import CommState
-from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import Point, Vector3
-from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from std_msgs.msg import ColorRGBA, Float32, String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from vsx_ros.exploration.decision import Action, Decision, MissionEvent, MissionState, NavigationState, SavedMission
+from vsx_ros.exploration.decision import Decision, MissionEvent, MissionState, NavigationState, SavedMission
 from vsx_ros.exploration.mission import Mission
 from vsx_ros.exploration.utility import View
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import OccupancyGrid
 from vsx_ros.occupancy.unknown_ground import Frontier
-from vsx_ros.robot import ODOM_FRAME, DrivenDistance
+from vsx_ros.robot import DrivenDistance
 from vsx_ros.ros import convert, headers, logs, node, threads, topics
 from vsx_ros.ros.callbacks import hear_odometry
-from vsx_ros.ros.driving import CANCELLED, FOLLOWER_CANCELLED, SHUTTING_DOWN
 from vsx_ros.ros.situation import LocalizationSubscriber
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.journal import last_driven
@@ -38,8 +33,6 @@ _BIGGEST_BALL_M = 0.3  # diameter for the best view
 _TEXT_M = 0.15  # text height
 _LIFETIME_S = 10.0  # of markers that are not renewed
 _WRITE_PERIOD_S = 1.0  # a crash loses at most this much memory
-TAKEN_WITHIN_S = 2.0
-"""actionlib waits forever for a goal that was lost, e.g. because move_base died at that moment."""
 
 
 class MissionTopics:
@@ -75,15 +68,17 @@ class MissionTopics:
             self._events_pub.publish(json.dumps(event._asdict()))
 
     def report(self, decision: Decision, navigation: NavigationState, grid: OccupancyGrid | None) -> bool:
-        """Publish a new map's area, new frontiers and views, and the status (also once a second); whether it was."""
+        """Publish the area of a new map, newly ranked frontiers and views, and the status (on change and once a
+        second). Returns whether the status was published."""
         if grid is not None and grid is not self._grid:
             self._grid = grid
             self._coverage_pub.publish(grid.known_area_m2)
         view_selector = self._mission.view_selector
         if view_selector.ranking is not self._shown and grid is not None:
             self._shown, self._frontiers = view_selector.ranking, view_selector.frontiers()
-            stamped = headers.now_ns(), self._stop_cost_m
-            self._frontiers_pub.publish(frontier_markers(grid, self._frontiers, view_selector.ranking.views, *stamped))
+            views = view_selector.ranking.views
+            markers = frontier_markers(grid, self._frontiers, views, headers.now_ns(), self._stop_cost_m)
+            self._frontiers_pub.publish(markers)
         text, now_s = self._status_text(decision, navigation, grid), time.monotonic()
         if text == self._status and now_s - self._status_s <= _STATUS_PERIOD_S:
             return False
@@ -182,69 +177,3 @@ class MissionWriter:
         with logs.log_errors(), self._writing:
             stamp_ns = headers.now_ns() if newest is None else newest.stamp_ns
             self._folder.checkpoint.write_mission({**saved.tree(), "T_odom_base": at}, stamp_ns)
-
-
-class GoalSender:
-    """The client of move_base: one goal at a time."""
-
-    def __init__(self) -> None:
-        self._client = actionlib.ActionClient(topics.MOVE_BASE_ACTION, MoveBaseAction)
-        self._goal: actionlib.ClientGoalHandle | None = None
-        self._sent_s = 0.0
-        self._untaken = self._cancelled = False
-
-    @property
-    def is_served(self) -> bool:
-        """Whether move_base is connected. The client's own wait uses ROS time, which may stand still."""
-        ends = (c := self._client).pub_goal, c.pub_cancel, c.result_sub, c.feedback_sub
-        return all(end.get_num_connections() > 0 for end in ends)
-
-    def act(self, now_ns: int, decision: Decision) -> None:
-        """Send the goal of a decision, or cancel our current goal. Goals of others stay: they may come in a pause."""
-        if decision.action is Action.GO and decision.goal is not None:
-            self.send(now_ns, topics.BLIND_FRAME if decision.frame == ODOM_FRAME else decision.frame, decision.goal)
-        elif decision.action in (Action.CANCEL, Action.FINISH):
-            self.cancel()
-
-    def send(self, now_ns: int, frame: str, goal: SE2) -> None:
-        """Drive there; it replaces our last goal."""
-        self._goal = self._client.send_goal(MoveBaseGoal(convert.pose_stamped(frame, now_ns, goal)))
-        self._sent_s, self._untaken, self._cancelled = time.monotonic(), False, False
-
-    def cancel(self) -> None:
-        """Cancel our goal, if it is pursued."""
-        if self._goal is not None and self.state()[0] is NavigationState.ACTIVE:
-            self._cancelled = True
-            self._goal.cancel()
-
-    def state(self) -> tuple[NavigationState, str]:
-        """State of the newest goal (IDLE: none), and move_base's reason. Cancels one that is not accepted in time."""
-        if self._goal is None:
-            return NavigationState.IDLE, ""
-        reason, comm = str(self._goal.get_goal_status_text()), self._goal.get_comm_state()
-        if comm == CommState.WAITING_FOR_GOAL_ACK and time.monotonic() - self._sent_s > TAKEN_WITHIN_S:
-            self._untaken = True
-            self._goal.cancel()
-        if self._untaken:
-            return NavigationState.LOST, f"move_base has not taken the goal within {TAKEN_WITHIN_S:g} s"
-        if comm != CommState.DONE:
-            return NavigationState.ACTIVE, reason
-        end = self._goal.get_terminal_state()
-        if end == GoalStatus.LOST:  # by a move_base that was started anew; the text is an older one
-            return NavigationState.LOST, "move_base has lost the goal"
-        if end == GoalStatus.RECALLED or reason == SHUTTING_DOWN:
-            return NavigationState.LOST, reason
-        if end == GoalStatus.PREEMPTED and not self._cancelled:
-            cancelled = reason in (CANCELLED, FOLLOWER_CANCELLED)
-            return NavigationState.CANCELLED if cancelled else NavigationState.REPLACED, reason
-        return NavigationState.SUCCEEDED if end == GoalStatus.SUCCEEDED else NavigationState.ABORTED, reason
-
-    def is_cancelled_since(self, before: NavigationState) -> bool:
-        """Whether somebody else has cancelled our goal, which was in this state before. The base may still brake."""
-        if self._goal is None or self._cancelled or before is not NavigationState.ACTIVE:
-            return False
-        return self._goal.get_comm_state() == CommState.PREEMPTING or self.state()[0] is NavigationState.CANCELLED
-
-    def cancel_all(self) -> None:
-        """Cancel all goals, also those of other clients: nothing may drive."""
-        self._client.cancel_all_goals()

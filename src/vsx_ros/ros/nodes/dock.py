@@ -31,7 +31,7 @@ from vsx_ros.ros.callbacks import offer_text, offer_trigger
 from vsx_ros.ros.dock_claims import DockClaims
 from vsx_ros.ros.docking import DockStatus, Errands, HeardDock, wanted_dock
 from vsx_ros.ros.driving import PERIOD_S, Lease
-from vsx_ros.ros.mission_output import GoalSender
+from vsx_ros.ros.goal_sender import GoalSender
 
 _CONTROL_S, _BATTERY_S, _DECIDE_WITHIN_S = 1.0 / 30.0, 1.0, 1.0
 

@@ -25,8 +25,9 @@ from vsx_ros.planning.planner import Planner
 from vsx_ros.ros import energy_messages, headers, node, threads, topics
 from vsx_ros.ros.callbacks import hear_view, subscribe
 from vsx_ros.ros.driving import PERIOD_S, Lease
+from vsx_ros.ros.goal_sender import GoalSender
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
-from vsx_ros.ros.mission_output import GoalSender, MissionTopics, MissionWriter
+from vsx_ros.ros.mission_output import MissionTopics, MissionWriter
 from vsx_ros.ros.mission_requests import MissionRequests
 from vsx_ros.ros.situation import HeardSituation
 
