@@ -38,7 +38,13 @@ _PROGRAMS = {
     "fault_cameras": "fault_matrix",
 }
 """The programs that write rows to files of other names."""
+_PACKAGES = (ROOT / "src" / "vsx_ros", ROOT / "hw" / "vsx_hw")
 _BESIDE = tuple(ROOT / folder for folder in ("benchmarks", "tests/ros", "tests/hw", "tests"))
+_IN_PROCESS = frozenset(
+    ("exploration", "exploration_strategy", "free_cells", "docking", "charging", "zones", "fault_sensors",
+     "fault_alarms", "fuzz_files")
+)  # fmt: skip
+"""Rows whose programs start no node and no command: they judge what is imported."""
 
 
 _Made: TypeAlias = Callable[[Sequence[Row]], list[str]]
@@ -71,8 +77,8 @@ def counted(made: _Made) -> _Made:
 
 
 _LIMITS = {"until": 0.9, "time_s": 800.0, "way_m": 120.0}
-_LAB = {"world": "lab", "strategy": "views", "noise": 0, "seed": range(100, 110), **_LIMITS}
-_LIVE = {**_LAB, "seed": range(100, 105), "way_m": None}
+_LAB = {"world": "lab", "strategy": "views", "noise": 0, "seed": range(100, 120), **_LIMITS}
+_LIVE = {**_LAB, "seed": range(100, 110), "way_m": None}
 _STRATEGIES = {"strategy": ("views", "nearest", "tour"), "seed": range(100, 120), **_LIMITS}
 _BASES = ("kobuki", "create", "create2")
 
@@ -119,29 +125,42 @@ TABLES: dict[str, Table] = {
 
 
 def rooms_of(rows: str) -> list[Path]:
-    """Folders and files of the code that these rows judge: the packages as a whole, and the program with the modules
-    beside it that it imports, without those that make tables."""
-    packages = [ROOT / "src" / "vsx_ros", ROOT / "hw" / "vsx_hw"]
+    """Folders and files of the code that these rows judge: the program and what it imports from the packages and beside
+    it, without the modules that make tables. The packages are taken as a whole if it starts other processes."""
     if rows == "drives":  # by vsx reproduce
-        return packages[:1]
+        return [_PACKAGES[0]]
     own: set[Path] = set()
     new = {_BESIDE[0] / f"{_PROGRAMS.get(rows, rows)}.py"}
     while new:
         own |= new
         new = {file for path in new for file in _imported(path)} - own
-    return [*packages, *sorted(own)]
+    if rows in _IN_PROCESS:
+        return sorted(own)
+    return [*_PACKAGES, *sorted(file for file in own if not any(map(file.is_relative_to, _PACKAGES)))]
 
 
 @cache
 def _imported(path: Path) -> list[Path]:
-    """Files in the folders beside the packages that this file imports, also within functions."""
-    found = []
+    """Files of ours that this file imports, also within functions."""
+    names = []
     for node in ast.walk(ast.parse(path.read_text())):
-        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-        names += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
-        for name in names:
-            files = [folder / f"{name}.py" for folder in _BESIDE if (folder / f"{name}.py").exists()]
-            found += [] if name.startswith("table") else files[:1]
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names += [f"{node.module}.{alias.name}" for alias in node.names]
+    return [file for name in names if not name.startswith("table") for file in _files_of(name)]
+
+
+@cache
+def _files_of(name: str) -> list[Path]:
+    """The modules of ours that are loaded for a.b.c, where c may also be a name within a.b."""
+    words, found = name.split("."), []
+    for folder in (*_BESIDE, *(package.parent for package in _PACKAGES)):
+        for number in range(1, len(words) + 1):
+            module = folder.joinpath(*words[:number])
+            found += [file for file in (module / "__init__.py", module.with_suffix(".py")) if file.exists()]
+        if found:
+            break
     return found
 
 
