@@ -43,7 +43,8 @@ SAMPLE_S = 5.0
 LEVELS = (0.5, 0.7, 0.8, 0.9, 0.95)
 WAY_M, TIME_S = 120.0, 800.0
 KEPT = ("coverage_correct", "breaks", "relocalizations", "collisions", "ate_rmse_m", "scale_error", "driven_m",
-        "min_clearance_m", "duration_s", "keyframes", "free_inside_obstacle", "plans", "stop_reason")  # fmt: skip
+        "min_clearance_m", "duration_s", "keyframes", "free_inside_obstacle", "occupied_recall", "plans",
+        "stop_reason")  # fmt: skip
 
 
 class Exploration(NamedTuple):
