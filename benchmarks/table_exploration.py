@@ -107,6 +107,7 @@ def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
     gaps_cm = [100 * run["min_clearance_m"] for run in done if run["min_clearance_m"] is not None]
     speeds = [way_m / seconds for way_m, seconds in ends]
     faces = [100 * run["occupied_recall"] for run in done if run.get("occupied_recall") is not None]
+    surface = [("visible surface of obstacles that is on the map [%]", spread(faces, ".0f", min), "", "")] * bool(faces)
     return [
         (
             f"runs that reach {_UNTIL} % correct coverage",
@@ -117,7 +118,7 @@ def _figures(rows: Runs) -> list[tuple[str, tuple[str, str], str, str]]:
         ("metres until then", spread([way_m for way_m, _ in ends], ".0f"), "50 (72)", "42 (60)"),
         ("minutes until then", spread([seconds / 60 for _, seconds in ends], ".1f"), "4.7", "3"),
         ("mean speed until then [m/s]", spread(speeds, ".3f", min), "0.200", "0.250"),
-        ("visible surface of obstacles that is on the map then [%]", spread(faces, ".0f", min), "", ""),
+        *surface,
         ("ATE without scale alignment [cm]", of("ate_rmse_m", 100, ".1f"), "10 (25)", "5 (12)"),
         ("scale error [%]", of("scale_error", 100, ".1f"), "2", "1"),
         ("runs with unrecovered breaks", counted(with_slam, "breaks"), "0", "0"),

@@ -14,6 +14,7 @@ import subprocess
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -52,7 +53,8 @@ _Made: TypeAlias = Callable[[Sequence[Row]], list[str]]
 
 class Table(NamedTuple):
     """document: the file with the table's marks. rows: the file of its rows. made: makes its lines. of: the published
-    questions, by name: the value that each row has, or a range or tuple of all those that a whole table has."""
+    questions, by name: the value that each row has, or a range or tuple of all those that a whole table has, each with
+    each. Names with a space between belong together; their values are tuples."""
 
     document: str
     rows: str
@@ -81,6 +83,26 @@ _LAB = {"world": "lab", "strategy": "views", "noise": 0, "seed": range(100, 120)
 _LIVE = {**_LAB, "seed": range(100, 110), "way_m": None}
 _STRATEGIES = {"strategy": ("views", "nearest", "tour"), "seed": range(100, 120), **_LIMITS}
 _BASES = ("kobuki", "create", "create2")
+_CABLE = ("off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
+_NODES = (
+    "mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster", "watchdog",
+    "mobile_base+watchdog",
+)  # fmt: skip
+_DISKS = ("full", "full for 3 s", "no inode left", "read-only", "run folder deleted")
+_ENCODERS = (("left", "right", "both"), ("dead", "stuck", "double", "backwards"))
+_GYRO = (("gyro",), ("stuck", "one wrong report", "drift to the left", "drift to the right", "wrong sign"))
+_SENSORS = (*product(_BASES, *_ENCODERS), *product(("kobuki", "create"), *_GYRO))
+_MOTIONS = ("line", "reverse", "arc", "right arc", "spot turn")
+_WHEELS = (
+    "as built", "both count 10 % too much", "both 10 % too little", "the left one 10 % too much", "5 % each way",
+    "as built, up to 10 % slip",
+)  # fmt: skip
+
+
+def _readers() -> tuple[str, ...]:
+    from file_readers import READERS
+
+    return tuple(reader.name for reader in READERS)
 
 
 def _faults(rows: str, made: _Made, **of: Any) -> Table:
@@ -88,20 +110,31 @@ def _faults(rows: str, made: _Made, **of: Any) -> Table:
 
 
 TABLES: dict[str, Table] = {
-    "nodes": _faults("fault_nodes", table_faults.nodes, repetition=range(20)),
-    "bases": _faults("fault_bases", table_faults.bases, base=_BASES, repetition=range(5)),
-    "cameras": _faults("fault_cameras", table_faults.cameras),
-    "robots": _faults("fault_camera", table_faults.robots, repetition=range(5)),
+    "nodes": _faults(
+        "fault_nodes", table_faults.nodes, node=_NODES, how=("killed", "hung", "stopped"), repetition=range(20)
+    ),  # fmt: skip
+    "bases": _faults("fault_bases", table_faults.bases, base=_BASES, fault=_CABLE, repetition=range(5)),
+    "cameras": _faults("fault_cameras", table_faults.cameras, fault=_CABLE),
+    "robots": _faults("fault_camera", table_faults.robots, fault=("unplugged", *_CABLE), repetition=range(5)),
     "masters": _faults("fault_master", table_faults.masters, away_s=(0.5, 1.0, 5.0, 30.0), repetition=range(20)),
     "posts": _faults("fault_obstacle", table_faults.posts, ahead_m=0.5, repetition=range(20)),
     "operators": _faults(
         "fault_operator", table_faults.operators, what=("emergency stop", "teleop", "goal"), repetition=range(10)
     ),
-    "disks": _faults("fault_disk", table_faults.disks, how=("live", "lockstep"), repetition=range(2)),
-    "sensors": _faults("fault_sensors", table_faults.sensors, base=_BASES),
-    "files": _faults("fuzz_files", table_faults.files),
-    "soaks": _faults("soak_stack", table_faults.soaks),
-    "alarms": _faults("fault_alarms", table_faults.alarms, minutes=5.0, base=_BASES),
+    "disks": _faults(
+        "fault_disk",
+        table_faults.disks,
+        how=("live", "lockstep"),
+        fault=_DISKS,
+        ended_by=("its time", "SIGINT", "SIGTERM"),
+        repetition=range(2),
+    ),
+    "sensors": _faults("fault_sensors", table_faults.sensors, **{"base sensor fault": _SENSORS}, motion=_MOTIONS),
+    "files": _faults("fuzz_files", table_faults.files, reader=_readers, block=range(10), mutations=1000),
+    "soaks": _faults(
+        "soak_stack", table_faults.soaks, kinds=["camera", "base", "node", "master", "disk"], minutes=60.0
+    ),
+    "alarms": _faults("fault_alarms", table_faults.alarms, wheels=_WHEELS, base=_BASES, minutes=5.0),
     "table 1": Table("docs/results.md", "drives", table_paper.table1),
     "U2": Table("docs/paper.md", "drives", table_paper.u2),
     "totals": Table("README.md", "exploration", table_exploration.brief, _LAB),
@@ -114,10 +147,15 @@ TABLES: dict[str, Table] = {
     "live": Table("docs/results.md", "exploration_live", table_exploration.runs, _LIVE),
     "live totals": Table("docs/results.md", "exploration_live", table_exploration.totals, _LIVE),
     "docking": Table(
-        "docs/results.md", "docking", counted(table_docking.docking), {"seed": range(100, 200), "base": _BASES}
+        "docs/results.md",
+        "docking",
+        counted(table_docking.docking),
+        {"seed": range(100, 200), "base": _BASES, "shifted": (False, True)},
     ),
     "charging": Table("docs/results.md", "charging", counted(table_docking.charging)),
-    "zones": Table("docs/results.md", "zones", counted(table_zones.zones), {"seed": range(100), "nearest_m": 0.15}),
+    "zones": Table(
+        "docs/results.md", "zones", counted(table_zones.zones), {"seed": range(100, 200), "nearest_m": 0.15}
+    ),
     "resumed": Table(
         "docs/results.md", "resume", table_exploration.resumed, {"seed": range(100, 110), "time_s": 1200.0, "kills": 2}
     ),
@@ -175,7 +213,7 @@ def newest(rows: Iterable[Row], of: dict[str, Any], whole: bool = True) -> list[
     if all lack something, or if not ``whole``. Rows of others are never mixed in."""
     versions: dict[tuple[str, str], dict[str, Row]] = {}
     for row in rows:
-        if all(row.asked.get(name) in _values(value) for name, value in of.items()):
+        if all(_asked(row, name) in _values(value) for name, value in of.items()):
             version = versions[key] = versions.pop(key := (row.code, row.config), {})
             version[str(sorted(row.asked.items()))] = row
     found = [list(version.values()) for version in reversed(versions.values())]
@@ -183,17 +221,31 @@ def newest(rows: Iterable[Row], of: dict[str, Any], whole: bool = True) -> list[
 
 
 def _values(of: Any) -> Sequence[Any]:
+    if callable(of):
+        return tuple(of())
     return of if isinstance(of, range | tuple) else (of,)
+
+
+def _asked(row: Row, name: str) -> Any:
+    """What a row was asked; a tuple for names with a space between."""
+    each = tuple(row.asked.get(word) for word in name.split())
+    return each if len(each) > 1 else each[0]
 
 
 def lacking(rows: Sequence[Row], of: dict[str, Any]) -> str:
     """The published questions without a row, in words; empty if the rows are whole."""
+    asked = [[_asked(row, name) for name in of] for row in rows]
     words = []
-    for name, value in of.items():
-        asked = {row.asked.get(name) for row in rows}
-        missing = [str(each) for each in _values(value) if each not in asked]
+    for (name, value), known in zip(of.items(), zip(*asked, strict=True), strict=True):
+        missing = [str(each) for each in _values(value) if each not in known]
         words += [f"{name} {', '.join(missing)}"] if missing else []
-    return "; ".join(words)
+    if words:
+        return "; ".join(words)
+    questions = list(product(*map(_values, of.values())))
+    known_ones = set(map(str, asked))
+    lacks = [question for question in questions if str(list(question)) not in known_ones]
+    first = ", ".join(f"{name} {value}" for name, value in zip(of, [*lacks, ()][0], strict=False))
+    return f"{len(lacks)} of {len(questions)} ({first}{', ...' * (len(lacks) > 1)})" if lacks else ""
 
 
 def caption(rows: Sequence[Row], file: str, lacks: str = "") -> str:

@@ -1,6 +1,6 @@
 """Does a robot that explores at full speed keep out of a zone that is drawn on its way?
 
-    python benchmarks/zones.py run [--seeds 0-99] [--jobs 2]
+    python benchmarks/zones.py run [--seeds 100-199] [--jobs 2]
 
 In lock-step, everything in the loop: labs by seed. As soon as the base drives ahead at full speed in the map after a
 random moment, a zone appears: a square, a triangle or a wall, turned by chance, its nearest point ``ahead_m`` before

@@ -145,6 +145,21 @@ def test_a_table_is_of_one_code_and_configuration_the_last() -> None:
     assert CAPTION.fullmatch(said)
 
 
+def test_a_table_is_whole_with_each_of_its_questions_with_each() -> None:
+    def asked(*each: tuple[str, str, int]) -> list[Row]:
+        of = [dict(zip(("base", "fault", "repetition"), one, strict=True)) for one in each]
+        return [msgspec.structs.replace(row(0), asked=one) for one in of]
+
+    of = {"base fault": (("create", "off"), ("kobuki", "stuck")), "repetition": range(2)}
+    some = asked(("create", "off", 0), ("kobuki", "stuck", 1))
+    assert tables.lacking(some[:1], of) == "base fault ('kobuki', 'stuck'); repetition 1"
+    assert tables.lacking(some, of) == "2 of 4 (base fault ('create', 'off'), repetition 1, ...)"
+    more = asked(("create", "off", 1))
+    assert tables.lacking([*some, *more], of) == "1 of 4 (base fault ('kobuki', 'stuck'), repetition 0)"
+    assert tables.lacking([*some, *more, *asked(("kobuki", "stuck", 0))], of) == ""
+    assert tables.newest([*some, *asked(("create", "stuck", 0))], of) == some
+
+
 def test_what_a_run_did_not_leave_is_told_as_unknown() -> None:
     lost = row(2)
     lost.result.update(breaks=None, slam={}, ate_rmse_m=None)
