@@ -1,11 +1,12 @@
 """The ROS master is killed while the robot explores, and a new one starts later: what the wheels do.
 
-python benchmarks/fault_master.py [--away 0.5 1 5 30] [--repetitions 20]
+python benchmarks/fault_master.py [--away 0.5 1 5 30] [--repetitions 20] [--out benchmarks/results/fault_master.jsonl]
 
 As benchmarks/fault_nodes.py, on the same stack. A row is one repetition. ``away_s``: time without a master.
 ``turned_s``: how long the wheels turned after it was killed (-1: they did not stop).
 ``path_s``: time from the start of the new one until the stop path worked again: the service of the emergency stop, its
-node and the topics of the commands are registered, and the service accepts a connection.
+node and the topics of the commands are registered, and the service accepts a connection (null: not within 60 s; the
+next repetition has another robot).
 ``moved_before``: whether the wheels, once they stood, turned before that.
 ``driving_s``: when the robot drove again by itself (null: not within 60 s), or ``ending``: what ended it.
 ``stopped``: whether 'vsx stop' then stopped it. Existing rows of the present code are not measured again.
@@ -18,13 +19,14 @@ import time
 from collections import namedtuple
 from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 from exploring_robot import ExploringRobot, wait_for_motion
 
 Away = namedtuple("Away", "away_s repetition")
 AWAY_S = (0.5, 1.0, 5.0, 30.0)
-DRIVES_WITHIN_S = 60.0
+PATH_WITHIN_S = DRIVES_WITHIN_S = VSX_WITHIN_S = 60.0
 COMMANDS = ("safety_controller", "teleop", "navi")
 
 
@@ -45,20 +47,24 @@ def stop_path() -> bool:
     return answers_at(address) and all("/mobile_base" in nodes for nodes in inputs)
 
 
-def wait_for_stop_path(plant: object, since_s: float) -> tuple[float, bool]:
-    """When it worked again [s, monotonic], and whether the wheels turned after since_s while it surely did not."""
-    moved = False
-    while True:
-        asked_s = time.monotonic()
+def wait_for_stop_path(plant: Any, since_s: float, within_s: float = PATH_WITHIN_S) -> tuple[float | None, bool]:
+    """When it worked again [s, monotonic], None if not within within_s [s], and whether the wheels turned after since_s
+    while it surely did not."""
+    moved, end_s = False, time.monotonic() + within_s
+    while (asked_s := time.monotonic()) < end_s:
         if stop_path():
             return time.monotonic(), moved
         moved = moved or since_s < plant.started_s < asked_s
         time.sleep(0.002)
+    return None, moved
 
 
 def vsx(*words: str) -> bool:
-    done = subprocess.run([sys.executable, "-m", "vsx_ros.cli.main", *words], check=False, capture_output=True)
-    return done.returncode == 0
+    command = [sys.executable, "-m", "vsx_ros.cli.main", *words]
+    try:
+        return subprocess.run(command, check=False, capture_output=True, timeout=VSX_WITHIN_S).returncode == 0
+    except subprocess.TimeoutExpired:
+        return False
 
 
 def stops(plant: object) -> bool:
@@ -78,10 +84,11 @@ def trial(stack: Any, task: Away) -> dict[str, object]:
     began_s = time.monotonic()
     stack.start_master()
     path_s, moved = wait_for_stop_path(plant, killed_s + turned_s)
+    stack.ended = path_s is None
     drives = wait_for_motion(stack, DRIVES_WITHIN_S)
     return {
         "turned_s": round(turned_s, 3),
-        "path_s": round(path_s - began_s, 3),
+        "path_s": None if path_s is None else round(path_s - began_s, 3),
         "moved_before": moved,
         "driving_s": round(plant.started_s - began_s, 3) if drives else None,
         "ending": "" if drives else "; ".join(stack._explorer_said().splitlines()[-2:]),
@@ -93,9 +100,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--away", nargs="+", type=float, default=list(AWAY_S))
     parser.add_argument("--repetitions", type=int, default=20)
+    parser.add_argument("--out", type=Path, help="default: benchmarks/results/fault_master.jsonl")
     args = parser.parse_args()
     tasks = [Away(away_s, number) for number, away_s in product(range(args.repetitions), args.away)]
-    ExploringRobot(lambda stack: partial(trial, stack)).campaign("fault_master", tasks)
+    ExploringRobot(lambda stack: partial(trial, stack)).campaign("fault_master", tasks, args.out)
 
 
 if __name__ == "__main__":

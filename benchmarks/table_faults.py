@@ -18,7 +18,9 @@ def nodes(rows: Sequence[Row]) -> list[str]:
         median, most = (f"{of(turned):.3f} s" if turned else "-" for of in (statistics.median, max))
         worst = f"{on} did not stop" if on else most
         node = node.replace("guardian", "watchdog")  # the name in older rows
-        lines.append(f"| {node} | {how} | {median}{f' of {len(turned)}' * bool(on)} | {worst} | {len(results)} |")
+        lasted = sum(not result.get("ended", True) for result in results)
+        count = f"{len(results)}{f'; in {lasted} the process did not end' * bool(lasted)}"
+        lines.append(f"| {node} | {how} | {median}{f' of {len(turned)}' * bool(on)} | {worst} | {count} |")
     return lines
 
 
@@ -52,7 +54,8 @@ def cameras(rows: Sequence[Row]) -> list[str]:
 
 
 def masters(rows: Sequence[Row]) -> list[str]:
-    """A new master after a while; turned_s is -1 if the wheels did not stop, driving_s None if the run ended."""
+    """A new master after a while; turned_s is -1 if the wheels did not stop, path_s None if the base could not be
+    stopped again, driving_s None if the run ended."""
     lines = [
         "| no master for | wheels turned: median, most | moved before it could be stopped | stop path there after "
         "| drives again after | 'vsx stop' stops it |",
@@ -60,11 +63,13 @@ def masters(rows: Sequence[Row]) -> list[str]:
     ]
     for (away_s,), results in sorted(_parts(rows, "away_s"), key=lambda part: float(part[0][0])):
         driving = [result["driving_s"] for result in results if result["driving_s"] is not None]
+        paths = [result["path_s"] for result in results if result["path_s"] is not None]
         (turned, on), n = _stopped(results), len(results)
+        never = f" of {len(paths)}; {n - len(paths)} not within a minute" * (len(paths) < n)
         lines.append(
             f"| {float(away_s):g} s | {_spread(turned)}{f' of {len(turned)}; {on} did not stop' * bool(on)} "
             f"| {sum(result['moved_before'] for result in results)} of {n} "
-            f"| {_spread([result['path_s'] for result in results])} "
+            f"| {_spread(paths)}{never} "
             f"| {_spread(driving)} of {len(driving)} | {sum(result['stopped'] for result in results)} of {n} |"
         )
     return lines
