@@ -9,7 +9,9 @@ question. This program relays ``map`` to the nodes and draws the post into every
 that sees it at once. So the measurement begins with a map that shows the post, and ends when the body stands.
 A row is one repetition: the body's speed when the post appeared (``speed_m_s``), the true distance of its face
 (``ahead_m``), the time until the body stood (``rest_s``; null: not within 5 s), the gap between body and post
-then (``left_m``), the smallest gap until then (``least_m``), and whether they touched (``contact``). Then the post is
+then (``left_m``; null: it did not stand), the smallest gap until then (``least_m``), and whether they touched
+(``contact``). A trial without contact in which no obstacle was reported is drawn again, because the base left the path
+or stopped for another reason; ``redrawn`` has the smallest gap of each of those before this one. Then the post is
 removed, and the robot explores on. Existing rows of the present code are not measured again.
 """
 
@@ -44,7 +46,8 @@ FIND_S = 120.0
 class Post:
     """The post, for the body (on the emulator's thread) and in the map. Create it once a stack is running."""
 
-    def __init__(self, stack: Any) -> None:
+    def __init__(self, stack: Any, redrawn: list[float]) -> None:
+        """redrawn: the smallest gaps [m] of trials to be drawn again, since the last row."""
         import rospy
         from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
         from trajectory_msgs.msg import MultiDOFJointTrajectory
@@ -54,7 +57,7 @@ class Post:
         from vsx_ros.ros.situation import LocalizationSubscriber
 
         operator_command.join("post")
-        self._stack = stack
+        self._stack, self._redrawn = stack, redrawn
         self._plant, self._lock, self._walls = stack.plant, threading.Lock(), stack.plant.body._walls
         self._log = stack._folder / "move_base.txt"
         self._centre_map: SE2 | None = None
@@ -179,14 +182,18 @@ class Post:
         contact = self._plant.body.collisions > collisions
         self.vanish()
         if self._braked() == braked and not contact:
+            self._redrawn.append(round(min(gaps), 3))
             return None
+        redrawn = list(self._redrawn)
+        self._redrawn.clear()
         return {
             "speed_m_s": round(speed_m_s, 3),
             "ahead_m": round(gaps[0] + BODY_M, 3),
             "rest_s": None if rest_s is None else round(rest_s, 3),
-            "left_m": round(gaps[-1], 3),
+            "left_m": None if rest_s is None else round(gaps[-1], 3),
             "least_m": round(min(gaps), 3),
             "contact": contact,
+            "redrawn": redrawn,
         }
 
 
@@ -219,7 +226,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="default: benchmarks/results/fault_obstacle.jsonl")
     args = parser.parse_args()
     tasks = [Ahead(ahead_m, number) for number, ahead_m in product(range(args.repetitions), args.ahead)]
-    ExploringRobot(lambda stack: Post(stack).trial, stack_with_relay).campaign("fault_obstacle", tasks, args.out)
+    redrawn: list[float] = []
+    robot = ExploringRobot(lambda stack: Post(stack, redrawn).trial, stack_with_relay)
+    robot.campaign("fault_obstacle", tasks, args.out)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import sys
 from collections import namedtuple
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 from tables import campaign
@@ -34,11 +35,21 @@ WHEELS = {
 
 
 def told(case: Broken) -> dict[str, float | None]:
+    """One row. refused: frames that the driver refused; without a fault it refuses none."""
+    drives: list[Any] = []
+
+    class KeptDrive(hw_sensor_faults.Drive):
+        def __init__(self, *args: Any) -> None:
+            super().__init__(*args)
+            drives.append(self)
+
     with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(hw_sensor_faults, "Drive", KeptDrive)
         done = hw_sensor_faults.drive_and_break(case.base, case.motion, case.sensor, case.fault, monkeypatch)
     return {
         "told_s": done.told_s, "stood_s": done.stood_s, "jump_m": done.jump_m, "jump_rad": done.jump_rad,
         "wrong_rad": done.wrong_rad, "as_slip": done.words.endswith("that of the gyro"),
+        "refused": drives[0].wire.driver.status().counters["refused_frames"],
     }  # fmt: skip
 
 

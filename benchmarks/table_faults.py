@@ -79,16 +79,21 @@ def posts(rows: Sequence[Row]) -> list[str]:
     """An obstacle that appears on the path; rest_s is None if the base did not come to rest."""
     lines = [
         "| the post's face ahead of the base's centre | no contact | speed | at rest after: median, most "
-        "| gap left then: median, least |",
-        "|---|---|---|---|---|",
+        "| least gap: median, least | drawn again |",
+        "|---|---|---|---|---|---|",
     ]
     for (ahead_m,), results in _parts(rows, "ahead_m"):
         missed, n = sum(not result["contact"] for result in results), len(results)
         rested = [result["rest_s"] for result in results if result["rest_s"] is not None]
-        left = [100.0 * result["left_m"] for result in results]
+        on = f"; {n - len(rested)} not within 5 s" * (len(rested) < n)
+        least = [100.0 * result["least_m"] for result in results]
+        counted = [result["redrawn"] for result in results if "redrawn" in result]
+        again = [100.0 * gap_m for gaps in counted for gap_m in gaps]
+        drawn = f"{len(again)}{f', least gap {min(again):.0f} cm' if again else ''}" if counted else "not counted"
         lines.append(
             f"| {float(ahead_m):g} m | {missed} of {n} | {statistics.median(r['speed_m_s'] for r in results):.2f} m/s "
-            f"| {_spread(rested)} of {len(rested)} | {statistics.median(left):.0f} cm, {min(left):.0f} cm |"
+            f"| {_spread(rested)} of {len(rested)}{on} | {statistics.median(least):.0f} cm, {min(least):.0f} cm "
+            f"| {drawn} |"
         )
     return lines
 
@@ -135,16 +140,14 @@ def sensors(rows: Sequence[Row]) -> list[str]:
         "| base | sensor | fault | told within | what the robot does | pose jumps by at most | heading off after 4 s |",
         "|---|---|---|---|---|---|---|",
     ]
-    straight = {(r.asked["base"], r.asked["sensor"], r.asked["fault"]) for r in rows if _untold_on_the_straight(r)}
     for (base, sensor, fault), results in _parts(rows, "base", "sensor", "fault"):
-        told_s = [result["told_s"] for result in results if result["told_s"] is not None]
-        later = "; on the straight, where it is right, at the next turn" if (base, sensor, fault) in straight else ""
-        told = f"{max(told_s):.1f} s{later}" if told_s else "counted as a refused frame"
-        stood = [result["stood_s"] for result in results]
-        by_gyro = any(result["as_slip"] and abs(result["wrong_rad"]) > 0.1 for result in results)
-        slip = "; against the turn, as if they slipped, by the gyro" if by_gyro else ""
-        then = f"goes on by the wheels{slip}" if None in stood else f"stands within {max(stood):.1f} s"
-        then = "goes on, that report left out" if fault == "one wrong report" else then
+        asked = {"base": base, "sensor": sensor, "fault": fault}
+        told = _told([row for row in rows if row.asked == row.asked | asked])
+        stood, n = [result["stood_s"] for result in results if result["stood_s"] is not None], len(results)
+        some = f" in {len(stood)} of {n}" * (len(stood) < n)
+        then = f"stands within {max(stood):.1f} s{some}" if stood else "goes on"
+        by_gyro = sum(result["as_slip"] and abs(result["wrong_rad"]) > 0.1 for result in results)
+        then += f"; in {by_gyro} of {n} by the gyro, as if the wheels slipped" if by_gyro else ""
         jump_cm = 100.0 * max(result["jump_m"] for result in results)
         jump, off = (math.degrees(max(abs(r[k]) for r in results)) for k in ("jump_rad", "wrong_rad"))
         name = {"left": "left encoder", "right": "right encoder", "both": "both encoders"}.get(sensor, sensor)
@@ -205,8 +208,17 @@ def soaks(rows: Sequence[Row]) -> list[str]:
     return lines
 
 
-def _untold_on_the_straight(row: Row) -> bool:
-    return row.asked["motion"] in ("line", "reverse") and row.result["told_s"] is None
+def _told(rows: Sequence[Row]) -> str:
+    """How soon a broken sensor is told, and on which motions it is not. refused: frames that the driver refused, in
+    newer rows."""
+    told_s = [row.result["told_s"] for row in rows if row.result["told_s"] is not None]
+    untold = [row for row in rows if row.result["told_s"] is None]
+    motions = f" ({', '.join(row.asked['motion'] for row in untold)})" if told_s else ""
+    refused = sum(row.result.get("refused", 0) > 0 for row in untold)
+    words = [f"{max(told_s):.1f} s"] if told_s else []
+    words += [f"not told in {len(untold)} of {len(rows)}{motions}"] if untold else []
+    words += [f"a frame refused in {refused} of them"] if refused else []
+    return "; ".join(words)
 
 
 def _spread(values: Sequence[float]) -> str:

@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 import fault_master
 import fault_nodes
+import fault_sensors
 import tables
 
 
@@ -39,6 +40,13 @@ def test_the_wait_for_the_stop_path_has_an_end(monkeypatch: pytest.MonkeyPatch) 
     assert fault_master.wait_for_stop_path(plant, 6.0, 0.05) == (None, False)
 
 
+@pytest.mark.parametrize("motion", fault_sensors.hw_sensor_faults.MOTIONS)
+def test_a_refused_frame_is_counted_and_not_supposed(motion: str) -> None:
+    told = fault_sensors.told(fault_sensors.Broken("kobuki", "gyro", "one wrong report", motion))
+    assert (told["told_s"], told["refused"]) == (None, 1)
+    assert fault_sensors.told(fault_sensors.Broken("kobuki", "gyro", "stuck", motion))["refused"] == 0
+
+
 def rows(*results: dict[str, Any], **asked: Any) -> list[Row]:
     about = {"commit": "0123456789ab", "dirty": False, "code": "", "config": "", "when": "2026-11-23T07:00:00+00:00"}
     return [Row(**about, versions={}, machine={}, asked=asked, result=result) for result in results]
@@ -47,6 +55,35 @@ def rows(*results: dict[str, Any], **asked: Any) -> list[Row]:
 def cells(name: str, of: list[Row]) -> list[str]:
     """Of the first line of this table."""
     return [cell.strip() for cell in tables.TABLES[name].made(of)[2].split("|")[1:-1]]
+
+
+def test_the_gap_to_a_post_is_the_least_and_trials_drawn_again_are_counted() -> None:
+    trial = {"speed_m_s": 0.3, "contact": False, "rest_s": 0.9, "left_m": 0.2, "least_m": 0.2}
+    passed = {**trial, "rest_s": None, "left_m": 0.3, "least_m": 0.1}
+    assert cells("posts", rows(trial, passed, ahead_m=0.5))[3:] == [
+        "0.90 s, 0.90 s of 1; 1 not within 5 s", "15 cm, 10 cm", "not counted"
+    ]  # fmt: skip
+    of = rows({**trial, "redrawn": []}, {**passed, "redrawn": [0.31, 0.05]}, ahead_m=0.5)
+    assert cells("posts", of)[5] == "2, least gap 5 cm"
+
+
+def broken(fault: str, *results: dict[str, Any]) -> list[Row]:
+    """A gyro on the line and on arcs."""
+    whole = {"told_s": None, "stood_s": None, "jump_m": 0.0, "jump_rad": 0.0, "wrong_rad": 0.0, "as_slip": False}
+    return [
+        row
+        for result, motion in zip(results, ("line", "arc", "right arc"))
+        for row in rows({**whole, **result}, base="kobuki", sensor="gyro", fault=fault, motion=motion)
+    ]
+
+
+def test_motions_on_which_a_broken_sensor_is_not_told_are_counted() -> None:
+    some = broken("stuck", {}, {"told_s": 0.4}, {})
+    assert cells("sensors", some)[3] == "0.4 s; not told in 2 of 3 (line, right arc)"
+    assert cells("sensors", broken("stuck", {}, {}))[3:5] == ["not told in 2 of 2", "goes on"]
+    wrong = broken("one wrong report", {"refused": 1}, {"refused": 0}, {"refused": 1})
+    assert cells("sensors", wrong)[3:5] == ["not told in 3 of 3; a frame refused in 2 of them", "goes on"]
+    assert cells("sensors", broken("stuck", {"stood_s": 1.0}, {}))[4] == "stands within 1.0 s in 1 of 2"
 
 
 def test_what_does_not_end_or_is_not_there_again_is_counted() -> None:
