@@ -8,7 +8,10 @@ it to the place where it began, which is driven to. A row is one repetition: the
 (``said_s``), whether status, base and event name the operator (``told``), the goals that the explorer gave meanwhile
 (``goals``), the views that were blacklisted because of it (``blacklisted``), whether a goal was reached (``reached``;
 null: there was none), and the time until the robot explores on after the end (``went_on_s``; null: not within two
-minutes; from an emergency stop: after its release).
+minutes; from an emergency stop: after its release). Until the end of an emergency stop or of teleop the wheels are
+watched at the emulator's end of the base's wire: when they first did as the operator says (``obeyed_s``; null: never),
+that is, stood or turned the base on the spot, and later how long they turned otherwise (``else_s``), and how long they
+stood although he drove (``idle_s``; null: he did not).
 """
 
 import argparse
@@ -21,11 +24,45 @@ from typing import Any
 
 from exploring_robot import ExploringRobot
 
+from vsx_hw.bases import BASES
 from vsx_ros.robot import EMERGENCY_STOP
 
 Taking = namedtuple("Taking", "what held_s repetition")
 WHATS = (EMERGENCY_STOP, "teleop", "goal")
 SAID_WITHIN_S, ON_WITHIN_S, GOAL_S, TELEOP_RAD_S = 10.0, 120.0, 300.0, 0.3
+TELEOP_M_S = 0.5 * BASES["kobuki"].wheel_base_m * TELEOP_RAD_S  # of a wheel
+SLACK_M_S = 0.005  # commands on the wire are whole numbers
+
+
+class HeldWheels:
+    """What the wheels are told while the operator holds them. turn_m_s: the speed of the right wheel that he wants, the
+    left one's being opposite; 0: to stand."""
+
+    def __init__(self, turn_m_s: float) -> None:
+        self._turn_m_s = turn_m_s
+        self._began_ns = self._last_ns = 0
+        self._obeyed_s: float | None = None
+        self._idle_s = self._else_s = 0.0
+
+    def step(self, time_ns: int, commanded: tuple[float, float]) -> None:
+        """Take what the wheels (left, right) [m/s] are told since the step before."""
+        self._began_ns, last_ns = self._began_ns or time_ns, self._last_ns or time_ns
+        self._last_ns, stands = time_ns, commanded == (0.0, 0.0)
+        turns = abs(commanded[0] + self._turn_m_s) + abs(commanded[1] - self._turn_m_s) <= SLACK_M_S
+        obeys = turns if self._turn_m_s else stands
+        if self._obeyed_s is None:
+            self._obeyed_s = 1e-9 * (time_ns - self._began_ns) if obeys else None
+        elif not obeys:
+            self._idle_s += 1e-9 * (time_ns - last_ns) * stands
+            self._else_s += 1e-9 * (time_ns - last_ns) * (not stands)
+
+    @property
+    def result(self) -> dict[str, float | None]:
+        return {
+            "obeyed_s": None if self._obeyed_s is None else round(self._obeyed_s, 3),
+            "else_s": round(self._else_s, 3),
+            "idle_s": round(self._idle_s, 3) if self._turn_m_s else None,
+        }
 
 
 class Operator:
@@ -47,7 +84,13 @@ class Operator:
         self._keys, self._turn = rospy.Publisher(f"/{topics.COMMAND_TELEOP}", Twist, queue_size=1), Twist()
         self._turn.angular.z = TELEOP_RAD_S
         self._reached: bool | None = None
+        self._held: HeldWheels | None = None
+        stack.watch_steps(self._on_step)
         self._client = actionlib.SimpleActionClient(f"/{topics.MOVE_BASE_ACTION}", MoveBaseAction)
+
+    def _on_step(self, state: Any) -> None:
+        if (held := self._held) is not None:
+            held.step(state.time_ns, self._stack.plant.commanded)
 
     def trial(self, task: Taking) -> dict[str, Any] | None:
         """One row; None if the robot is not on the way to a view."""
@@ -56,8 +99,11 @@ class Operator:
             return None
         heard.events.clear()
         self._reached = None
+        wheels = HeldWheels(TELEOP_M_S if what == "teleop" else 0.0)
         begun_s = time.monotonic()
+        self._held = wheels if what != "goal" else None
         said_s = {EMERGENCY_STOP: self._stop, "teleop": self._teleop, "goal": self._goal}[what]()
+        self._held = None
         goals, told = sum("driving" in event["reason"] for event in heard.events), self._told
         if what == EMERGENCY_STOP:
             self._estop(False)
@@ -67,6 +113,7 @@ class Operator:
             "said_s": None if said_s is None else round(said_s - begun_s, 2), "told": told, "goals": goals,
             "blacklisted": len(heard.blamed()), "reached": self._reached,
             "went_on_s": round(time.monotonic() - ended_s, 2) if on else None,
+            **(wheels.result if what != "goal" else dict.fromkeys(wheels.result)),
         }  # fmt: skip
 
     def _stop(self) -> float | None:

@@ -101,9 +101,10 @@ def posts(rows: Sequence[Row]) -> list[str]:
 def operators(rows: Sequence[Row]) -> list[str]:
     """An operator who takes the wheels; went_on_s is None if the robot did not explore on by itself."""
     lines = [
-        "| the operator | said by mission, base and event | said after: median, most | goals given meanwhile "
+        "| the operator | said by mission, base and event | said after: median, most "
+        "| wheels do as he says after: median, most; then otherwise | goals given meanwhile "
         "| views blacklisted for it | explored on after: median, most |",
-        "|---|---|---|---|---|---|",
+        "|---|---|---|---|---|---|---|",
     ]
     acts = {"emergency stop": "presses the emergency stop", "teleop": "drives by teleop", "goal": "sends it to a goal"}
     for (what,), results in _parts(rows, "what"):
@@ -111,8 +112,9 @@ def operators(rows: Sequence[Row]) -> list[str]:
         said, on = ([r[key] for r in results if r[key] is not None] for key in ("said_s", "went_on_s"))
         sent = [result["reached"] for result in results if result.get("reached") is not None]
         reached = f" ({sum(sent)} of {len(sent)} reached)" if sent else ""
+        wheels = "-" if what == "goal" else _obeyed(results)
         lines.append(
-            f"| {acts[what]}{reached} | {told} of {len(results)} | {_spread(said)} | {goals} | {listed} "
+            f"| {acts[what]}{reached} | {told} of {len(results)} | {_spread(said)} | {wheels} | {goals} | {listed} "
             f"| {_spread(on)} of {len(on)} |"
         )
     return lines
@@ -219,6 +221,17 @@ def _told(rows: Sequence[Row]) -> str:
     words += [f"not told in {len(untold)} of {len(rows)}{motions}"] if untold else []
     words += [f"a frame refused in {refused} of them"] if refused else []
     return "; ".join(words)
+
+
+def _obeyed(results: Sequence[dict[str, Any]]) -> str:
+    """When the wheels first did as the operator says, and how long later they did not, in all repetitions."""
+    known = [result for result in results if "obeyed_s" in result]
+    if not known:
+        return "not measured"
+    after = [result["obeyed_s"] for result in known if result["obeyed_s"] is not None]
+    otherwise, idle = (sum(result[key] or 0.0 for result in known) for key in ("else_s", "idle_s"))
+    stood = f", stood for {idle:.2f} s" if idle else ""
+    return f"{_spread(after)} of {len(after)}; turned for {otherwise:.2f} s{stood}"
 
 
 def _spread(values: Sequence[float]) -> str:

@@ -14,8 +14,28 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 import fault_master
 import fault_nodes
+import fault_operator
 import fault_sensors
 import tables
+
+
+def held(turn_m_s: float, *told: tuple[int, tuple[float, float]]) -> dict[str, float | None]:
+    """After so many steps of 10 ms with each of these commands."""
+    wheels = fault_operator.HeldWheels(turn_m_s)
+    commands = [command for count, command in told for _ in range(count)]
+    for number, command in enumerate(commands, start=1):
+        wheels.step(10_000_000 * number, command)
+    return wheels.result
+
+
+def test_wheels_that_turn_while_the_operator_holds_them_are_told() -> None:
+    still, on, turn = (0.0, 0.0), (0.2, 0.2), (-0.035, 0.034)
+    assert held(0.0, (5, on), (100, still)) == {"obeyed_s": 0.05, "else_s": 0.0, "idle_s": None}
+    assert held(0.0, (5, on), (100, still), (20, on), (9, still))["else_s"] == 0.2
+    assert held(0.0, (100, on))["obeyed_s"] is None
+    told = held(0.0345, (10, on), (10, still), (50, turn), (7, still), (3, on), (50, turn))
+    assert told == {"obeyed_s": 0.2, "else_s": 0.03, "idle_s": 0.07}
+    assert held(0.0345, (10, turn), (10, (0.03, -0.03)), (10, (-0.06, 0.06)))["else_s"] == 0.2
 
 
 class Stubborn:
@@ -65,6 +85,15 @@ def test_the_gap_to_a_post_is_the_least_and_trials_drawn_again_are_counted() -> 
     ]  # fmt: skip
     of = rows({**trial, "redrawn": []}, {**passed, "redrawn": [0.31, 0.05]}, ahead_m=0.5)
     assert cells("posts", of)[5] == "2, least gap 5 cm"
+
+
+def test_wheels_under_the_operator_are_summed_over_all_repetitions() -> None:
+    taken = {"said_s": 0.2, "told": True, "goals": 0, "blacklisted": 0, "reached": None, "went_on_s": 1.0}
+    assert cells("operators", rows(taken, what="teleop"))[3] == "not measured"
+    of = rows(*2 * [{**taken, "obeyed_s": 0.1, "else_s": 0.02, "idle_s": 0.3}], what="teleop")
+    assert cells("operators", of)[3] == "0.10 s, 0.10 s of 2; turned for 0.04 s, stood for 0.60 s"
+    of = rows({**taken, "obeyed_s": 0.1, "else_s": 0.0, "idle_s": None}, what="emergency stop")
+    assert cells("operators", of)[3] == "0.10 s, 0.10 s of 1; turned for 0.00 s"
 
 
 def broken(fault: str, *results: dict[str, Any]) -> list[Row]:
