@@ -4,8 +4,11 @@ python benchmarks/fault_camera.py [--repetitions 5] [--faults off stuck ...]
                                   [--out benchmarks/results/fault_camera.jsonl]
 
 The real nodes explore an office; a faulty cable lies between the emulated Kinect and its real driver. Each repetition
-waits until the wheels turn, starts the fault, measures until the wheels are told to stand, stores the robot's reports,
-and repairs the cable. Each repetition writes a row; benchmarks/tables.py makes the table from them.
+waits until the robot maps, tracks and drives, starts the fault, watches the wheels for four seconds, and repairs the
+cable. A row is one repetition: when the wheels first stood for the fault's sake (``turned_s``; -1: never), why they
+stood before that for another reason (``others``: an arrival, another goal, a turn on the way), how long they turned in
+all of the four seconds (``moved_s``), the follower's report of that stop and the other ones a moment after it, and what
+the robot says and does at the end (``later``). benchmarks/tables.py makes the table from the rows.
 """
 
 from __future__ import annotations
@@ -14,13 +17,15 @@ import argparse
 import contextlib
 import json
 import queue
+import re
 import socket
 import threading
 import time
 from collections import namedtuple
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from exploring_robot import ExploringRobot, new_stack
@@ -31,7 +36,9 @@ from vsx_hw.kinect.protocol import FLAG_START, HEADER_BYTES
 
 FAULTS = ("unplugged", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 Failing = namedtuple("Failing", "fault repetition")
-WATCH_S = 4.0
+WATCH_S, SETTLED_S = 4.0, 1.0
+NEAR_S, THEN_S = 0.15, 0.3
+"""NEAR_S: within so long of a stop the follower says why. THEN_S: so long after it the others' reports are kept."""
 SLOW, DELAY_S, ON_S, OFF_S = 8, 1.0, 0.4, 0.6
 """slow: one image in so many; delay [s]; seconds with and without images."""
 
@@ -147,8 +154,55 @@ def stack_with_cable(folder: Path) -> Any:
     return stack
 
 
+class Report(NamedTuple):
+    """What ``who`` ("slam", "follower" or "mission") said at this time [s, monotonic]."""
+
+    at_s: float
+    who: str
+    words: str
+
+
+def said(reports: Sequence[Report], who: str, at_s: float) -> str:
+    """The last words of these until then."""
+    return next((report.words for report in reversed(reports) if report.who == who and report.at_s <= at_s), "")
+
+
+def is_reaction(follower: str, slam: str, mission: str) -> bool:
+    """Whether the wheels stand because images, pose or tracking are missing; not for an arrival or another goal."""
+    status, _, reason = follower.partition(" ")
+    if status == "arrived" or reason.startswith("waiting: "):  # for what hides the way
+        return False
+    if re.search(r"image|vslam|pose|tracking", reason):
+        return True
+    return status == "stopped" and not (slam.startswith("TRACKING") and mission.startswith("mapping"))
+
+
+def why(reports: Sequence[Report], stop_s: float) -> str:
+    """What the follower says of a stop: of its words near it the first that are not of following."""
+    near = [r.words for r in reports if r.who == "follower" and abs(r.at_s - stop_s) < NEAR_S]
+    return next((words for words in near if not words.startswith("following")), said(reports, "follower", stop_s))
+
+
+def judged(changes: Sequence[tuple[float, bool]], end_s: float, reports: Sequence[Report]) -> dict[str, object]:
+    """A row, without the robot's last reports. changes: whether the wheels turned from this time on [s, monotonic], of
+    which the first is the beginning of the fault."""
+    begin_s, turned_s, others, words = changes[0][0], -1.0, [], ""
+    for stop_s in [at_s for at_s, turn in changes[1:] if not turn]:
+        words = why(reports, stop_s)
+        if is_reaction(words, *(said(reports, who, stop_s + NEAR_S) for who in ("slam", "mission"))):
+            turned_s = max(0.0, stop_s - begin_s)
+            break
+        others.append(words)
+    ends = [at_s for at_s, _ in changes[1:]] + [end_s]
+    moved_s = sum(max(0.0, after_s - at_s) for (at_s, turn), after_s in zip(changes, ends) if turn)
+    then_s = begin_s + turned_s + THEN_S if turned_s >= 0.0 else end_s
+    told = {who: said(reports, who, then_s) for who in ("slam", "follower", "mission")}
+    told["follower"] = words if turned_s >= 0.0 else told["follower"]
+    return {"turned_s": round(turned_s, 3), "moved_s": round(moved_s, 3), "others": others, **told}
+
+
 class Ear:
-    """The robot's current reports. Create it once a stack is running."""
+    """The robot's reports. Create it once a stack is running."""
 
     def __init__(self, stack: Any) -> None:
         import rospy
@@ -158,36 +212,55 @@ class Ear:
         from vsx_ros.ros import operator_command, topics
 
         self._stack = stack
-        self.slam = self.follower = self.mission = ""
+        self._reports: list[Report] = []
         operator_command.join("ear")
         rospy.Subscriber(f"/{topics.SLAM_STATE}", DiagnosticStatus, self._on_slam)
         rospy.Subscriber(f"/{topics.FOLLOWER_STATUS}", String, self._on_follower)
         rospy.Subscriber(f"/{topics.EXPLORE_STATUS}", String, self._on_mission)
 
+    def _hear(self, who: str, words: str) -> None:
+        self._reports.append(Report(time.monotonic(), who, words))
+
     def _on_slam(self, msg: object) -> None:
-        self.slam = f"{msg.name}: {msg.message}" if msg.message else msg.name
+        self._hear("slam", f"{msg.name}: {msg.message}" if msg.message else msg.name)
 
     def _on_follower(self, msg: object) -> None:
         status = json.loads(msg.data)
-        self.follower = f"{status['status']} {status['reason']}".strip()
+        self._hear("follower", f"{status['status']} {status['reason']}".strip())
 
     def _on_mission(self, msg: object) -> None:
         status = json.loads(msg.data)
-        self.mission = f"{status['state']}: {status['reason']}"
+        self._hear("mission", f"{status['state']}: {status['reason']}")
 
-    def trial(self, task: Failing) -> dict[str, object]:
-        """Seconds until the wheels first stood, -1 if they never did; the reports a moment later."""
+    def _now(self, who: str) -> str:
+        return said(self._reports, who, time.monotonic())
+
+    def _settled(self) -> bool:
+        """Whether for a second the robot maps, tracks and drives, as before any fault."""
+        end_s = time.monotonic() + SETTLED_S
+        while self._now("mission").startswith("mapping") and self._now("slam").startswith("TRACKING"):
+            if not self._stack.plant.moving:
+                return False
+            if time.monotonic() > end_s:
+                return True
+            time.sleep(0.02)
+        return False
+
+    def trial(self, task: Failing) -> dict[str, object] | None:
+        """One row; None if the robot is not well, or does not drive, when the fault should begin."""
+        self._reports = [Report(0.0, who, self._now(who)) for who in ("slam", "follower", "mission")]
+        if not self._settled():
+            return None
         plant, cable, begin_s = self._stack.plant, self._stack.cable, time.monotonic()
         cable.inject(task.fault)
-        while plant.moving and time.monotonic() - begin_s < WATCH_S:
+        changes = [(begin_s, True)]
+        while time.monotonic() - begin_s < WATCH_S:
+            if (moving := plant.moving) != changes[-1][1]:
+                changes.append((plant.started_s if moving else plant.stopped_s, moving))
             time.sleep(0.005)
-        turned_s = -1.0 if plant.moving else max(0.0, plant.stopped_s - begin_s)
-        time.sleep(0.3)
-        told = {"slam": self.slam, "follower": self.follower, "mission": self.mission}
-        time.sleep(max(0.0, begin_s + WATCH_S - time.monotonic()))
-        told["later"] = f"{'driving' if plant.moving else 'standing'}; {self.slam}; {self.mission}"
+        later = f"{'driving' if plant.moving else 'standing'}; {self._now('slam')}; {self._now('mission')}"
         cable.inject("")
-        return {"turned_s": round(turned_s, 3), **told}
+        return {**judged(changes, begin_s + WATCH_S, self._reports), "later": later}
 
 
 def main() -> None:

@@ -25,15 +25,20 @@ def nodes(rows: Sequence[Row]) -> list[str]:
 
 
 def robots(rows: Sequence[Row]) -> list[str]:
-    """Camera faults of an exploring robot."""
+    """Camera faults of an exploring robot; turned_s is -1 if it did not stand for the fault."""
     lines = [
-        "| fault of the camera | wheels turned (median, most of n) | what the robot says then | four seconds later |",
-        "|---|---|---|---|",
+        "| fault of the camera | stood after: median, most | wheels turned in the four seconds: median, most "
+        "| what the robot says then | four seconds later |",
+        "|---|---|---|---|---|",
     ]
     for (fault,), results in _parts(rows, "fault"):
-        said = statistics.mode(f"{result['slam']}; {result['follower']}" for result in results)
-        later = statistics.mode(re.sub(r": (view at|driving) .*", "", result["later"]) for result in results)
-        lines.append(f"| {fault} | {_turned(results)} | {said} | {later} |")
+        moved = [result["moved_s"] for result in results if "moved_s" in result]
+        said = _counts([_without_numbers(f"{_first(result['slam'])}; {result['follower']}") for result in results])
+        later = _counts([_state(result["later"]) for result in results])
+        turned = _spread(moved) if moved else "not measured"
+        lines.append(f"| {fault} | {_stood(results)} | {turned} | {said} | {later} |")
+    if any("moved_s" not in row.result for row in rows):
+        lines += ["", "*These rows count every standstill, also an arrival, and began wherever the one before ended.*"]
     return lines
 
 
@@ -232,6 +237,35 @@ def _obeyed(results: Sequence[dict[str, Any]]) -> str:
     otherwise, idle = (sum(result[key] or 0.0 for result in known) for key in ("else_s", "idle_s"))
     stood = f", stood for {idle:.2f} s" if idle else ""
     return f"{_spread(after)} of {len(after)}; turned for {otherwise:.2f} s{stood}"
+
+
+def _stood(results: Sequence[dict[str, Any]]) -> str:
+    """When the wheels stood for a fault, and how often they stood for another reason before, or not at all."""
+    times, on = _stopped(results)
+    words = [f"{statistics.median(times):.3f} s, {max(times):.3f} s of {len(times)}"] if times else []
+    words += [f"{on} of {len(results)} did not"] if on else []
+    before = sum(bool(result.get("others")) for result in results)
+    words += [f"{before} of {len(results)} also stood before, for another reason"] if before else []
+    return "; ".join(words)
+
+
+def _state(later: str) -> str:
+    """Without numbers, without where SLAM has its pose from, and without what the mission is doing."""
+    return _without_numbers(re.sub(r"; position by [^;]*|(; (?:mapping|recovering|no images)): .*", r"\1", later))
+
+
+def _first(words: str) -> str:
+    return words.partition("; ")[0]
+
+
+def _without_numbers(words: str) -> str:
+    return re.sub(r"-?\d+(\.\d+)?", "n", words)
+
+
+def _counts(words: Sequence[str]) -> str:
+    """Each with its count, the most frequent first; one that all share without."""
+    counts = Counter(words).most_common()
+    return counts[0][0] if len(counts) == 1 else " / ".join(f"{n} of {len(words)}: {each}" for each, n in counts)
 
 
 def _spread(values: Sequence[float]) -> str:

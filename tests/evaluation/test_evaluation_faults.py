@@ -12,11 +12,75 @@ from vsx_ros.experiments.rows import Row
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
+import fault_camera
 import fault_master
 import fault_nodes
 import fault_operator
 import fault_sensors
 import tables
+from fault_camera import Report
+
+LEASE = "stale no word from vslam, which may have no images"
+ARRIVED, DRIVING = "arrived arrived 0.4 cm, 0.1 deg off", "mapping: on the way: driving 1.0 m"
+
+
+@pytest.mark.parametrize(
+    ("follower", "slam", "mission", "counts"),
+    [
+        (LEASE, "POOR: no image comes", DRIVING, True),
+        ("diverged no word from vslam, which may have no images", "TRACKING", DRIVING, True),
+        ("following waiting for the next image", "TRACKING", DRIVING, True),
+        ("stale SLAM tracking is lost", "LOST: 0 of 411 expected points found", DRIVING, True),
+        ("stopped stopped on the way", "LOST: 0 of 411 expected points found", DRIVING, True),
+        ("stopped stopped on the way", "TRACKING", "recovering: lost", True),
+        ("stopped stopped on the way", "TRACKING", DRIVING, False),
+        (ARRIVED, "LOST: 0 of 467 expected points found", "recovering: waiting for relocalisation", False),
+        ("following", "LOST: 0 of 462 expected points found", "recovering: on the way", False),
+        ("stale waiting: a face hides the way", "TRACKING", DRIVING, False),
+        ("stale no odometry that can be used", "TRACKING", DRIVING, False),
+    ],
+)
+def test_a_stop_counts_if_images_or_tracking_are_its_reason(
+    follower: str, slam: str, mission: str, counts: bool
+) -> None:
+    assert fault_camera.is_reaction(follower, slam, mission) == counts
+
+
+def reports(*said: tuple[float, str]) -> list[Report]:
+    """Of the follower, while SLAM tracks on a way."""
+    of = [Report(0.0, "slam", "TRACKING"), Report(0.0, "mission", DRIVING), Report(0.0, "follower", "following")]
+    return [*of, *(Report(at_s, "follower", words) for at_s, words in said)]
+
+
+def test_an_arrival_is_no_reaction_to_a_fault_and_all_turning_is_summed() -> None:
+    changes = [(10.0, True), (10.2, False), (10.5, True), (11.0, False)]
+    row = fault_camera.judged(changes, 14.0, reports((10.21, ARRIVED), (10.4, "following"), (11.01, LEASE)))
+    assert (row["turned_s"], row["moved_s"], row["others"]) == (1.0, 0.7, [ARRIVED])
+    assert (row["slam"], row["follower"], row["mission"]) == ("TRACKING", LEASE, DRIVING)
+    row = fault_camera.judged(changes[:2], 14.0, reports((10.21, ARRIVED)))
+    assert (row["turned_s"], row["moved_s"], row["others"]) == (-1.0, 0.2, [ARRIVED])
+    begun = reports((10.2, "following about to drive"), (10.31, LEASE))
+    row = fault_camera.judged([(10.0, True), (10.3, False)], 14.0, begun)
+    assert (row["turned_s"], row["moved_s"], row["others"]) == (0.3, 0.3, [])
+    row = fault_camera.judged([(10.0, True)], 14.0, reports())
+    assert (row["turned_s"], row["moved_s"], row["others"]) == (-1.0, 4.0, [])
+
+
+def test_a_fault_begins_while_the_robot_maps_tracks_and_drives(monkeypatch: pytest.MonkeyPatch) -> None:
+    injected: list[str] = []
+    ear = object.__new__(fault_camera.Ear)
+    ear._stack = SimpleNamespace(plant=SimpleNamespace(moving=True), cable=SimpleNamespace(inject=injected.append))
+    monkeypatch.setattr(fault_camera, "SETTLED_S", 0.0)
+    monkeypatch.setattr(fault_camera, "WATCH_S", 0.05)
+    fault = fault_camera.Failing("off", 0)
+    for slam, mission in (("TRACKING", "recovering: lost"), ("LOST", DRIVING), ("TRACKING", "")):
+        ear._reports = [Report(0.0, "slam", slam), Report(0.0, "mission", mission)]
+        assert ear.trial(fault) is None
+    assert injected == []
+    ear._reports = reports()
+    row = ear.trial(fault)
+    assert row is not None
+    assert (row["turned_s"], row["later"], injected) == (-1.0, f"driving; TRACKING; {DRIVING}", ["off", ""])
 
 
 def held(turn_m_s: float, *told: tuple[int, tuple[float, float]]) -> dict[str, float | None]:
@@ -75,6 +139,29 @@ def rows(*results: dict[str, Any], **asked: Any) -> list[Row]:
 def cells(name: str, of: list[Row]) -> list[str]:
     """Of the first line of this table."""
     return [cell.strip() for cell in tables.TABLES[name].made(of)[2].split("|")[1:-1]]
+
+
+def test_camera_faults_are_counted_by_what_was_said_and_done() -> None:
+    said = {"slam": "LOST: 0 of 411 expected points found; position by odometry", "follower": LEASE, "mission": ""}
+    later = [f"driving; LOST: {n} of 400 expected points found; recovering: lost: back {n} m" for n in (1, 2)]
+    new = {**said, "moved_s": 3.0, "others": []}
+    of = rows(
+        {**new, "turned_s": 1.0, "later": later[0]},
+        {**new, "turned_s": 2.0, "later": later[1], "others": [ARRIVED]},
+        {**new, "turned_s": -1.0, "later": "standing; TRACKING; mapping: coming to rest", "follower": ARRIVED},
+        fault="garbage",
+    )
+    assert cells("robots", of) == [
+        "garbage", "1.500 s, 2.000 s of 2; 1 of 3 did not; 1 of 3 also stood before, for another reason",
+        "3.00 s, 3.00 s",
+        f"2 of 3: LOST: n of n expected points found; {LEASE} / "
+        "1 of 3: LOST: n of n expected points found; arrived arrived n cm, n deg off",
+        "2 of 3: driving; LOST: n of n expected points found; recovering / 1 of 3: standing; TRACKING; mapping",
+    ]  # fmt: skip
+    assert not any("every standstill" in line for line in tables.TABLES["robots"].made(of))
+    old = rows({**said, "turned_s": 1.0, "later": later[0]}, fault="garbage")
+    assert cells("robots", old)[1:3] == ["1.000 s, 1.000 s of 1", "not measured"]
+    assert any("every standstill" in line for line in tables.TABLES["robots"].made(old))
 
 
 def test_the_gap_to_a_post_is_the_least_and_trials_drawn_again_are_counted() -> None:
