@@ -1,6 +1,6 @@
 """Ten thousand damaged files for each reader: only a one-sentence error may result, soon and in little memory.
 
-python benchmarks/fuzz_files.py [--count 10000] [--only NAME ...]
+python benchmarks/fuzz_files.py [--count 10000] [--only NAME ...] [--out FILE]
 
 Good files are damaged by bytes, by words and numbers, and part by part with corrected lengths and checksums
 (file_mutations.py). A reader (file_readers.py) must read the file or raise a VsxError, within 10 s and 512 MiB. Every
@@ -24,9 +24,10 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from file_readers import BY_PATH, READERS, SUFFIXES, Reader
-from tables import campaign
+from tables import RESULTS, campaign
 
 from vsx_ros.errors import VsxError
+from vsx_ros.experiments.rows import PACKAGE
 
 LIMIT_S, LIMIT_MIB = 10, 512
 BLOCK = 1000
@@ -88,10 +89,16 @@ class Bench:
         except Hang:
             return "hang"
         except Exception as error:
-            place = traceback.extract_tb(error.__traceback__)[-1]
-            ours = [f for f in traceback.extract_tb(error.__traceback__) if "vsx_ros" in f.filename][-1]
-            return f"{type(error).__name__}: {str(error)[:80]} ({Path(ours.filename).name}:{ours.lineno}, {place.name})"
+            return failure(error)
         return "read"
+
+
+def failure(error: Exception) -> str:
+    """The error, the last line of the package that led to it, or without one the line itself, and its function."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = frames[-1]
+    ours = next((f for f in reversed(frames) if Path(f.filename).is_relative_to(PACKAGE)), place)
+    return f"{type(error).__name__}: {str(error)[:80]} ({Path(ours.filename).name}:{ours.lineno}, {place.name})"
 
 
 @contextmanager
@@ -149,6 +156,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--only", nargs="*", default=[], metavar="NAME", help="readers; default: all")
+    parser.add_argument("--out", type=Path, default=RESULTS / "fuzz_files.jsonl")
     args = parser.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (6 * 2**30, resource.RLIM_INFINITY))
     tasks = [
@@ -157,7 +165,7 @@ def main() -> int:
         for reader in READERS
         if not args.only or reader.name in args.only
     ]
-    results = campaign("fuzz_files", tasks, fuzzed)
+    results = campaign("fuzz_files", tasks, fuzzed, args.out)
     return int(any("failed" in result or result["outcomes"].keys() - {"read", "refused"} for result in results))
 
 

@@ -1,9 +1,12 @@
 """A small part of benchmarks/fuzz_files.py: damaged files of every kind are read or refused in one sentence."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import fuzz_files
 import pytest
+
+from vsx_ros.limits import file_text
 
 
 @pytest.mark.parametrize("reader", fuzz_files.READERS, ids=lambda reader: reader.name)
@@ -26,3 +29,27 @@ def test_what_once_was_an_internal_error_is_one_sentence(tmp_path: Path, reader:
     bench = fuzz_files.Bench(next(one for one in fuzz_files.READERS if one.name == reader), tmp_path)
     bench.damage(f"{reader} {number}")
     assert bench.outcome() in ("read", "refused")
+
+
+def _look_at_nothing(path: Path) -> None:
+    file_text(None)
+
+
+def _doubt(path: Path) -> None:
+    raise AssertionError("not as written")
+
+
+@pytest.mark.parametrize(
+    ("read", "told", "where"),
+    [
+        (_look_at_nothing, "AttributeError: ", "(limits.py:"),
+        (_doubt, "AssertionError: not as written ", "(test_io_fuzz_files.py:"),
+    ],
+)
+def test_an_error_is_an_outcome_also_without_a_line_of_the_package_on_its_way(
+    tmp_path: Path, read: Callable[[Path], None], told: str, where: str
+) -> None:
+    reader = fuzz_files.READERS[0]._replace(make=lambda path: path.write_text("x"), read=read)
+    outcome = fuzz_files.Bench(reader, tmp_path).outcome()
+    assert outcome.startswith(told)
+    assert where in outcome
