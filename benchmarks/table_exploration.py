@@ -165,6 +165,10 @@ def resumed(rows: Runs) -> list[str]:
         for which in (alone, killed)
     ]
     lines.append(f"| breaks, contacts | {counts[0]} | {counts[1]} | |")
+    seen = [row.result for row in rows if "missed" in row.result]  # in older rows killed_s is when they were to be
+    if seen:
+        kills, missed = sum(len(each["killed_s"]) for each in seen), sum(each["missed"] for each in seen)
+        lines.append(f"| kills seen, runs begun again that ended before | | {kills}, {missed} | |")
     good = sum(row.result.get("as_good", False) for row in rows)
     lines.append(f"| as good as left alone | | {good} of {len(rows)} | {len(rows)} of {len(rows)} |")
     return lines

@@ -35,14 +35,74 @@ def test_a_run_that_knows_nothing_is_worse(unknown: str) -> None:
     assert not any(resume.is_as_good(*pair) for pair in ((GOOD, poor), (poor, GOOD), (poor, poor)))
 
 
+ALONE = {**GOOD, "duration_s": 100.0}
+PROGRAM = """
+import sys, time
+from pathlib import Path
+from vsx_ros.runs.journal import FrameLine, Journal, read_journal
+from vsx_ros.slam.state import TrackingState
+out, slow_s, begins_s, ends_s, *summary = sys.argv[1:]
+time.sleep(float(slow_s))
+path, at_s = Path(out) / "resume" / "journal.jsonl", float(begins_s)
+journal = Journal(path, read_journal(path))
+while at_s < float(ends_s):
+    numbers = {"stamp_ns": round(1e9 * at_s), "searched": 0, "found": 0, "track_ms": 0.0}
+    known = {"state": TrackingState.GOOD, "reason": "", "T_world_cam": None, "T_odom_base": None}
+    journal.add(FrameLine(**numbers, **known, keyframe_added=False, corrected=False))
+    at_s += 1.0
+    time.sleep(0.02)
+Path(out, "summary.json").write_text("{}") if summary else sys.exit("vsx: no disk")
+"""
+"""A run that may be slow to start, and adds a frame of each second to its journal."""
+
+
+def drive(out: Path, slow_s: float, begins_s: float, ends_s: float, *summary: str) -> list[str]:
+    return [sys.executable, "-c", PROGRAM, str(out), str(slow_s), str(begins_s), str(ends_s), *summary]
+
+
 def test_a_pair_says_when_it_was_killed_and_what_both_reached(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(resume, "left_alone", lambda out, seed, time_s: {**GOOD, "duration_s": 100.0})
-    monkeypatch.setattr(resume, "killed", lambda out, seed, time_s, moments: {**GOOD, "breaks": 1})
-    row = resume.both(resume.Pair(7, 120.0, 3))
+    monkeypatch.setattr(resume, "left_alone", lambda out, seed, time_s: ALONE)
+    monkeypatch.setattr(resume, "killed", lambda out, seed, time_s, moments: ({**GOOD, "breaks": 1}, [70.0, 80.0]))
+    row = resume.both(resume.Pair(7, 120.0, 2))
     assert row["alone"] == GOOD
     assert (row["resumed"]["breaks"], row["as_good"]) == (1, False)
-    assert len(row["killed_s"]) == 3
-    assert all(0.0 < moment <= 60.0 for moment in row["killed_s"])
+    assert (row["killed_s"], row["missed"], len(row["planned_s"])) == ([70.0, 80.0], 0, 2)
+    assert all(0.0 < moment <= 60.0 for moment in row["planned_s"])
+
+
+def test_a_run_that_ended_before_it_was_killed_begins_again_with_other_moments(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resume, "left_alone", lambda out, seed, time_s: ALONE)
+    asked: list[list[float]] = []
+
+    def killed(out: Path, seed: int, time_s: float, moments: list[float]) -> tuple[dict[str, Any], list[float]]:
+        assert not out.exists()
+        out.mkdir()
+        asked.append(moments)
+        return (GOOD, moments) if len(asked) == 2 else ({}, moments[:1])
+
+    monkeypatch.setattr(resume, "killed", killed)
+    row = resume.both(resume.Pair(7, 120.0, 2))
+    assert (row["missed"], len(asked)) == (1, 2)
+    assert row["planned_s"] == [round(moment, 1) for moment in asked[1]] != [round(moment, 1) for moment in asked[0]]
+    with pytest.raises(exploration.InputError, match="3 times the run ended by itself before it was killed 2 times"):
+        resume.both(resume.Pair(7, 120.0, 2))
+
+
+def test_a_resumed_run_is_killed_only_when_it_has_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its journal stands at the first kill until it is there, perhaps beyond the second moment already."""
+    monkeypatch.setattr(resume, "POLL_S", 0.01)
+    assert resume.is_killed(drive(tmp_path, 0.0, 0.0, 1e9), tmp_path, 5.0)
+    first = resume.reached(tmp_path)
+    assert first >= 5.0
+    assert resume.is_killed(drive(tmp_path, 0.5, first + 1.0, 1e9), tmp_path, 5.5)
+    assert resume.reached(tmp_path) > first
+
+
+def test_a_run_that_ends_before_its_moment_is_not_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resume, "POLL_S", 0.01)
+    assert not resume.is_killed(drive(tmp_path / "run", 0.0, 0.0, 3.0, "summary"), tmp_path / "run", 5.0)
+    with pytest.raises(exploration.InputError, match="a run ended with code 1: vsx: no disk"):
+        resume.is_killed(drive(tmp_path / "worse", 0.0, 0.0, 3.0), tmp_path / "worse", 5.0)
 
 
 def test_a_row_says_when_enough_was_known() -> None:

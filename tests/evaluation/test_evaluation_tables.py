@@ -199,6 +199,14 @@ def test_a_pair_of_runs_that_failed_is_missing_from_the_numbers_that_it_lacks() 
     ]
 
 
+def test_kills_are_counted_that_were_seen() -> None:
+    ended = {"coverage_correct": 0.9, "ate_rmse_m": 0.01, "breaks": 0, "collisions": 0}
+    pair = {"alone": ended, "resumed": ended, "as_good": True, "killed_s": [3.0, 9.0]}
+    rows = [told(row(1), **pair), told(row(2), **pair, missed=0), told(row(3), **pair, missed=2)]
+    assert tables.table_exploration.resumed(rows)[5] == "| kills seen, runs begun again that ended before | | 4, 2 | |"
+    assert len(tables.table_exploration.resumed(rows[:1])) == len(tables.table_exploration.resumed(rows)) - 1
+
+
 @pytest.mark.parametrize("name", ["totals", "exploration", "strategies"])
 @pytest.mark.parametrize("limit", ["until", "time_s", "way_m"])
 def test_a_run_with_other_limits_does_not_join_the_table(name: str, limit: str) -> None:
