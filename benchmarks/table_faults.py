@@ -128,16 +128,19 @@ def operators(rows: Sequence[Row]) -> list[str]:
 def disks(rows: Sequence[Row]) -> list[str]:
     """Results of the runs whose disk failed, by the way they ended."""
     lines = [
-        "| run | fault of the disk | good | ended by | ended after its end: median, most | kept its summary |",
-        "|---|---|---|---|---|---|",
+        "| run | fault of the disk | good | ended by | ended after its end: median, most | kept its summary "
+        "| files looked at, least |",
+        "|---|---|---|---|---|---|---|",
     ]
     for (how, fault), results in _parts(rows, "how", "fault"):
         of = [row for row in rows if (row.asked["how"], row.asked["fault"]) == (how, fault)]
         ends = Counter({**row.asked, **row.result}["ended_by"] for row in of)  # older rows tell it in their result
         good, kept = (sum(bool(result[key]) for result in results) for key in ("good", "summary"))
         ended_by = ", ".join(f"{n} {end}" for end, n in ends.items())
-        took = _spread([result["ended_s"] for result in results])
-        lines.append(f"| {how} | {fault} | {good} of {len(results)} | {ended_by} | {took} | {kept} |")
+        times = [result["ended_s"] for result in results if result["ended_s"] is not None]
+        took = _spread(times) + f" of {len(times)}" * (len(times) < len(results))
+        files = min((result["files"] for result in results if "files" in result), default="not counted")
+        lines.append(f"| {how} | {fault} | {good} of {len(results)} | {ended_by} | {took} | {kept} | {files} |")
     return lines
 
 
