@@ -9,6 +9,8 @@ from typing import Any
 
 from vsx_ros.experiments.rows import Row
 
+_POSES = "slam", "odometry"
+
 
 def nodes(rows: Sequence[Row]) -> list[str]:
     """Nodes killed, hung or stopped; turned_s is -1 if the wheels did not stop."""
@@ -194,16 +196,11 @@ def files(rows: Sequence[Row]) -> list[str]:
 def soaks(rows: Sequence[Row]) -> list[str]:
     """The stack under faults of all devices and processes."""
     lines = [
-        "| minutes | faults | tracebacks | died by themselves | contacts | way | pose, odometry off (rms) |",
-        "|---|---|---|---|---|---|---|",
+        "| minutes | faults | tracebacks | died by themselves | missions that ended | contacts | way | pose off (rms) "
+        "| odometry off since its counting began (rms) |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
-    for row in rows:
-        of = row.result
-        lines.append(
-            f"| {row.asked['minutes']:g} | {', '.join(f'{n} {k}' for k, n in of['faults'].items())} "
-            f"| {len(of['tracebacks'])} | {len(of['died_by_themselves'])} | {of['collisions']} | {of['path_m']:.0f} m "
-            f"| {', '.join(f'{100 * error:.0f} cm' for error in of['error_rms_m'].values())} |"
-        )
+    lines += map(_soak, rows)
     lives = [life for row in rows for life in row.result["lives"]]
     if lives:
         head = "| process | lives | the longest, since it was warm | its memory then | grew by | of that the map"
@@ -269,6 +266,20 @@ def _counts(words: Sequence[str]) -> str:
     """Each with its count, the most frequent first; one that all share without."""
     counts = Counter(words).most_common()
     return counts[0][0] if len(counts) == 1 else " / ".join(f"{n} of {len(words)}: {each}" for each, n in counts)
+
+
+def _soak(row: Row) -> str:
+    """The line of an hour. Older rows count no missions; their nodes wrote to the disk that was filled, and what they
+    have of the odometry are its restarts."""
+    of, missions, stretches = row.result, row.result.get("missions"), row.result.get("odometry_stretches")
+    unheard = " while the disk was not full" if missions is None and "disk" in of["faults"] else ""
+    ended = "not counted" if missions is None else ", ".join(f"{n}: {why}" for why, n in missions.items()) or "0"
+    pose, odometry = (f"{100 * of['error_rms_m'][k]:.0f} cm" if k in of["error_rms_m"] else "-" for k in _POSES)
+    return (
+        f"| {row.asked['minutes']:g} | {', '.join(f'{n} {k}' for k, n in of['faults'].items())} "
+        f"| {len(of['tracebacks'])}{unheard} | {len(of['died_by_themselves'])} | {ended} | {of['collisions']} "
+        f"| {of['path_m']:.0f} m | {pose} | {f'{odometry} in {stretches} stretches' if stretches else 'not measured'} |"
+    )
 
 
 def _spread(values: Sequence[float]) -> str:

@@ -1,4 +1,4 @@
-"""The benchmarks of faults see what they judge: files of a run, and when its end begins."""
+"""The benchmarks of faults see what they judge: files of a run, odometry that begins again, missions that ended."""
 
 import os
 import signal
@@ -14,11 +14,13 @@ from vsx_ros.experiments.rows import Row
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.dock_file import save_dock
 from vsx_ros.io.zone_file import save_zones
+from vsx_ros.robot import Odometry
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 import fault_disk
 import file_samples
+import soak_stack
 import tables
 
 PROGRESS = "stamp_s,elapsed_s,driven_m,known_area_m2,coverage_correct\n"
@@ -87,11 +89,45 @@ def test_the_end_of_a_run_in_lock_step_is_when_it_does_not_listen_to_sigterm() -
         assert fault_disk.Run.is_over(run) == 0.0  # too late to say when it was
 
 
+def test_odometry_is_off_since_its_counting_began_and_not_by_a_restart() -> None:
+    drift, off_m = soak_stack.Drift(), []
+    for k in range(40):
+        truth = SE2(0.1 * k, 0.0, 0.0)
+        counted = truth if k < 20 else SE2(0.11 * (k - 20), 0.0, 0.0)  # a tenth too much since the restart at 2 m
+        off_m.append(drift.off_m(Odometry(k * 10**9 // 2, counted), truth))
+    assert drift.stretches == 2
+    assert off_m[19:22] == pytest.approx([0.0, 0.0, 0.01])
+    assert off_m[-1] == pytest.approx(0.19)
+
+
+def test_the_reason_of_a_mission_is_that_of_its_last_end() -> None:
+    said = (
+        "[INFO] [1.0]: /explore: ready\n[INFO] [2.0]: done: tracking lost for good\n[INFO] [3.0]: /explore: ready\n"
+        "[INFO] [4.0]: done: no view is worth its way any more\n[INFO] [4.1]: ended\n"
+    )
+    assert soak_stack.last_end(said) == "no view is worth its way any more"
+
+
 def row(asked: dict[str, Any], result: dict[str, Any]) -> Row:
     return Row(
         commit=None, dirty=None, code="", config="", versions={}, machine={}, when="2026-11-23T07:00:00+00:00",
         asked=asked, result=result,
     )  # fmt: skip
+
+
+def test_an_hour_tells_its_missions_and_an_older_one_what_it_did_not_hear() -> None:
+    result = {
+        "faults": {"disk": 3}, "tracebacks": [], "died_by_themselves": [], "collisions": 1, "path_m": 10.0, "lives": [],
+        "error_rms_m": {"slam": 0.03, "odometry": 12.0},
+    }  # fmt: skip
+    new = {**result, "missions": {"it is done": 2, "lost": 1}, "odometry_stretches": 4}
+    none = {**result, "missions": {}, "odometry_stretches": 0, "error_rms_m": {}}
+    lines = tables.table_faults.soaks([row({"minutes": 60.0}, each) for each in (result, new, none)])
+    assert lines[2:] == [
+        "| 60 | 3 disk | 0 while the disk was not full | 0 | not counted | 1 | 10 m | 3 cm | not measured |",
+        "| 60 | 3 disk | 0 | 0 | 2: it is done, 1: lost | 1 | 10 m | 3 cm | 1200 cm in 4 stretches |",
+        "| 60 | 3 disk | 0 | 0 | 0 | 1 | 10 m | - | not measured |",
+    ]
 
 
 def test_an_end_that_never_began_is_in_no_median() -> None:

@@ -75,7 +75,7 @@ class Stack:
             "ROS_HOME": str(folder),
             "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
         }
-        self._folder = folder
+        self._folder = self.words = folder  # words: where each process writes what it says
         self.lateness = Lateness()
         self._forks = ForkServer(*DRIVE)
         self._processes: dict[str, subprocess.Popen[bytes] | StartedCopy] = {}
@@ -163,18 +163,18 @@ class Stack:
         return said.rfind("]: done: ") > said.rfind("/explore: ready")
 
     def _explorer_said(self) -> str:
-        log = self._folder / "explore.txt"
+        log = self.words / "explore.txt"
         return log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
 
     def dead(self) -> list[str]:
         return [name for name, process in self._processes.items() if process.poll() is not None]
 
     def last_words(self, name: str) -> str:
-        lines = (self._folder / f"{name}.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        lines = (self.words / f"{name}.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()
         return lines[-1] if lines else ""
 
     def logs(self) -> str:
-        return "".join(file.read_text(encoding="utf-8", errors="replace") for file in self._folder.glob("*.txt"))
+        return "".join(file.read_text(encoding="utf-8", errors="replace") for file in self.words.glob("*.txt"))
 
     def down(self) -> None:
         self._base.close()
@@ -228,7 +228,7 @@ class Stack:
         self.wait(driving, "the robot to drive")
 
     def _log(self, name: str) -> BinaryIO:
-        return (self._folder / f"{name}.txt").open("ab")
+        return (self.words / f"{name}.txt").open("ab")
 
     def _on_step(self, state: BodyState) -> None:
         for watcher in self._watchers:
