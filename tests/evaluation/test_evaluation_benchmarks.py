@@ -24,7 +24,8 @@ import tables
 GOOD = {"coverage_correct": 0.5, "ate_rmse_m": 0.01, "breaks": 0, "collisions": 0, "stop_reason": "time limit of 120 s"}
 SUMMARY = {
     **GOOD, "coverage_correct": 0.912, "relocalizations": 0, "scale_error": 0.00212345, "driven_m": 61.237,
-    "min_clearance_m": 0.09, "duration_s": 400.0, "keyframes": 300, "free_inside_obstacle": 0.0, "plans": 20,
+    "min_clearance_m": 0.09, "duration_s": 400.0, "keyframes": 300, "free_inside_obstacle": 0.0, "occupied_recall": 0.8,
+    "plans": 20,
 }  # fmt: skip
 
 
