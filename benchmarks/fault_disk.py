@@ -286,8 +286,9 @@ def trial(task: Failing) -> dict[str, object]:
     way, sent = list(ENDED_BY).index(ended_by), ENDED_BY[ended_by]
     rng, seed = np.random.default_rng([HOW.index(how), FAULTS.index(fault), way, number]), 100 + 3 * number + way
     with disk(fault) as mounted, Run(how, mounted, seed, LASTS_S[how] if sent is None else 600.0) as run:
-        run.wait_for(run.has_frames)
-        moment_s = float(rng.uniform(0.0, 0.9)) * (LASTS_S[how] if how == "live" else 4.0)
+        if run.wait_for(run.has_frames) is None:
+            raise UntriedError(f"the run began no journal: {[line for _, line in run.lines][-1:]}")
+        moment_s = float(rng.uniform(0.0, 0.8)) * (LASTS_S[how] if how == "live" else 4.0)
         time.sleep(moment_s)
         if run.child.poll() is not None:
             raise UntriedError(f"the run ended before its disk failed: {[line for _, line in run.lines][-1:]}")

@@ -93,9 +93,9 @@ class Operator:
             held.step(state.time_ns, self._stack.plant.commanded)
 
     def trial(self, task: Taking) -> dict[str, Any] | None:
-        """One row; None if the robot is not on the way to a view."""
+        """One row; None if the robot does not drive to a view."""
         heard, what, self._held_s = self._heard, task.what, task.held_s
-        if heard.status.get("state") != "mapping":
+        if heard.status.get("state") != "mapping" or not self._stack.plant.moving:
             return None
         heard.events.clear()
         self._reached = None

@@ -18,9 +18,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from certainty_bins import EDGES
 from exploration_strategy import STRATEGIES, Run
 from seeds import seed_range
-from table_free_cells import EDGES, diagram
+from table_free_cells import diagram
 from tables import RESULTS, ROOT, newest, rooms_of
 
 from vsx_ros.config import Config

@@ -4,11 +4,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from certainty_bins import EDGES
 
 from vsx_ros.experiments.rows import Row
 
-EDGES = (0.0, 0.001, 0.0025, 0.005, 0.0075, 0.01, 0.0125, 0.015, 0.02, 0.03, 0.05, 0.1, 0.2, 0.4, 1.0)
-"""Ends of the bins of told obstacle probability."""
 _NINETY_NINE = (0.0075, 0.0125)  # "free with 99 %"
 _SIZE_PX, _MARGIN_PX, _LEAST = 420, 56, 2e-4
 _TICKS = (0.001, 0.01, 0.1, 1.0)

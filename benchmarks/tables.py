@@ -82,12 +82,18 @@ _LIMITS = {"until": 0.9, "time_s": 800.0, "way_m": 120.0}
 _LAB = {"world": "lab", "strategy": "views", "noise": 0, "seed": range(100, 120), **_LIMITS}
 _LIVE = {**_LAB, "seed": range(100, 105), "way_m": None}
 _STRATEGIES = {"strategy": ("views", "nearest", "tour"), "seed": range(100, 120), **_LIMITS}
+_DRIVES = {"world": "lab", "seed": range(100, 120), "noise": 0, "dataset": (1, 2)}
 _BASES = ("kobuki", "create", "create2")
 _CABLE = ("off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 _NODES = (
     "mobile_base", "follower", "move_base", "explore", "camera", "vslam", "rosmaster", "watchdog",
     "mobile_base+watchdog",
 )  # fmt: skip
+_ENDS = tuple(
+    (node, how)
+    for node, how in product(_NODES, ("killed", "hung", "stopped"))
+    if how != "stopped" or "watchdog" not in node
+)
 _DISKS = ("full", "full for 3 s", "no inode left", "read-only", "run folder deleted")
 _ENCODERS = (("left", "right", "both"), ("dead", "stuck", "double", "backwards"))
 _GYRO = (("gyro",), ("stuck", "one wrong report", "drift to the left", "drift to the right", "wrong sign"))
@@ -110,16 +116,18 @@ def _faults(rows: str, made: _Made, **of: Any) -> Table:
 
 
 TABLES: dict[str, Table] = {
-    "nodes": _faults(
-        "fault_nodes", table_faults.nodes, node=_NODES, how=("killed", "hung", "stopped"), repetition=range(20)
-    ),  # fmt: skip
+    "nodes": _faults("fault_nodes", table_faults.nodes, **{"node how": _ENDS}, repetition=range(20)),
     "bases": _faults("fault_bases", table_faults.bases, base=_BASES, fault=_CABLE, repetition=range(5)),
     "cameras": _faults("fault_cameras", table_faults.cameras, fault=_CABLE),
     "robots": _faults("fault_camera", table_faults.robots, fault=("unplugged", *_CABLE), repetition=range(5)),
     "masters": _faults("fault_master", table_faults.masters, away_s=(0.5, 1.0, 5.0, 30.0), repetition=range(20)),
     "posts": _faults("fault_obstacle", table_faults.posts, ahead_m=0.5, repetition=range(20)),
     "operators": _faults(
-        "fault_operator", table_faults.operators, what=("emergency stop", "teleop", "goal"), repetition=range(10)
+        "fault_operator",
+        table_faults.operators,
+        what=("emergency stop", "teleop", "goal"),
+        held_s=300.0,
+        repetition=range(10),
     ),
     "disks": _faults(
         "fault_disk",
@@ -135,8 +143,8 @@ TABLES: dict[str, Table] = {
         "soak_stack", table_faults.soaks, kinds=["camera", "base", "node", "master", "disk"], minutes=60.0
     ),
     "alarms": _faults("fault_alarms", table_faults.alarms, wheels=_WHEELS, base=_BASES, minutes=5.0),
-    "table 1": Table("docs/results.md", "drives", table_paper.table1),
-    "U2": Table("docs/paper.md", "drives", table_paper.u2),
+    "table 1": Table("docs/results.md", "drives", table_paper.table1, _DRIVES),
+    "U2": Table("docs/paper.md", "drives", table_paper.u2, _DRIVES),
     "totals": Table("README.md", "exploration", table_exploration.brief, _LAB),
     "live brief": Table("README.md", "exploration_live", table_exploration.brief, _LIVE),
     "strategies": Table("docs/results.md", "exploration_strategy", table_exploration.strategies, _STRATEGIES),
@@ -248,8 +256,8 @@ def lacking(rows: Sequence[Row], of: dict[str, Any]) -> str:
     return f"{len(lacks)} of {len(questions)} ({first}{', ...' * (len(lacks) > 1)})" if lacks else ""
 
 
-def caption(rows: Sequence[Row], file: str, lacks: str = "") -> str:
-    """Number, file, commits and dates of the rows."""
+def caption(rows: Sequence[Row], file: str, lacks: str = "", newer: str = "") -> str:
+    """Number, file, commits and dates of the rows. newer: of rows that do not count yet, in words."""
     of = Counter((row.commit or "no commit", row.dirty, row.when[:10]) for row in rows)
     commits: dict[tuple[str, bool | None], list[str]] = {}
     for commit, dirty, day in of:
@@ -259,8 +267,8 @@ def caption(rows: Sequence[Row], file: str, lacks: str = "") -> str:
         how = {None: " or before", True: " with changes", False: ""}[dirty]
         first, last = min(days), max(days)
         words.append(f"{commit[:7]}{how} ({first if first == last else f'{first} to {last}'})")
-    without = f", without {lacks}" if lacks else ""
-    return f"*{len(rows)} rows of `benchmarks/results/{file}.jsonl`{without}; commit {', '.join(words)}.*"
+    without, later = f", without {lacks}" if lacks else "", f"; {newer}" if newer else ""
+    return f"*{len(rows)} rows of `benchmarks/results/{file}.jsonl`{without}; commit {', '.join(words)}{later}.*"
 
 
 def block(name: str, whole: bool = True) -> list[str] | None:
@@ -268,10 +276,13 @@ def block(name: str, whole: bool = True) -> list[str] | None:
     table = TABLES[name]
     kept = read_rows(RESULTS / f"{table.rows}.jsonl", tell)
     rows, last = newest(kept, table.of, whole), newest(kept, table.of, whole=False)
+    newer = ""
     if rows != last:
-        lacks = f"{len(last)} newer rows, of {(last[0].commit or 'no commit')[:7]}, lack {lacking(last, table.of)}"
-        tell(f"{name}: {lacks}; until then {table.document} keeps the last whole table")
-    return [*table.made(rows), "", caption(rows, table.rows, lacking(rows, table.of))] if rows else None
+        newer = f"{len(last)} newer rows, of {(last[0].commit or 'no commit')[:7]}, lack {lacking(last, table.of)}"
+        tell(f"{name}: {newer}; until then {table.document} keeps the last whole table")
+    if kept and not rows:
+        tell(f"{name}: no row of {table.rows}.jsonl answers one of the published questions")
+    return [*table.made(rows), "", caption(rows, table.rows, lacking(rows, table.of), newer)] if rows else None
 
 
 def placed(text: str, name: str, lines: Sequence[str]) -> str:
@@ -289,7 +300,7 @@ def render() -> None:
         document = ROOT / table.document
         lines = block(name)
         if lines is None:
-            tell(f"{name}: no rows in {table.rows}.jsonl; what stands in {table.document} stays")
+            tell(f"{name}: what stands in {table.document} stays")
         else:
             document.write_text(placed(document.read_text(), name, lines))
 

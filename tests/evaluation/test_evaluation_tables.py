@@ -1,9 +1,11 @@
 """Tables of the documents are those of their rows, and say of which tree."""
 
+import importlib
 import json
 import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -160,6 +162,36 @@ def test_a_table_is_whole_with_each_of_its_questions_with_each() -> None:
     assert tables.newest([*some, *asked(("create", "stuck", 0))], of) == some
 
 
+ASKS = {
+    "fault_nodes": [], "fault_matrix": [], "fault_camera": [], "fault_master": [], "fault_obstacle": [],
+    "fault_operator": [], "fault_disk": [], "fault_sensors": [], "fuzz_files": [], "soak_stack": [],
+    "exploration": ["run"], "exploration_strategy": [], "free_cells": ["run"], "docking": ["run"], "zones": ["run"],
+    "resume": ["--seeds", "100:110"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("program", sorted(ASKS))
+def test_a_program_asks_all_published_questions(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, list[Row]] = {}
+
+    def campaign(rows: str, tasks: Sequence[Any], *_: object) -> list[dict[str, Any]]:
+        questions = json.loads(json.dumps([task._asdict() for task in tasks]))
+        asked[rows] = [msgspec.structs.replace(row(0), asked=question) for question in questions]
+        return [{"outcomes": {}}]
+
+    module = importlib.import_module(program)
+    for room in (module, importlib.import_module("exploring_robot")):
+        monkeypatch.setattr(room, "campaign", campaign, raising=False)
+        monkeypatch.setattr(room, "run_campaign", lambda tasks, *_: campaign(program, tasks), raising=False)
+    monkeypatch.setattr("resource.setrlimit", lambda *_: None)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    monkeypatch.setattr(sys, "argv", [program, *ASKS[program]])
+    module.main()
+    judged = {name: table for name, table in tables.TABLES.items() if table.rows in asked}
+    assert judged
+    assert {name: tables.lacking(asked[of.rows], of.of) for name, of in judged.items()} == dict.fromkeys(judged, "")
+
+
 def test_what_a_run_did_not_leave_is_told_as_unknown() -> None:
     lost = row(2)
     lost.result.update(breaks=None, slam={}, ate_rmse_m=None)
@@ -242,18 +274,16 @@ def test_some_labs_at_newer_code_do_not_replace_all(
         (tmp_path / f"{table.rows}.jsonl").write_bytes(b"".join(msgspec.json.encode(each) + b"\n" for each in rows))
         return "\n".join(tables.block(name, whole) or [])
 
-    kept = block(old)
-    assert block([*old, *new[:-1]]) == kept
-    assert capsys.readouterr().err == (
-        f"{name}: {len(seeds) - 1} newer rows, of fedcba9, lack seed {seeds[-1]}; until then {table.document} keeps "
-        "the last whole table\n"
-    )
+    kept, newer = block(old), f"{len(seeds) - 1} newer rows, of fedcba9, lack seed {seeds[-1]}"
+    assert block([*old, *new[:-1]]) == kept.removesuffix(".*") + f"; {newer}.*"
+    said = f"{name}: {newer}; until then {table.document} keeps the last whole table\n"
+    assert capsys.readouterr().err == said
     partly = block([*old, *new[:-1]], whole=False)
     assert partly.endswith(f".jsonl`, without seed {seeds[-1]}; commit fedcba9 (2026-11-23).*")
     assert block(new[:-1]) == partly  # there is no whole one
     assert CAPTION.fullmatch(partly.splitlines()[-1])
-    assert "commit fedcba9 (2026-11-23).*" in block([*old, *new])
-    assert "commit fedcba9 (2026-11-23).*" in block([*new, *old[:-1]])  # in whatever order they came
+    assert "commit fedcba9 (2026-11-23)" in block([*old, *new])
+    assert "commit fedcba9 (2026-11-23)" in block([*new, *old[:-1]])  # in whatever order they came
     assert capsys.readouterr().err.count("\n") == 1
 
 
