@@ -77,12 +77,34 @@ def test_u2_by_each_reading_of_its_sentence():
         {"found": np.array(found), "searched": np.array(searched)}
         for found, searched in (([2, 0], [2, 3]), ([5, 0, 1], [6, 5, 2]), ([5, 0, 4], [8, 7, 4]))
     )
-    assert _u2_readings(start, loss, end) == {
+    assert _u2_readings((start, end), (start, loss)) == {
         "u2_frames": 4.5, "u2_made": 3.0, "u2_searched": 6.0, "u2_made_searched": pytest.approx(19 / 3),
         "u2_drive": pytest.approx(7 / 3), "u2_until_loss": 2.0, "u2_drive_until_loss": pytest.approx(4 / 3),
     }  # fmt: skip
     nothing = {"found": np.zeros(0), "searched": np.zeros(0)}
-    assert _u2_readings(nothing, nothing, nothing) == dict.fromkeys(U2_READINGS)
+    assert _u2_readings((nothing, nothing), (nothing, nothing)) == dict.fromkeys(U2_READINGS)
+
+
+def test_points_of_a_map_that_was_given_up_are_not_taken_from_those_of_the_next():
+    """Two points before the drive; a loss, then another map of three points, or of one at the very end."""
+    counts = [[5, 5], [6, 5, 1], [], [1, 1, 2]]
+    states = [TrackingState.GOOD, TrackingState.LOST, TrackingState.NOT_INITIALISED, TrackingState.GOOD]
+    for last in (counts[-1], [4]):
+        slam = Told(states)
+        slam.record = lambda last=last, slam=slam: {
+            name: np.array([*counts[:-1], last][max(0, slam._seen - 1)]) for name in ("found", "searched")
+        }
+        tracked = Tracked(PAPER, slam, metric=False)
+        tracked.track(0, None)
+        tracked.begin()
+        for k in (1, 2, 3):
+            tracked.track(k, None)
+        judged = tracked.judged([straight(k) for k in range(4)], [straight(k).T for k in range(4)])
+        assert judged["u2_drive"] == judged["u2_made"] == np.mean(last)
+        assert judged["u2_drive_until_loss"] == pytest.approx(2 / 3)
+    ended = {name: np.array([3]) for name in ("found", "searched")}  # the last frame of all gave the map up
+    before = {name: np.array([5, 5]) for name in ("found", "searched")}
+    assert _u2_readings((before, ended), (before, ended))["u2_drive"] == 3.0
 
 
 class Told:

@@ -53,14 +53,16 @@ class Tracked:
     def begin(self) -> None:
         """The next frames belong to the drive; the earlier ones are the straight start."""
         self._begun, self._before = len(self._results), self._slam.record()
-        self._at_loss: Record | None = None
+        self._until_loss: tuple[Record, Record] | None = None
 
     def track(self, frame: Frame, odometry: Odometry) -> None:
         """Track one frame, the same for all trackers."""
         result = self._slam.track(frame, odometry if self._metric else None)
         self._results.append(result)
-        if result.state in _WITHOUT and self._at_loss is None:
-            self._at_loss = self._slam.record()
+        if result.state is TrackingState.NOT_INITIALISED:
+            self._before = self._slam.record()  # a map that is given up takes its points along
+        if result.state in _WITHOUT and self._until_loss is None:
+            self._until_loss = self._before, self._slam.record()
 
     def judged(self, truth: list[StampedPose], odometry: list[SE3]) -> dict[str, Any]:
         """U1, U2, losses, breaks and errors of the drive. u1: found / searched points, 0 for a lost frame. broken: lost
@@ -76,13 +78,13 @@ class Tracked:
         kind: AlignmentKind = "yaw" if self._metric else "sim3"
         error_m = trajectory_error(known, kind).ate_rmse_m if len(known) >= _ENOUGH_POSES else None
         jumps = continuity(results, [w for _, _, w in drive]).breaks if self._metric else []
-        statistics, record = self._slam.statistics(), self._slam.record()
+        statistics, counted = self._slam.statistics(), (self._before, self._slam.record())
         return {
             "started": statistics.initialized_at_s is not None,
             "u1": float(np.mean(ratios)),
             "u1_until_loss": float(np.mean(ratios[:first_lost])) if first_lost else 0.0,
             "u2_seconds": statistics.u2_seconds,
-            **_u2_readings(self._before, self._at_loss or record, record),
+            **_u2_readings(counted, self._until_loss or counted),
             "tracked_share": float(np.mean(tracked)),
             "losses": int(np.count_nonzero(np.diff(np.array([False, *lost]).astype(int)) > 0)),
             "broken": bool(lost[-1] or not any(tracked) or error_m is None or error_m > WRONG_M or jumps),
@@ -126,18 +128,24 @@ def both_trackers(robot: EmulatedRobot, config: Config, seed: int) -> tuple[Trac
     )
 
 
-def _u2_readings(before: Record, until_loss: Record, record: Record) -> dict[str, float | None]:
-    """The mean of frames over points for each entry of U2_READINGS, None without such points. before, until_loss: the
-    counts when the drive began, and at the first loss."""
-    found, searched = record["found"], record["searched"]
-    lived, earlier = found >= LONG_LIVED, before["found"]
+def _u2_readings(drive: tuple[Record, Record], until_loss: tuple[Record, Record]) -> dict[str, float | None]:
+    """The mean of frames over points for each entry of U2_READINGS, None without such points. drive, until_loss: the
+    counts when the drive began, and at its end or the first loss; those of the map at that time."""
+    found, searched = drive[1]["found"], drive[1]["searched"]
+    lived = found >= LONG_LIVED
     counts = {
         "u2_frames": found[lived],
         "u2_made": found,
         "u2_searched": searched[lived],
         "u2_made_searched": searched,
-        "u2_drive": found - np.pad(earlier, (0, len(found) - len(earlier))),
-        "u2_until_loss": until_loss["found"],
-        "u2_drive_until_loss": until_loss["found"] - np.pad(earlier, (0, len(until_loss["found"]) - len(earlier))),
+        "u2_drive": _found_since(*drive),
+        "u2_until_loss": until_loss[1]["found"],
+        "u2_drive_until_loss": _found_since(*until_loss),
     }
     return {name: float(frames.mean()) if len(frames) else None for name, frames in counts.items()}
+
+
+def _found_since(before: Record, after: Record) -> NDArray[Any]:
+    """In how many frames each point was found since. A map with fewer points has begun again: all are its own."""
+    earlier, found = before["found"], after["found"]
+    return found if len(found) < len(earlier) else found - np.pad(earlier, (0, len(found) - len(earlier)))
