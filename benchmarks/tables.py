@@ -26,6 +26,7 @@ import table_paper
 import table_zones
 
 from vsx_ros.config import Config
+from vsx_ros.experiments import drive
 from vsx_ros.experiments.campaign import Engine, Result, Task, Work, run_campaign
 from vsx_ros.experiments.rows import Row, Store, code_hash, config_hash, read_rows, tell
 
@@ -310,7 +311,8 @@ def stale(name: str) -> str:
     table = TABLES[name]
     rows = newest(read_rows(RESULTS / f"{table.rows}.jsonl", tell), table.of)
     rooms = rooms_of(table.rows)
-    old = [row for row in rows if (row.code, row.config) != (code_hash(rooms), config_hash(Config()))]
+    config = drive.CONFIG if table.rows == "drives" else Config()
+    old = [row for row in rows if (row.code, row.config) != (code_hash(rooms), config_hash(config))]
     if rows and not old:
         return ""
     if not rows:

@@ -1,6 +1,7 @@
 """Tables of the documents are those of their rows, and say of which tree."""
 
 import importlib
+import itertools
 import json
 import re
 import subprocess
@@ -12,6 +13,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from vsx_ros.experiments import drive
 from vsx_ros.experiments.drive import ARMS, DriveTask
 from vsx_ros.experiments.rows import Row, Store, read_rows
 from vsx_ros.experiments.trackers import FULL, PAPER, U2_READINGS
@@ -73,8 +75,8 @@ def test_kept_rows_are_whole_and_have_a_table(path: Path) -> None:
 
 def test_drives_make_a_line_for_each_tracker_and_reading() -> None:
     judged = {**dict.fromkeys(U2_READINGS, 40.0), "u1": 0.8, "u2_seconds": 2.0, "broken": False, "held_share": 1.0}
-    drive = {"trackers": {name: {**judged, "ate_m": None} for name in (PAPER, FULL)}}
-    arms = {**dict.fromkeys(ARMS, drive), "the paper's planner": {"refused": "no way"}}
+    driven = {"trackers": {name: {**judged, "ate_m": None} for name in (PAPER, FULL)}}
+    arms = {**dict.fromkeys(ARMS, driven), "the paper's planner": {"refused": "no way"}}
     rows = [msgspec.structs.replace(row(seed), asked=DriveTask("lab", seed, 0, 1)._asdict(), result={"arms": arms})
             for seed in (1, 2)]  # fmt: skip
     lines = tables.table_paper.u2(rows)
@@ -392,6 +394,14 @@ def test_tables_older_than_their_code_are_listed(tmp_path: Path, monkeypatch: py
     assert tables.stale("resumed").startswith(
         "resumed (docs/results.md): 1 of 1 rows are of other code or configuration; "
     )
+
+
+def test_drives_have_a_configuration_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tables, "RESULTS", tmp_path)
+    store = Store(tmp_path / "drives.jsonl", drive.CONFIG)
+    for seed, dataset in itertools.product(range(100, 120), (1, 2)):
+        store.add(drive.DriveTask("lab", seed, 0, dataset)._asdict(), {})
+    assert tables.stale("table 1") == ""
 
 
 def test_strategies_stand_side_by_side() -> None:
