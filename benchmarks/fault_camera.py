@@ -185,7 +185,7 @@ def why(reports: Sequence[Report], stop_s: float) -> str:
 
 def judged(changes: Sequence[tuple[float, bool]], end_s: float, reports: Sequence[Report]) -> dict[str, object]:
     """A row, without the robot's last reports. changes: whether the wheels turned from this time on [s, monotonic], of
-    which the first is the beginning of the fault. stayed: the base stood for another reason, and did not drive on."""
+    which the first is the beginning of the fault."""
     begin_s, turned_s, others, words = changes[0][0], -1.0, [], ""
     for stop_s in [at_s for at_s, turn in changes[1:] if not turn]:
         words = why(reports, stop_s)
@@ -198,8 +198,7 @@ def judged(changes: Sequence[tuple[float, bool]], end_s: float, reports: Sequenc
     then_s = begin_s + turned_s + THEN_S if turned_s >= 0.0 else end_s
     told = {who: said(reports, who, then_s) for who in ("slam", "follower", "mission")}
     told["follower"] = words if turned_s >= 0.0 else told["follower"]
-    stayed = turned_s < 0.0 and not changes[-1][1]
-    return {"turned_s": round(turned_s, 3), "moved_s": round(moved_s, 3), "others": others, "stayed": stayed, **told}
+    return {"turned_s": round(turned_s, 3), "moved_s": round(moved_s, 3), "others": others, **told}
 
 
 class Ear:

@@ -1,10 +1,12 @@
 """Makes tables of explorations from their rows."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
+from vsx_ros.evaluation.paired import mean_interval
 from vsx_ros.experiments.rows import Row
 
 Runs = Sequence[Row]
@@ -37,7 +39,7 @@ def runs(rows: Runs) -> list[str]:
 
 
 def strategies(rows: Runs) -> list[str]:
-    """One line per world: results with views and with the nearest frontier."""
+    """Medians and ratios of the ways to 90 %, then one line per world."""
     found = {(row.asked["strategy"], row.asked["seed"]): row.result for row in rows}
     asked = dict.fromkeys(strategy for strategy, _ in found)
     lines = header(("world", *(f"{s}: {name}" for s in asked for name in ("L70", "L90", "seconds", "contacts"))))
@@ -51,7 +53,22 @@ def strategies(rows: Runs) -> list[str]:
             ways = (shown(run.get("reached", {}).get(level, [None])[0], ".0f") for level in ("70", _UNTIL))
             cells += [*ways, shown(run.get("duration_s"), ".0f"), shown(run.get("collisions"), "d")]
         lines.append(f"| {seed} | " + " | ".join(cells) + " |")
-    return lines
+    ways = {
+        strategy: {seed: run["reached"][_UNTIL][0] for (of, seed), run in found.items()
+                   if of == strategy and _UNTIL in run.get("reached", {})}
+        for strategy in asked
+    }  # fmt: skip
+    told = [f"{name} {'{} ({})'.format(*_worst(list(of.values()), '.0f'))} of {len(of)}" for name, of in ways.items()]
+    summary = [f"- L90, median (worst): {', '.join(told)}"]
+    for other in list(asked)[1:]:
+        views, of = ways[next(iter(asked))], ways[other]
+        ratio = mean_interval([math.log(views[seed] / of[seed]) for seed in sorted(views.keys() & of.keys())])
+        if ratio is not None and ratio.low is not None and ratio.high is not None:
+            value, low, high = map(math.exp, ratio)
+            summary.append(
+                f"- L90 of {next(iter(asked))} / {other}, geometric mean: {value:.2f} [{low:.2f}, {high:.2f}]"
+            )
+    return [*summary, "", *lines]
 
 
 def totals(rows: Runs) -> list[str]:

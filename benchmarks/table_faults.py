@@ -242,13 +242,18 @@ def _obeyed(results: Sequence[dict[str, Any]]) -> str:
 def _stood(results: Sequence[dict[str, Any]]) -> str:
     """When the wheels stood for a fault, and how often they stood for another reason before, or not at all."""
     times, on = _stopped(results)
-    stayed, n = sum(result.get("stayed", False) for result in results), len(results)
+    stayed, n = sum(map(_stays, results)), len(results)
     words = [f"{statistics.median(times):.3f} s, {max(times):.3f} s of {len(times)}"] if times else []
     words += [f"{stayed} of {n} stood for another reason, and stayed"] if stayed else []
     words += [f"{on - stayed} of {n} did not"] if on > stayed else []
-    before = sum(bool(result.get("others")) and not result.get("stayed") for result in results)
+    before = sum(bool(result.get("others")) and not _stays(result) for result in results)
     words += [f"{before} of {n} also stood before, for another reason"] if before else []
     return "; ".join(words)
+
+
+def _stays(result: dict[str, Any]) -> bool:
+    """Whether the base stood for another reason, and stands at the end."""
+    return bool(result.get("others")) and result["turned_s"] < 0.0 and result["later"].startswith("standing")
 
 
 def _state(later: str) -> str:

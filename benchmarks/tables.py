@@ -54,8 +54,8 @@ _Made: TypeAlias = Callable[[Sequence[Row]], list[str]]
 
 class Table(NamedTuple):
     """document: the file with the table's marks. rows: the file of its rows. made: makes its lines. of: the published
-    questions, by name: the value that each row has, or a range or tuple of all those that a whole table has, each with
-    each. Names with a space between belong together; their values are tuples."""
+    questions, by name: the value that each row has, or a range or tuple of all those that a whole table has, or a
+    function that lists them; each with each. Names with a space between belong together; their values are tuples."""
 
     document: str
     rows: str

@@ -58,14 +58,15 @@ def test_an_arrival_is_no_reaction_to_a_fault_and_all_turning_is_summed() -> Non
     assert (row["turned_s"], row["moved_s"], row["others"]) == (1.0, 0.7, [ARRIVED])
     assert (row["slam"], row["follower"], row["mission"]) == ("TRACKING", LEASE, DRIVING)
     row = fault_camera.judged(changes[:2], 14.0, reports((10.21, ARRIVED)))
-    assert (row["turned_s"], row["moved_s"], row["others"], row["stayed"]) == (-1.0, 0.2, [ARRIVED], True)
-    assert tables.table_faults._stood([row]) == "1 of 1 stood for another reason, and stayed"
+    assert (row["turned_s"], row["moved_s"], row["others"]) == (-1.0, 0.2, [ARRIVED])
+    stood = tables.table_faults._stood([{**row, "later": "standing; TRACKING; mapping"}])
+    assert stood == "1 of 1 stood for another reason, and stayed"
     begun = reports((10.2, "following about to drive"), (10.31, LEASE))
     row = fault_camera.judged([(10.0, True), (10.3, False)], 14.0, begun)
     assert (row["turned_s"], row["moved_s"], row["others"]) == (0.3, 0.3, [])
     row = fault_camera.judged([(10.0, True)], 14.0, reports())
-    assert (row["turned_s"], row["moved_s"], row["others"], row["stayed"]) == (-1.0, 4.0, [], False)
-    assert tables.table_faults._stood([row]) == "1 of 1 did not"
+    assert (row["turned_s"], row["moved_s"], row["others"]) == (-1.0, 4.0, [])
+    assert tables.table_faults._stood([{**row, "later": "driving; TRACKING; mapping"}]) == "1 of 1 did not"
 
 
 def test_a_fault_begins_while_the_robot_maps_tracks_and_drives(monkeypatch: pytest.MonkeyPatch) -> None:

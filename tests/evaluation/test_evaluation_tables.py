@@ -4,7 +4,6 @@ import importlib
 import itertools
 import json
 import re
-import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -87,54 +86,6 @@ def test_drives_make_a_line_for_each_tracker_and_reading() -> None:
     usual = [line for line in tables.table_paper.table1(rows) if "U2 [frames]" in line]
     assert len(usual) == 2
     assert all("found, points found three times" in line for line in usual)
-
-
-ROWS = sorted({table.rows for table in tables.TABLES.values()})
-
-
-@pytest.mark.parametrize("rows", ROWS)
-def test_every_room_is_there(rows: str) -> None:
-    rooms = tables.rooms_of(rows)
-    assert [room for room in rooms if not room.exists()] == []
-    programs = [room.read_text() for room in rooms if room.suffix == ".py"]
-    assert rows == "drives" or any(f'"{rows}"' in program for program in programs)
-
-
-DOES = {
-    "exploration": "explored(exploration.Exploration('lab', 3, 0, 'views', 0.9, 6.0, 1.0))",
-    "docking": "room_of(docking.Attempt('create', 0, True))",
-}
-"""What a program does while it is looked at which modules it loads."""
-
-
-@pytest.mark.parametrize("rows", sorted(tables._IN_PROCESS))
-def test_what_a_program_loads_is_in_its_rooms(rows: str) -> None:
-    """However it comes to be loaded."""
-    program = tables._PROGRAMS.get(rows, rows)
-    look = f"import sys; sys.path[:0] = {list(map(str, tables._BESIDE))}; "
-    look += f"from unittest.mock import MagicMock; sys.modules['tables'] = MagicMock(); import {program}; "
-    look += f"{program}.{DOES[rows]}; " if rows in DOES else ""
-    look += "print(*(m.__file__ for m in list(sys.modules.values()) if getattr(m, '__file__', None)), sep='\\n')"
-    done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
-    rooms = tables.rooms_of(rows)
-    paths = map(Path, done.stdout.split("\n"))
-    ours = [path for path in paths if path.is_relative_to(tables.ROOT) and not path.name.startswith("table")]
-    assert len(ours) > 10
-    assert [path for path in ours if path not in rooms] == []
-
-
-def test_rows_of_one_process_outlive_changes_of_what_it_does_not_import() -> None:
-    rooms = {str(room.relative_to(tables.ROOT)) for room in tables.rooms_of("exploration")}
-    assert {"src/vsx_ros/slam/mapper.py", "src/vsx_ros/runs/lockstep.py", "benchmarks/exploration.py"} <= rooms
-    assert not any(room.startswith(("src/vsx_ros/ros", "src/vsx_ros/cli", "hw")) for room in rooms)
-
-
-def test_what_a_program_starts_or_imports_later_is_in_its_rooms() -> None:
-    """The nodes are processes; the stack of the live tests is imported within a function."""
-    rooms = {str(room.relative_to(tables.ROOT)) for room in tables.rooms_of("fault_operator")}
-    assert {"src/vsx_ros", "hw/vsx_hw", "benchmarks/exploring_robot.py", "tests/ros/conftest.py"} <= rooms
-    assert {"tests/ros/processes.py", "tests/ros/mission_listener.py", "tests/waiting.py"} <= rooms
-    assert not any("table" in room for room in rooms)  # how rows are shown does not change them
 
 
 def test_a_table_is_of_one_code_and_configuration_the_last() -> None:
@@ -406,12 +357,20 @@ def test_drives_have_a_configuration_of_their_own(tmp_path: Path, monkeypatch: p
 
 def test_strategies_stand_side_by_side() -> None:
     rows = [row(2), row(1), row(1, strategy="nearest")]
-    assert tables.TABLES["strategies"].made(rows)[2:] == [
+    assert tables.TABLES["strategies"].made(rows)[:2] == [
+        "- L90, median (worst): views 60 (60) of 2, nearest 60 (60) of 1",
+        "",
+    ]
+    assert tables.TABLES["strategies"].made(rows)[4:] == [
         "| 1 | - | 60 | 400 | 0 | - | 60 | 400 | 0 |",
         "| 2 | - | 60 | 400 | 0 | - | - | - | - |",
     ]
+    of = {"views": (40.0, 30.0, 50.0), "nearest": (80.0, 60.0, 100.0)}
+    three = [told(row(seed, strategy=name), reached={"90": [way_m, 1.0]}) for name, ways in of.items()
+             for seed, way_m in enumerate(ways)]  # fmt: skip
+    assert tables.TABLES["strategies"].made(three)[1] == "- L90 of views / nearest, geometric mean: 0.50 [0.50, 0.50]"
     rows[0] = told(rows[0], failed="no world")
-    assert tables.TABLES["strategies"].made(rows)[3] == "| 2 | failed: no world |  |  |  | - | - | - | - |"
+    assert tables.TABLES["strategies"].made(rows)[-1] == "| 2 | failed: no world |  |  |  | - | - | - | - |"
 
 
 def test_runs_that_know_nothing_have_a_dash_and_failures_their_reason() -> None:

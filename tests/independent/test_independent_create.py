@@ -37,11 +37,7 @@ def test_create_2_measures_a_figure_by_its_encoders(tmp_path):
         way_m, turn_rad = _off_by(host)
         assert way_m < 0.004
         assert turn_rad < 0.004
-        assert host.last.odometry.gaps == 0
-        stamps_s = [reading.stamp_ns * 1e-9 for reading in host.readings]
-        longest_s = max(after - before for before, after in zip(stamps_s, stamps_s[1:]))
-        # A machine that holds the driver up for longer lets the base drive on after a command to stop.
-        assert host.last.odometry.trusted or longest_s > 0.2, host.last.odometry.doubt
+        assert (host.last.odometry.gaps, host.last.odometry.doubt, host.last.odometry.trusted) == (0, "", True)
 
 
 def test_create_1_measures_a_figure(tmp_path):
