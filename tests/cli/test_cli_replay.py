@@ -1,78 +1,29 @@
-"""Replays: what cannot be, a camera that stands still, an emulated drive, and real recordings where present."""
+"""Replays of an emulated drive: what they keep, and what cannot be."""
 
 import json
 import os
 import re
 import shutil
 import signal
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 import yaml
 from chromium import EXECUTABLE, Chromium
+from recorded_drive import write_images
 from ros2_bags import image as image_message
 from ros2_bags import odometry, write
 from rosbags.rosbag2 import StoragePlugin
 
 from vsx_ros.cli.main import execute
-from vsx_ros.config import Config
 from vsx_ros.evaluation.summary import Summary
-from vsx_ros.geometry.se2 import SE2
-from vsx_ros.geometry.se3 import SE3, StampedPose
-from vsx_ros.io.dock_file import dock_file, load_dock, save_dock
 from vsx_ros.io.slam_map_file import load_slam_map
-from vsx_ros.io.trajectory_file import format_stamp, read_trajectory, write_trajectory
-from vsx_ros.io.zone_file import load_zones, save_zones, zone_file
-from vsx_ros.occupancy.zones import Zone, ZoneKind
-from vsx_ros.robot import VelocityCommand
+from vsx_ros.io.trajectory_file import read_trajectory
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.record import RunRecord
-from vsx_ros.sim.generate import generate_world
-from vsx_ros.sim.robot import EmulatedRobot
 
 FEW = 40  # images of the drive, with as few keyframes of a map without odometry as may be given up
-DATA = Path(os.environ.get("VSX_DATA", Path(__file__).parents[2] / "../shared/data"))
-
-
-def write_camera(folder, camera):
-    tree = {name: getattr(camera, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}
-    (folder / "camera.json").write_text(json.dumps({**tree, "dist": list(camera.distortion)}))
-
-
-def write_images(folder, images):
-    (folder / "rgb").mkdir(parents=True)
-    lines = []
-    for number, (stamp_ns, image) in enumerate(images):
-        cv2.imwrite(str(folder / f"rgb/{number:06d}.png"), image)
-        lines.append(f"{format_stamp(stamp_ns)} rgb/{number:06d}.png")
-    (folder / "rgb.txt").write_text("\n".join(lines) + "\n")
-
-
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory):
-    """Four seconds straight ahead in an emulated lab."""
-    folder = tmp_path_factory.mktemp("drive")
-    robot = EmulatedRobot(generate_world("lab", 3), 3)
-    seen, odometry, truth = [], [], []
-    for _ in range(60):
-        frame, reading = robot.step(VelocityCommand(0.2, 0.0))
-        seen.append(frame)
-        odometry.append(StampedPose(reading.stamp_ns, SE3.from_se2(reading.T_odom_base)))
-        truth.append(StampedPose(frame.stamp_ns, robot.truth.T_world_cam))
-    write_images(folder, seen)
-    write_camera(folder, robot.camera_given)
-    write_trajectory(folder / "odometry.txt", odometry)
-    write_trajectory(folder / "groundtruth.txt", truth)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def replayed(drive, tmp_path_factory):
-    out = tmp_path_factory.mktemp("runs") / "drive"
-    assert execute(["replay", str(drive), "--map", "--out", str(out)]) == 0
-    return RunFolder.open(out)
 
 
 def test_a_drive_is_tracked_at_metric_scale(replayed):
@@ -303,163 +254,3 @@ def test_a_missing_calibration_and_a_wrong_one_are_named(drive, tmp_path, capsys
     assert "camera.json: entry 'fx' is missing" in capsys.readouterr().err
     assert execute(["replay", str(tmp_path / "bare"), *calibration, "--out", str(tmp_path / "run")]) == 1
     assert "64x48 but the calibration is for 640x480" in capsys.readouterr().err
-
-
-def test_a_saved_map_is_gone_on_in(drive, tmp_path, capsys):
-    saved = str(tmp_path / "lab.vsxmap")
-    assert execute(["replay", str(drive), "--save-map", saved, "--out", str(tmp_path / "first")]) == 0
-    first = RunFolder.open(tmp_path / "first").read_summary()
-    assert execute(["replay", str(drive), "--load-map", saved, "--out", str(tmp_path / "second")]) == 0
-    second = RunFolder.open(tmp_path / "second")
-    summary = second.read_summary()
-    assert (first["continued_map"], summary["continued_map"]) == (None, saved)
-    assert first["frames_tracked"] < summary["frames_tracked"] == 60
-    assert summary["initialized_at_s"] == 0.0
-    assert summary["keyframes"] >= first["keyframes"]
-    assert summary["ate_rmse_m"] < 0.03
-    assert [event.state for event in second.read_events()][:2] == ["lost", "relocalised"]
-    assert "map continued after 0.0 s" in capsys.readouterr().out
-
-
-def test_what_lies_beside_a_map_goes_on_with_it_and_not_with_another(drive, tmp_path, capsys):
-    lab, other = tmp_path / "lab.vsxmap", tmp_path / "other.vsxmap"
-    stairs = Zone("stairs", ZoneKind.WALL, ((0.0, 0.0), (1.0, 0.0)))
-    assert execute(["replay", str(drive), "--save-map", str(lab), "--out", str(tmp_path / "first")]) == 0
-    save_zones([stairs], zone_file(lab))
-    save_dock(SE2(1.0, 0.5, 0.0), dock_file(lab))
-    again = ["replay", str(drive), "--load-map", str(lab), "--save-map", str(other)]
-    assert execute([*again, "--out", str(tmp_path / "second")]) == 0
-    assert load_zones(zone_file(other)) == [stairs]
-    assert load_dock(dock_file(other)) == SE2(1.0, 0.5, 0.0)
-    assert execute(["replay", str(drive), "--save-map", str(other), "--out", str(tmp_path / "third")]) == 0
-    assert load_zones(zone_file(other)) == []
-    assert load_dock(dock_file(other)) is None
-    shutil.copy(lab, tmp_path / "first/map.vsxmap")
-    capsys.readouterr()
-    inside = ["--load-map", str(tmp_path / "first/map.vsxmap"), "--out", str(tmp_path / "first")]
-    assert execute(["replay", str(drive), *inside]) == 1
-    assert "which a new run empties" in capsys.readouterr().err
-    assert (tmp_path / "first/summary.json").exists()
-
-
-@pytest.mark.parametrize("given", ["input", "calibration"])
-def test_a_replay_does_not_empty_the_folder_that_it_reads(drive, tmp_path, given, capsys):
-    run = RunFolder.create(tmp_path / "run")
-    run.write_config(Config(), ["vsx", "replay"])
-    shutil.copytree(drive, run.path, dirs_exist_ok=True)
-    words = {"input": [str(run.path)], "calibration": [str(drive), "--calibration", str(run.path / "camera.json")]}
-    assert execute(["replay", *words[given], "--out", str(run.path)]) == 1
-    assert "which a new run empties" in capsys.readouterr().err
-    assert (run.path / "groundtruth.txt").exists()
-
-
-def test_a_map_that_does_not_fit_or_cannot_be_saved_stops_before_the_replay(drive, tmp_path, capsys):
-    out = ["--out", str(tmp_path / "run")]
-    assert execute(["replay", str(drive), "--save-map", str(tmp_path / "absent/m"), *out]) == 1
-    assert "its folder does not exist" in capsys.readouterr().err
-    assert execute(["replay", str(drive), "--load-map", str(drive / "camera.json"), *out]) == 1
-    assert "no sealed archive" in capsys.readouterr().err
-    saved = str(tmp_path / "lab.vsxmap")
-    assert execute(["replay", str(drive), "--save-map", saved, *out]) == 0
-    other = ["--set", "robot.mount.height_m=0.5", "--out", str(tmp_path / "other")]
-    assert execute(["replay", str(drive), "--load-map", saved, *other]) == 1
-    assert "z 0.5000 m" in capsys.readouterr().err
-    assert not (tmp_path / "other").exists()
-
-
-def test_where_no_map_was_made_none_is_saved(drive, tmp_path, capsys):
-    image = cv2.imread(str(drive / "rgb/000010.png"), cv2.IMREAD_GRAYSCALE)
-    write_images(tmp_path / "still", [(i * 10**8, image) for i in range(3)])
-    (tmp_path / "still/camera.json").write_text((drive / "camera.json").read_text())
-    saved = tmp_path / "still.vsxmap"
-    command = ["replay", str(tmp_path / "still"), "--save-map", str(saved), "--out", str(tmp_path / "run")]
-    assert execute(command) == 1
-    assert "is not written: there is no map" in capsys.readouterr().err
-    assert not saved.exists()
-
-
-def test_a_place_that_is_not_in_the_map_ends_lost_and_says_so(drive, tmp_path, capsys):
-    saved = str(tmp_path / "lab.vsxmap")
-    assert execute(["replay", str(drive), "--save-map", saved, "--out", str(tmp_path / "first")]) == 0
-    write_images(tmp_path / "dark", [(i * 10**8, np.zeros((480, 640), np.uint8)) for i in range(3)])
-    (tmp_path / "dark/camera.json").write_text((drive / "camera.json").read_text())
-    command = ["replay", str(tmp_path / "dark"), "--load-map", saved, "--out", str(tmp_path / "run")]
-    assert execute(command) == 3
-    assert "lost for good from frame 1 of 3: not yet recognised in the loaded map" in capsys.readouterr().out
-    summary = RunFolder.open(tmp_path / "run").read_summary()
-    assert (summary["frames_tracked"], summary["frames_lost"], summary["u1"]) == (0, 3, None)
-
-
-def replay(name, tmp_path, *more):
-    """Exit code and run folder of a replay of a recording."""
-    if not (DATA / name).exists():
-        pytest.skip(f"{DATA / name} is absent (set VSX_DATA)")
-    out = tmp_path / "run"
-    return execute(["replay", str(DATA / name), "--out", str(out), *more]), RunFolder(out)
-
-
-@pytest.mark.data
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("bags/foxglove/empty-file.bag", "is empty (0 bytes)"),
-        ("bags/scan_tools/laser_scan_sparsifier_demo_v12.bag", "has the format 1.2"),
-        ("bags/evo/tf_example.bag", "no image topic; it has /tf"),
-        ("bags/foxglove/no-messages.bag", "it holds no messages"),
-    ],
-)
-def test_unusable_bags_are_one_sentence(name, message, tmp_path, capsys):
-    code, _ = replay(name, tmp_path)
-    error = capsys.readouterr().err
-    assert code == 1
-    assert message in error
-    assert error.count("\n") == 1
-
-
-@pytest.mark.data
-@pytest.mark.parametrize(
-    ("name", "tracked", "ate_m"), [("vamr_checkerboard", 80, 0.005), ("new_tsukuba_150", 120, 0.03)]
-)
-def test_real_recordings_are_tracked(name, tracked, ate_m, tmp_path):
-    code, run = replay(name, tmp_path)
-    summary = run.read_summary()
-    assert code == 0
-    assert summary["frames_tracked"] >= tracked
-    assert summary["ate_rmse_sim3_m"] <= ate_m
-    assert summary["ate_rmse_m"] is None
-
-
-@pytest.mark.data
-@pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
-def test_bags_of_every_compression_replay(compression, tmp_path):
-    calibration = str(DATA / "new_tsukuba_150/camera.json")
-    name = f"bags/derived_shared_tsukuba/tsukuba_60_compressed_{compression}.bag"
-    code, run = replay(name, tmp_path, "--calibration", calibration)
-    assert code == 0
-    assert run.read_summary()["frames_tracked"] >= 40
-    assert run.read_summary()["ate_rmse_sim3_m"] < 0.02
-
-
-@pytest.mark.data
-def test_a_truncated_bag_is_replayed_as_far_as_it_goes(tmp_path, capsys):
-    calibration = str(DATA / "new_tsukuba_150/camera.json")
-    code, run = replay("bags/derived_shared_tsukuba/truncated_70pct.bag", tmp_path, "--calibration", calibration)
-    assert code == 0
-    assert 30 <= run.read_summary()["frames"] <= 45
-    assert "cut short or damaged" in capsys.readouterr().err
-
-
-@pytest.mark.data
-def test_without_a_calibration_a_nominal_one_is_assumed_aloud(tmp_path, capsys):
-    code, run = replay("bags/derived_shared_tsukuba/tsukuba_60_compressed_none.bag", tmp_path)
-    assert code == 0
-    assert run.read_summary()["frames_tracked"] >= 40
-    assert "nominal one is assumed (525 px)" in capsys.readouterr().err
-
-
-@pytest.mark.data
-def test_a_drone_that_stands_on_the_floor_never_starts(tmp_path, capsys):
-    code, run = replay("euroc_v101_stationary", tmp_path)
-    assert code == 1
-    assert run.read_summary()["frames_tracked"] == 0
-    assert "stands still" in capsys.readouterr().out

@@ -7,31 +7,23 @@ import shutil
 import signal
 import subprocess
 import sys
-from datetime import datetime
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 from waiting import wait_for
 
-from vsx_ros.cli.main import execute, parse
-from vsx_ros.config import Config
+from vsx_ros.cli.main import execute
 from vsx_ros.errors import MapFileError
-from vsx_ros.exploration.decision import SavedMission
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.slam_map_file import load_slam_map
 from vsx_ros.io.zone_file import zone_file
-from vsx_ros.robot import Odometry
-from vsx_ros.runs.checkpoint import Checkpoint, CheckpointData
+from vsx_ros.runs.checkpoint import Checkpoint
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.interrupted import REASON
-from vsx_ros.runs.journal import FrameLine, Journal, OdometryLine, last_driven, read_journal
+from vsx_ros.runs.journal import FrameLine, Journal, read_journal
 from vsx_ros.runs.moments import Moments
-from vsx_ros.runs.previous import PreviousSessions, end_trail
-from vsx_ros.runs.start import DEFAULTS, REMEMBERED, begin
-from vsx_ros.slam.state import TrackingResult, TrackingState
+from vsx_ros.runs.previous import PreviousSessions
 
 SECOND = 1_000_000_000
 
@@ -154,39 +146,6 @@ def test_what_contradicts_the_run_is_refused(resumed, words, said, capsys):
     out, _ = resumed
     assert execute(["explore", "--resume", str(out), *words]) == 1
     assert said in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("facts", "words", "said"),
-    [
-        ({"world": "lab", "load_map": "lab.vsxmap", "fast": True}, "--fast --until 0.9", "--until 0.9: how much"),
-        ({"world": "lab", "load_map": "lab.vsxmap"}, "--until 0.9", "--until 0.9: how much is right"),
-        ({"world": "lab"}, "--port /dev/x", "--port /dev/x has no meaning for the robot of RUN, which is emulated"),
-        ({"world": "lab"}, "--camera v4l:0", "--camera v4l:0 has no meaning for the robot of RUN, which is emulated"),
-        ({}, "--until 0.9", "--until 0.9: how much is right"),
-        ({}, "--rate 10", "--rate 10 is for an emulated camera; leave it out"),
-        ({}, "--dock 1,2,3", "--dock 1,2,3 is for an emulated world; leave it out"),
-        ({}, "--battery-pace 40", "--battery-pace 40 is for an emulated world; leave it out"),
-    ],
-)
-def test_options_that_mean_nothing_to_the_robot_of_the_run_are_refused(
-    facts: dict[str, Any], words: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The run remembers others, also such that would be refused if they were given."""
-    folder = RunFolder.create(tmp_path / "run")
-    remembered = dict.fromkeys(REMEMBERED) | DEFAULTS | {"fast": False, **facts}
-    folder.write_config(Config(), ["vsx", "explore"], **remembered)
-    assert execute(["explore", "--resume", str(folder.path), *words.split()]) == 1
-    assert said.replace("RUN", str(folder.path)) in capsys.readouterr().err
-
-
-def test_a_run_killed_before_it_had_a_map_remembers_every_option(tmp_path):
-    """Among them the room that alone is to be explored: without a checkpoint it is known from nowhere else."""
-    folder, given = RunFolder.create(tmp_path / "run"), parse(["explore", "--load-map", "lab.vsxmap", "--room", "hall"])
-    folder.write_config(Config(), given.line, **{name: getattr(given, name) for name in REMEMBERED})
-    again = parse(["explore", "--resume", str(folder.path)])
-    with begin(again):
-        assert (again.load_map, again.room) == ("lab.vsxmap", "hall")
 
 
 def test_a_resume_that_fails_leaves_the_robot_where_it_stood(resumed, tmp_path, capsys):
@@ -320,131 +279,3 @@ def test_a_mistake_leaves_an_earlier_run_alone(resumed, capsys):
         assert execute(["explore", "--fast", *words.split(), "--out", str(out)]) == 1
     assert capsys.readouterr().err.count("\n") == len(mistakes)
     assert (out / "summary.json").read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        "--fast --base create",
-        "--fast --port /dev/x",
-        "--fast --rate 30",
-        "--world lab --port /dev/x",
-        "--world lab --camera v4l:0",
-    ],
-)
-def test_an_emulated_robot_has_no_wires_to_choose(words, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert execute(["explore", *words.split()]) == 1
-    assert "has no meaning for the robot" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_real_camera_says_itself_how_often_it_looks(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert execute(["explore", "--rate", "30"]) == 1
-    assert "is for an emulated camera" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("words", ["--until 0.9", "--world lab --load-map m.vsxmap --until 0.9"])
-def test_how_much_is_right_is_known_of_emulated_worlds_and_new_maps_alone(words, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert execute(["explore", *words.split()]) == 1
-    assert "--until 0.9: how much is right" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_run_ends_when_enough_is_known(tmp_path):
-    out = tmp_path / "run"
-    assert execute(["explore", "--fast", "--seed", "1", "--until", "0.02", "--out", str(out)]) == 0
-    summary = json.loads((out / "summary.json").read_text())
-    assert summary["stop_reason"] == "2 % is known"
-    assert 0.02 <= summary["coverage_correct"] < 0.5
-    assert summary["driven_m"] > 0.1
-    assert 0.0 < summary["min_clearance_m"] < 5.0
-    with pytest.raises(SystemExit):
-        execute(["explore", "--fast", "--until", "90"])
-
-
-def test_a_replay_cannot_be_resumed(tmp_path, capsys):
-    RunFolder.create(tmp_path).write_config(Config(), ["vsx", "replay"], seed=0)
-    assert execute(["explore", "--fast", "--resume", str(tmp_path)]) == 1
-    assert "no run of 'vsx explore'" in capsys.readouterr().err
-
-
-def test_a_robot_that_was_moved_forgets_the_way_it_came_and_nothing_else(tmp_path):
-    folder = RunFolder.create(tmp_path)
-    folder.write_config(Config(), ["vsx", "explore"], fast=False, world=None, base="kobuki")
-    way, home = [SE2(-0.2, 0.0, 0.0), SE2(-0.1, 0.0, 0.0)], SE2(1.0, 0.0, 0.0)
-    saved = SavedMission([home], [(home, 9.0, 2)], way, True, home)
-    words = ["explore", "--resume", str(tmp_path)]
-    with begin(parse([*words, "--moved"])):  # killed before it had a map: nothing to forget
-        pass
-    folder.checkpoint.write_mission(saved.tree(), 0)
-    (folder.checkpoint.path / "map.zip").touch()
-    for more, expected in (([], saved), (["--moved"], saved._replace(trail=[]))):
-        with begin(parse([*words, *more])):
-            assert SavedMission.of(folder.checkpoint.read_mission(), tmp_path) == expected
-
-
-def test_the_way_driven_after_the_missions_last_word_is_in_the_journal(tmp_path):
-    folder = RunFolder.create(tmp_path)
-    folder.write_config(Config(), ["vsx", "explore"], fast=False, world=None, base="kobuki")
-    drive = [SE2(4.0 + 0.1 * k, 2.0, 0.0) for k in range(6)]
-    result = TrackingResult(0, TrackingState.GOOD, None, 0, 0, False, "")
-    Journal(folder.journal).add(
-        *(
-            FrameLine.of(result._replace(stamp_ns=k * SECOND), Odometry(0, drive[k]), 1.0, None)
-            for k in range(len(drive))
-        )
-    )
-    saved = SavedMission([], [], [SE2(-0.1, 0.0, 0.0), SE2()], False, None)
-    folder.checkpoint.write_mission(saved.tree(), 3 * SECOND + 1)
-    (folder.checkpoint.path / "map.zip").touch()
-    for _ in range(2):  # the second time there is nothing left to add
-        with begin(parse(["explore", "--resume", str(tmp_path)])):
-            pass
-        trail = SavedMission.of(folder.checkpoint.read_mission(), tmp_path).trail
-        assert [pose.x for pose in trail] == pytest.approx([-0.3, -0.2, -0.1, 0.0])
-
-
-def test_what_came_after_is_known_by_the_journal_s_order_and_not_by_the_clock(tmp_path, monkeypatch):
-    """The clock was set back by 50 s behind the third second, and the last checkpoint is of the fifth frame."""
-    folder = RunFolder.create(tmp_path)
-    stamps_ns = [second * SECOND for second in (100, 101, 102, 53, 54, 55)]
-    result = TrackingResult(0, TrackingState.GOOD, None, 0, 0, False, "")
-    frames = [
-        FrameLine.of(result._replace(stamp_ns=stamp_ns), Odometry(0, SE2(0.1 * k, 0.0, 0.0)), 1.0, None)
-        for k, stamp_ns in enumerate(stamps_ns)
-    ]
-    Journal(folder.journal).add(*frames)
-    (folder.checkpoint.path / "map.zip").touch()
-    monkeypatch.setattr(Checkpoint, "read", lambda _: CheckpointData(None, stamps_ns[4], {}, {}))
-    last = OdometryLine(stamps_ns[5], frames[5].T_odom_base)
-    assert PreviousSessions(folder).lines == [*frames[:5], last]
-    saved = SavedMission([], [], [SE2(-0.1, 0.0, 0.0)], False, None)
-    folder.checkpoint.write_mission(saved.tree(), stamps_ns[2])
-    for _ in range(2):  # also in the journal that a session leaves which is killed before its first frame
-        end_trail(folder, moved=False)
-        trail = SavedMission.of(folder.checkpoint.read_mission(), tmp_path).trail
-        assert [pose.x for pose in trail] == pytest.approx([-0.4, -0.2, -0.1, 0.0])
-        Journal(folder.journal, PreviousSessions(folder).lines)
-        assert last_driven(folder.journal) == last
-
-
-def test_only_the_robot_of_a_run_to_resume_can_have_been_moved(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert execute(["explore", "--fast", "--moved"]) == 1
-    assert "give that run with --resume" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
-def test_runs_begun_in_the_same_second_have_folders_of_their_own(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("vsx_ros.runs.folder.datetime", SimpleNamespace(now=lambda: datetime(2026, 5, 4, 10, 20, 30)))
-    folders = []
-    for seed in (1, 2, 3):
-        with begin(parse(["explore", "--fast", "--seed", str(seed)])) as (folder, _, _):
-            folders.append(folder)
-    assert [folder.path.name for folder in folders] == [f"2026-05-04_10-20-30_lab{more}" for more in ("", "_2", "_3")]
-    assert [folder.read_config()[1]["seed"] for folder in folders] == [1, 2, 3]

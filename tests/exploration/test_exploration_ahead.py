@@ -1,7 +1,7 @@
 """The next view is chosen while the base brakes for the last one."""
 
 import numpy as np
-from test_exploration_mission import SECOND, half_known, mapping_mission, situation
+from missions import SECOND, half_known, mapping_mission, situation
 
 from vsx_ros.exploration.decision import Action, NavigationState
 from vsx_ros.exploration.mission import Mission

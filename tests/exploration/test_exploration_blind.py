@@ -1,7 +1,7 @@
 """Missing images are not blamed on views: the mission waits for them, and in the end names a device, not the map."""
 
 import pytest
-from test_exploration_mission import SECOND, euclid, mapping_mission, situation
+from missions import SECOND, euclid, mapping_mission, situation
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_exploration_mission import LANDMARKS, SECOND, euclid, mapping_mission, situation
+from missions import LANDMARKS, SECOND, euclid, mapping_mission, situation
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import NavigationState, SavedMission, Situation

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_exploration_mission import LANDMARKS, OPEN, SECOND, euclid, mapping_mission, situation, wheels_driven
+from missions import LANDMARKS, SECOND, euclid, mapping_mission, situation, wheels_driven
 
 from vsx_ros.config import Config
 from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, Situation
@@ -11,6 +11,8 @@ from vsx_ros.exploration.recovery import Trail, escape_arc
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
 from vsx_ros.slam.state import TrackingState
+
+OPEN = OccupancyGrid(np.full((120, 240), FREE, np.int8), 0.05, -6.0, -3.0)
 
 
 def test_lost_cancels_waits_backs_along_the_trail_and_comes_back():

@@ -4,54 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from missions import SECOND, euclid, half_known, mapping_mission, situation
 
 from vsx_ros.config import Config
 from vsx_ros.exploration import view_selector
-from vsx_ros.exploration.decision import Action, MissionState, NavigationState, Outcome, SavedMission, Situation
+from vsx_ros.exploration.decision import Action, NavigationState, Outcome, SavedMission
 from vsx_ros.exploration.mission import Mission
-from vsx_ros.exploration.utility import near_poses
-from vsx_ros.exploration.view_selector import GoalBlacklist
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.view import with_view
 from vsx_ros.occupancy.grid import FREE, UNKNOWN, OccupancyGrid
 from vsx_ros.slam.state import TrackingState
-
-SECOND = 1_000_000_000
-LANDMARKS = np.random.default_rng(0).uniform([1.0, -2.0, 0.0], [3.0, 2.0, 1.0], (800, 3))
-OPEN = OccupancyGrid(np.full((120, 240), FREE, np.int8), 0.05, -6.0, -3.0)
-
-
-def half_known() -> OccupancyGrid:
-    """Free for x < 1.5 m, unknown beyond."""
-    data = np.full((80, 120), UNKNOWN, np.int8)
-    data[:, :60] = FREE
-    return OccupancyGrid(data, 0.05, -1.5, -2.0)
-
-
-def euclid(start, grid, clearance_m, poses):
-    return np.hypot(poses[:, 0] - start.x, poses[:, 1] - start.y)
-
-
-def situation(**changes) -> Situation:
-    default = Situation(TrackingState.GOOD, "", SE2(), SE2(), half_known(), NavigationState.IDLE, "", None, LANDMARKS)
-    return default._replace(**changes)
-
-
-def mapping_mission() -> Mission:
-    mission = Mission(Config(), euclid)
-    mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))
-    assert mission.decide(SECOND, situation()).action is Action.GO
-    assert mission.state is MissionState.MAPPING
-    return mission
-
-
-def wheels_driven(mission: Mission, way_m: float, start: SE2) -> SE2:
-    """A drive straight ahead, in steps of 5 cm; where the wheels are then."""
-    pose = start
-    for k in range(round(way_m / 0.05) + 1):
-        pose = start @ SE2(0.05 * k, 0.0, 0.0)
-        mission.decide(2 * SECOND + k, situation(T_odom_base=pose, navigation=NavigationState.ACTIVE))
-    return pose
 
 
 def test_it_begins_with_a_straight_drive_by_odometry():
@@ -86,17 +48,6 @@ def test_it_goes_to_a_view_of_the_unknown_and_says_its_utility():
     assert abs(decision.goal.theta) < 1.0 or abs(decision.goal.theta - 2 * np.pi) < 1.0
     under_way = mission.decide(2 * SECOND, situation(navigation=NavigationState.ACTIVE))
     assert under_way.reason == f"on the way: {decision.reason}"
-
-
-def test_a_failed_goal_is_not_chosen_again_at_once():
-    mission = mapping_mission()
-    first = mission.view_selector.ranking.views[0].pose
-    failed = situation(navigation=NavigationState.ABORTED, navigation_reason="goal blocked")
-    assert mission.decide(2 * SECOND, failed).reason == "coming to rest"
-    decision = mission.decide(4 * SECOND, failed)
-    assert decision.action is Action.GO
-    assert decision.goal.distance_to(first) > 0.3 or abs(decision.goal.angle_to(first)) > 0.7
-    assert any("goal blocked" in event.reason for event in mission.drain_events())
 
 
 LOST_GOAL = {"navigation": NavigationState.LOST, "navigation_reason": "move_base has lost the goal"}
@@ -224,64 +175,6 @@ def test_a_mission_that_begins_boxed_in_and_turns_looks_all_around() -> None:
     assert mission.outcome is Outcome.BOXED_IN
 
 
-def test_what_failed_is_tried_again_when_nothing_else_is_left_but_not_for_ever():
-    config = Config()
-    only = SE2(1.0, 0.0, 0.0)
-
-    def one_place(start, grid, clearance_m, poses):
-        return np.where(near_poses(poses, only.as_array()[None], 0.15, 0.2), 1.0, np.inf)
-
-    mission = Mission(config, one_place)
-    mission.decide(0, situation(slam_state=TrackingState.NOT_INITIALISED, grid=None))
-    chosen = 0
-    for k in range(80):
-        decision = mission.decide((1 + 3 * k) * SECOND, situation(navigation=NavigationState.ABORTED))
-        chosen += decision.action is Action.GO and decision.frame == "map"
-        if decision.action is Action.FINISH:
-            break
-    assert mission.outcome is Outcome.EXPLORED
-    assert chosen == 3
-    assert sum("tried again" in event.reason for event in mission.drain_events()) == 2
-
-
-def test_a_region_whose_views_all_fail_is_given_up_soon_and_is_not_explored():
-    mission, chosen = mapping_mission(), 0
-    for k in range(60):
-        refused = situation(navigation=NavigationState.ABORTED, navigation_reason="a shut door")
-        decision = mission.decide((2 + 2 * k) * SECOND, refused)
-        chosen += decision.action is Action.GO
-        if decision.action is Action.FINISH:
-            break
-    assert mission.outcome is Outcome.BOXED_IN
-    assert "blacklisted" in decision.reason
-    assert 4 <= chosen <= 10
-
-
-def test_one_region_whose_views_fail_after_many_others_were_seen_ends_explored():
-    mission = mapping_mission()
-    mission.view_selector.looked_from += [SE2(-1.0, 0.02 * k, 3.0) for k in range(20)]
-    for k in range(60):
-        mission.decide((2 + 2 * k) * SECOND, situation(navigation=NavigationState.ABORTED))
-    assert mission.outcome is Outcome.EXPLORED
-
-
-def test_a_bumper_stops_and_then_backs_off():
-    mission = mapping_mission()
-    for k in range(20):
-        mission.decide(2 * SECOND + k, situation(T_odom_base=SE2(0.05 * k, 0, 0), navigation=NavigationState.ACTIVE))
-    hit = situation(T_odom_base=SE2(0.95, 0, 0), hazard="bumper left pressed")
-    assert mission.decide(3 * SECOND, hit._replace(navigation=NavigationState.ACTIVE)).action is Action.CANCEL
-    aborted = hit._replace(navigation=NavigationState.ABORTED, navigation_reason="cancelled")
-    assert mission.decide(4 * SECOND, aborted).action is Action.WAIT
-    back = mission.decide(6 * SECOND, aborted)
-    assert back.action is Action.GO
-    assert back.frame == "odom"
-    assert back.goal.x < 0.75
-    reasons = [event.reason for event in mission.drain_events()]
-    assert reasons.count("stopping: bumper left pressed") == 1
-    assert any("blacklisted" in reason and reason.endswith("bumper left pressed") for reason in reasons)
-
-
 def test_pause_resume_stop_and_home():
     mission = mapping_mission()
     mission.pause(2 * SECOND)
@@ -314,53 +207,6 @@ def test_on_the_way_to_a_view_it_turns_home_at_once_when_asked():
 
 def test_without_odometry_it_waits():
     assert Mission(Config(), euclid).decide(0, situation(T_odom_base=None)).action is Action.WAIT
-
-
-def test_a_goal_that_fails_again_is_left_alone_twice_as_long():
-    blacklist = GoalBlacklist(radius_m=0.4, first_s=10.0)
-    here = np.array([[1.0, 0.0, 0.0]])
-    assert blacklist.add(0, SE2(1.0, 0.0, 0.0)) == 10.0
-    assert blacklist.near(9 * SECOND, here).all()
-    assert not blacklist.near(11 * SECOND, here).any()
-    assert blacklist.add(20 * SECOND, SE2(1.2, 0.0, 0.3)) == 20.0
-    assert blacklist.add(20 * SECOND, SE2(3.0, 0.0, 0.0)) == 10.0
-    assert not blacklist.near(25 * SECOND, np.array([[1.1, 0.0, 2.0], [2.0, 0.0, 0.0]])).any()
-    assert [(left, times) for _, left, times in blacklist.left(25 * SECOND)] == [(0.0, 1), (15.0, 2), (5.0, 1)]
-    again = GoalBlacklist(radius_m=0.4, first_s=10.0)
-    again.restore(SECOND, blacklist.left(25 * SECOND))
-    assert again.near(15 * SECOND, here).all()
-    assert not again.near(17 * SECOND, here).any()
-
-
-def test_a_robot_that_only_gets_refusals_soon_chooses_elsewhere():
-    """Each of the many views of a room is refused, say for its dark door: another room comes soon, not after all."""
-    data = np.full((80, 400), UNKNOWN, np.int8)
-    data[:, :60] = data[:, 340:] = FREE
-    two_rooms = OccupancyGrid(data, 0.05, -1.5, -2.0)
-    far = LANDMARKS + [13.0, 0.0, 0.0]
-    mission, refused, now_ns = mapping_mission(), 0, 2 * SECOND
-    both = situation(grid=two_rooms, landmarks_world=np.vstack([LANDMARKS, far]), navigation=NavigationState.ABORTED)
-    while (decision := mission.decide(now_ns, both)).goal is None or decision.goal.x < 5.0:
-        refused += decision.action is Action.GO
-        now_ns += SECOND
-        assert refused < 10
-    near, room = np.array([[0.8, 0.5, 0.0]]), mission.view_selector.blacklist
-    assert room.near(now_ns, near).all()
-    room.choose_at(decision.goal)
-    assert not room.near(now_ns + 60 * SECOND, near).any()
-
-
-def test_a_view_near_refused_ones_is_tried_when_nothing_else_is_left():
-    blacklist, near = GoalBlacklist(radius_m=0.4, first_s=10.0), np.array([[2.0, 1.0, 0.0]])
-    blacklist.choose_at(SE2())
-    for k in range(5):
-        for _ in range(3):
-            blacklist.add(0, SE2(0.5 * k, 0.0, 0.0))
-    assert blacklist.near(SECOND, near).all()
-    assert blacklist.release(SECOND) > 0
-    assert not blacklist.near(SECOND, near).any()
-    assert blacklist.near(SECOND, np.zeros((1, 3))).all(), "failed too often"
-    assert blacklist.release(SECOND) == 0
 
 
 def test_home_is_where_the_exploration_began_although_the_wheels_counted_before():
@@ -397,64 +243,3 @@ def test_a_home_that_cannot_be_reached_ends_the_mission_with_the_reason():
     assert mission.outcome is Outcome.STRANDED
     assert 3 <= tries <= 10
     assert "no way joins" in decision.reason
-
-
-def test_a_goal_that_fails_for_ever_is_left_alone_for_hours_at_most():
-    blacklist = GoalBlacklist(radius_m=0.4, first_s=10.0)
-    for _ in range(1100):
-        seconds = blacklist.add(0, SE2(1.0, 0.0, 0.0))
-    assert 600.0 < seconds < 36000.0
-
-
-def test_who_knows_no_way_back_leaves_a_hazard_by_an_arc_over_free_ground():
-    mission = mapping_mission()
-    stuck = situation(hazard="stuck: the wheels turned 0.06 m back")
-    decision = mission.decide(4 * SECOND, stuck)
-    assert decision.frame == "odom"
-    assert 0.2 < decision.goal.distance_to(SE2()) < 0.4
-    assert abs(decision.goal.theta) > 0.2
-    under_way = mission.decide(5 * SECOND, stuck._replace(navigation=NavigationState.ACTIVE))
-    assert under_way.action is Action.WAIT
-    unknown = OccupancyGrid(np.full((80, 120), UNKNOWN, np.int8), 0.05, -1.5, -2.0)
-    nowhere = mapping_mission().decide(4 * SECOND, stuck._replace(grid=unknown))
-    assert nowhere.action is Action.WAIT
-
-
-def test_where_backing_off_does_not_help_it_turns_away_over_free_ground():
-    mission = mapping_mission()
-    pose = wheels_driven(mission, 4.0, SE2())
-    wedged = situation(T_odom_base=pose, hazard="bumper", navigation=NavigationState.ABORTED)
-    decisions = [mission.decide((4 + 2 * k) * SECOND, wedged) for k in range(10)]
-    goals = [decision.goal for decision in decisions if decision.action is Action.GO]
-    assert len(goals) >= 4
-    turns = [abs(pose.angle_to(goal)) > 0.2 for goal in goals]
-    assert turns == [k % 2 == 1 for k in range(len(goals))]
-
-
-@pytest.mark.parametrize("way_m", [0.0, 20.0])
-def test_a_hazard_that_stays_ends_the_mission(way_m: float):
-    mission = mapping_mission()
-    end = pose = wheels_driven(mission, way_m, SE2())
-    steps, far_m = 0, 0.0
-    while mission.outcome is None:
-        jammed = situation(T_odom_base=pose, hazard="bumper left pressed", navigation=NavigationState.SUCCEEDED)
-        decision = mission.decide((4 + steps) * SECOND, jammed)
-        steps += 1
-        if decision.action is Action.GO:
-            assert decision.frame == "odom", "no drive on the map while it lasts"
-            pose = decision.goal
-            far_m = max(far_m, pose.distance_to(end))
-    assert mission.outcome is Outcome.BLOCKED
-    assert "bumper left pressed" in decision.reason
-    assert steps > 30
-    assert min(way_m, 4.0) <= far_m < 9.0
-
-
-def test_a_bumper_that_comes_free_each_time_is_no_hazard_that_stays():
-    mission = mapping_mission()
-    pose = wheels_driven(mission, 4.0, SE2())
-    for k in range(100):
-        mission.decide((4 + 4 * k) * SECOND, situation(T_odom_base=pose, hazard="bumper left pressed"))
-        mission.decide((6 + 4 * k) * SECOND, situation(T_odom_base=pose))
-    assert sum("backing off" in event.reason for event in mission.drain_events()) > 12, "too few to tell"
-    assert mission.outcome is not Outcome.BLOCKED

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_exploration_mission import SECOND, euclid, mapping_mission, situation
+from missions import SECOND, euclid, mapping_mission, situation
 
 from vsx_ros.config import Config, overridden
 from vsx_ros.exploration.decision import DOCK, OPERATOR, Action, MissionState, NavigationState, Outcome

@@ -6,16 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ros1_bags import SCENE, T, compressed, header, image, info, odometry, write, write_drive
+from ros1_bags import SCENE, T, compressed, header, image, info, odometry, write
 from rosbags.rosbag1 import Writer
 
 from vsx_ros.errors import CalibrationError, InputError
 from vsx_ros.io.bag import open_recording
-
-
-@pytest.fixture
-def drive(tmp_path):
-    return write_drive(tmp_path / "drive.bag")
 
 
 @pytest.mark.parametrize(
