@@ -78,3 +78,26 @@ def test_a_bumper_that_comes_free_each_time_is_no_hazard_that_stays():
         mission.decide((6 + 4 * k) * SECOND, situation(T_odom_base=pose))
     assert sum("backing off" in event.reason for event in mission.drain_events()) > 12, "too few to tell"
     assert mission.outcome is not Outcome.BLOCKED
+
+
+@pytest.mark.parametrize("after", [NavigationState.ACTIVE, NavigationState.ABORTED])
+def test_what_is_touched_at_a_view_that_was_reached_does_not_blame_it(after: NavigationState):
+    """The step away is neither given up for another view nor a failure of the one that was reached."""
+    mission = mapping_mission()
+    goal = mission.view_selector.ranking.views[0].pose
+    pose = wheels_driven(mission, 1.0, SE2())
+    touched = situation(T_odom_base=pose, T_map_base=goal, hazard="bumper left pressed")
+    step = mission.decide(4 * SECOND, touched._replace(navigation=NavigationState.SUCCEEDED))
+    assert (step.action, step.frame) == (Action.GO, "odom")
+    then = mission.decide(5 * SECOND, touched._replace(navigation=after, navigation_reason="cancelled"))
+    assert then.action is Action.WAIT
+    assert mission.view_selector.blacklist.left(5 * SECOND) == []
+
+
+def test_what_is_touched_at_home_does_not_make_it_unreached():
+    mission = mapping_mission()
+    mission.home(2 * SECOND)
+    assert mission.decide(3 * SECOND, situation()).reason == "driving home"
+    touched = situation(navigation=NavigationState.SUCCEEDED, hazard="bumper left pressed")
+    assert mission.decide(4 * SECOND, touched).action is Action.FINISH
+    assert mission.outcome is Outcome.HOME

@@ -70,3 +70,14 @@ def test_a_name_that_no_node_knows_is_gone_with_its_launch(master: rosgraph.Mast
     sent([], [launch.xml(nodes, {"robot": {"radios_m": 0.11}})])
     sent([], [launch.xml(nodes, to_dict(Config()))])
     assert from_dict(master.getParam("/config")) == Config()
+
+
+@pytest.mark.parametrize("way", ["vsx", "roslaunch"])
+def test_what_clients_changed_is_gone_with_its_launch(master: rosgraph.Master, way: str) -> None:
+    """dynamic_reconfigure's server keeps all its values there from its start on, changed or not."""
+    file = (str(CHECKOUT / "launch" / "exploration.launch"), ["run_dir:=none"])
+    texts = [launch.xml(launch.exploration(), to_dict(Config()))]
+    for _ in range(2):
+        sent([file] if way == "roslaunch" else [], texts if way == "vsx" else [])
+        assert master.getParam("/move_base") == {"planner": "fov", "seed": 0}
+        master.setParam("/move_base/phi_rad_m", 2.0)

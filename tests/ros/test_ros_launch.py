@@ -41,6 +41,7 @@ def described(files: list[Any], texts: list[str]) -> tuple[dict[str, Any], dict[
             node.required,
             node.output,
             dict(node.env_args),
+            f"{node.namespace}{node.name}/" in config.clear_params,
         )
         for node in config.nodes
     }

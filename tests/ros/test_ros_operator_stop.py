@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ from nav_msgs.msg import Odometry
 from waiting import PATIENCE_S
 
 from vsx_hw.errors import DeviceError, DeviceTimeout
+from vsx_ros.errors import ConfigError
 from vsx_ros.ros import calls, operator_command
 from vsx_ros.runs.process import DONE
 
@@ -123,3 +125,17 @@ def test_a_base_that_rolls_on_or_says_nothing_is_no_success(graph: Graph, monkey
     graph.heard = []
     with pytest.raises(DeviceError, match="it sends no odometry"):
         operator_command.stop(release=False)
+
+
+def test_a_map_that_nobody_can_save_is_told_soon(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The two minutes are for the disk. The parameter for the file stays as it is."""
+
+    def wait(_: str, timeout: float) -> None:
+        graph.now_s += timeout
+        raise rospy.ROSException("timeout exceeded")
+
+    monkeypatch.setattr(rospy, "wait_for_service", wait)
+    monkeypatch.setattr(rospy, "set_param", lambda *_: pytest.fail("nobody saves a map"))
+    with pytest.raises(ConfigError, match="nobody offers .*; start the robot"):
+        operator_command.save_map(Path("lab.vsxmap"))
+    assert graph.now_s <= 5.0

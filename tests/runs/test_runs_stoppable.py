@@ -5,7 +5,8 @@ import sys
 import pytest
 from waiting import PATIENCE_S
 
-from vsx_ros.runs.process import interruptible
+from vsx_ros.cli import compiled
+from vsx_ros.runs.process import SignalFlag, interruptible
 
 INTERRUPTED_AT_EVERY_LINE = """
 import signal
@@ -49,3 +50,31 @@ def test_a_run_under_nohup_outlives_its_terminal():
             assert not stopped()
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+def test_a_live_run_under_nohup_does_so_too():
+    """roslaunch installs a handler of its own in between."""
+    before = [(number, signal.signal(number, signal.SIG_IGN)) for number in (signal.SIGHUP, signal.SIGTERM)]
+    try:
+        heard = SignalFlag(signal.SIGTERM, signal.SIGHUP)
+        signal.signal(signal.SIGHUP, lambda *_: pytest.fail("the run ends"))
+        heard.listen()
+        signal.raise_signal(signal.SIGHUP)
+        assert not heard.came
+        signal.raise_signal(signal.SIGTERM)
+        assert heard.came
+    finally:
+        for number, handler in before:
+            signal.signal(number, handler)
+
+
+def test_a_compilation_under_nohup_does_so_too():
+    before = [(number, signal.signal(number, signal.SIG_IGN)) for number in (signal.SIGHUP, signal.SIGTERM)]
+    try:
+        assert list(compiled._ending_as_by_keyboard()) == [signal.SIGTERM]
+        signal.raise_signal(signal.SIGHUP)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+    finally:
+        for number, handler in before:
+            signal.signal(number, handler)

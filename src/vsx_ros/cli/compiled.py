@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import vsx_ros
-from vsx_ros.runs.process import DONE, FAILED, Progress
+from vsx_ros.runs.process import DONE, FAILED, Progress, under_nohup
 
 SLAM = "mapping", "tracking", "loops", "ground"
 DRIVE = *SLAM, "planning"
@@ -112,15 +112,16 @@ def _compiled(groups: list[str], folder: Path) -> set[str]:
 
 
 def _ending_as_by_keyboard() -> dict[signal.Signals, Any]:
-    """From now on SIGTERM and SIGHUP raise KeyboardInterrupt, as Ctrl-C does; returns the handlers before. Only in the
-    main thread."""
+    """From now on SIGTERM and SIGHUP (but under nohup) raise KeyboardInterrupt, as Ctrl-C does; returns the handlers
+    before. Only in the main thread."""
 
     def end(*_: object) -> None:
         raise KeyboardInterrupt
 
     if threading.current_thread() is not threading.main_thread():
         return {}
-    return {number: signal.signal(number, end) for number in (signal.SIGTERM, signal.SIGHUP)}
+    numbers = (number for number in (signal.SIGTERM, signal.SIGHUP) if not under_nohup(number))
+    return {number: signal.signal(number, end) for number in numbers}
 
 
 def _shares(groups: list[str], cores: int) -> list[list[str]]:

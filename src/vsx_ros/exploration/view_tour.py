@@ -66,14 +66,13 @@ class ViewTour:
             return self._log.answer(Action.WAIT, "coming to rest")
         if now_ns < self._log.wait_until_ns:
             return self._log.answer(Action.WAIT, "coming to rest")
-        if situation.hazard:
-            return self._leave(now_ns, situation, situation.hazard)
-        self.backing_off, self._leaving = False, ""
         if self._home.asked and self._goal is not None:
             return self._log.finish(now_ns, Outcome.HOME, "returned to the start")
         if self._goal is not None and not self._has_looked:
             self._view_selector.looked_from.append(self._goal.pose)
-        self.forget_goal()
+        self.forget_drive()  # it is reached, also where something is touched there
+        if situation.hazard:
+            return self._leave(now_ns, situation, situation.hazard)
         if situation.grid is None or situation.T_map_base is None:
             return self._log.answer(Action.WAIT, "waiting for the ground map")
         if zone := self._zones.zone_at(situation.grid, situation.T_map_base):

@@ -28,7 +28,8 @@ SIGINT_TIMEOUT_S, SIGTERM_TIMEOUT_S = 6.0, 1.0
 
 class LaunchNode(NamedTuple):
     """One process. respawn: restart it when it dies; the wheels stand still until it is back. required: when it ends,
-    all nodes end."""
+    all nodes end. clear_params: forget what clients of an earlier launch changed, on a master that lasts; a restart
+    within the launch keeps what they change."""
 
     name: str
     params: dict[str, Any]
@@ -37,6 +38,7 @@ class LaunchNode(NamedTuple):
     type: str = ""
     args: str = ""
     required: bool = False
+    clear_params: bool = False
 
 
 class BagTopics(NamedTuple):
@@ -103,7 +105,7 @@ def exploration(
     SLAM map to continue. room: the only one of it to explore. zones: a file of zones to begin with."""
     return [
         vslam(seed, run_dir, load_map=load_map, room=room, zones=zones),
-        LaunchNode("move_base", {"planner": planner, "seed": seed}, respawn=True),
+        LaunchNode("move_base", {"planner": planner, "seed": seed}, respawn=True, clear_params=True),
         LaunchNode("follower", {}, respawn=True),
         LaunchNode("explore", {"run_dir": run_dir}),
         LaunchNode("dock", {"seed": seed}, respawn=True),
@@ -148,6 +150,7 @@ def xml(nodes: list[LaunchNode], config: dict[str, Any], params: dict[str, Any] 
         lines.append(
             f'  <node pkg="{node.package}" type="{node.type or node.name}" name="{node.name}" output="screen"'
             f' respawn="{str(node.respawn).lower()}" required="{str(node.required).lower()}"'
+            f' clear_params="{str(node.clear_params).lower()}"'
             f" args={quoteattr(node.args)}>"
         )
         lines += [_param(name, value, "    ") for name, value in node.params.items()]

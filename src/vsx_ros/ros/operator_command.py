@@ -68,10 +68,14 @@ def asked(service: str, kind: type[Any], *arguments: object, within_s: float, re
     try:
         answer = calls.service(service, kind, *arguments, within_s=within_s)
     except (rospy.ROSException, rospy.ServiceException) as error:
-        raise ConfigError(f"nobody offers {rospy.resolve_name(service)} ({error}); {remedy}") from error
+        raise _nobody_offers(service, error, remedy) from error
     if not answer.success:
         raise InputError(str(answer.message))
     return str(answer.message)
+
+
+def _nobody_offers(service: str, error: Exception, remedy: str) -> ConfigError:
+    return ConfigError(f"nobody offers {rospy.resolve_name(service)} ({error}); {remedy}")
 
 
 @command
@@ -134,10 +138,12 @@ def save_map(out: Path | None) -> int:
     """``vsx map save`` of a running robot: vslam saves its map. out: the file, or None for the node's default. Raises
     ConfigError if vslam does not run, InputError if the map cannot be saved."""
     join("save_map")
-    with contextlib.suppress(rospy.ROSException):  # told below
-        rospy.wait_for_service(topics.SAVE_MAP, timeout=_OFFERED_S)
-    usual = rospy.get_param(topics.SAVE_MAP_TO, "")
     remedy = "start the robot, or save the map of a run: 'vsx map save RUN'"
+    try:
+        rospy.wait_for_service(topics.SAVE_MAP, timeout=_OFFERED_S)
+    except rospy.ROSException as error:
+        raise _nobody_offers(topics.SAVE_MAP, error, remedy) from error
+    usual = rospy.get_param(topics.SAVE_MAP_TO, "")
     try:
         if out is not None:
             rospy.set_param(topics.SAVE_MAP_TO, str(out.resolve()))

@@ -39,19 +39,25 @@ def ended_well(code: int) -> bool:
     return code in (DONE, STOPPED)
 
 
+def under_nohup(number: int) -> bool:
+    """Whether this is SIGHUP and nohup lets this program ignore it."""
+    return number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN
+
+
 class SignalFlag:
-    """Whether one of the signals came. It uses no lock (threading.Event does): a second signal inside the handler of
-    the first would wait for the lock forever."""
+    """Whether one of the signals came; under nohup SIGHUP never comes. It uses no lock (threading.Event does): a second
+    signal inside the handler of the first would wait for the lock forever."""
 
     def __init__(self, *numbers: int) -> None:
         """numbers: e.g. signal.SIGTERM. Only for the main thread, which alone receives signals."""
-        self.came, self._numbers = False, numbers
+        self.came = False
+        self._handlers = {number: signal.SIG_IGN if under_nohup(number) else self._on_signal for number in numbers}
         self.listen()
 
     def listen(self) -> None:
         """Install the handlers, also if other code has replaced them since."""
-        for number in self._numbers:
-            signal.signal(number, self._on_signal)
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
 
     def _on_signal(self, *_: object) -> None:
         self.came = True
@@ -73,9 +79,8 @@ def interruptible() -> Iterator[Callable[[], bool]]:
         for number in before:
             signal.signal(number, signal.default_int_handler)
 
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    if before[signal.SIGHUP] is signal.SIG_IGN:
-        del before[signal.SIGHUP]
+    numbers = [number for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if not under_nohup(number)]
+    before = {number: signal.getsignal(number) for number in numbers}
     for number in before:
         signal.signal(number, on_signal)
     try:
