@@ -79,6 +79,7 @@ class ExplorationSystem:
         ways = Planner(config.planner, config.robot)
         self.mission = Mission(config, ways.travel_costs)
         self.grid: OccupancyGrid | None = None
+        self._without_zones: tuple[OccupancyGrid, int] | None = None  # and when it was made [ns]
         self._keyframes: KeyframePlaces | None = None
         self.dense: DenseMap | None = None
         self._saved = None if saved is None else saved.mission
@@ -125,8 +126,8 @@ class ExplorationSystem:
         return spots.surfaces(self.slam.snapshot()).points if spots is not None else np.zeros((0, 3))
 
     def _refresh_map(self, now_ns: int) -> None:
-        if self.grid is not None and self._zoned != self.ground.zones.version:
-            self._take_ground(now_ns, self.grid)  # at once: the robot may be about to drive into a new zone
+        if self._zoned != self.ground.zones.version:
+            self._lay_zones()  # at once: the robot may be about to drive into a new zone
         if now_ns < self._next_map_ns:
             return
         snapshot = self.slam.snapshot()
@@ -139,14 +140,18 @@ class ExplorationSystem:
         self._next_map_ns = now_ns + _MAP_EVERY_NS
         self._mapped = known
         self._keyframes = KeyframePlaces.of(snapshot.rays.ids, snapshot.rays.T_world_cams)
-        self._take_ground(now_ns, self.ground.grid(snapshot))
+        self._without_zones = self.ground.grid(snapshot), now_ns
+        self._lay_zones()
         self.planner.take_landmarks(snapshot.points_world, now_ns)
 
-    def _take_ground(self, now_ns: int, ground: OccupancyGrid) -> None:
-        """Plan in this ground map from now on, with the zones."""
+    def _lay_zones(self) -> None:
+        """Plan in the newest ground map, with the present zones on it."""
+        if self._without_zones is None:
+            return
         self._zoned = self.ground.zones.version
+        ground, made_ns = self._without_zones
         self.grid = self.ground.zoned(ground, self.slam.snapshot())
-        self.planner.take_grid(self.grid, now_ns)
+        self.planner.take_grid(self.grid, made_ns)
 
     def _densify(self, snapshot: MapSnapshot) -> bool:
         """Update the dense map; returns whether there was work: a new keyframe, or work left from the last one."""
