@@ -202,6 +202,19 @@ def test_a_trail_driven_again_and_again_does_not_grow_and_frees_as_much(monkeypa
     assert away.max() < 0.1
 
 
+@pytest.mark.parametrize("step_m", [0.052, 0.07, 0.11])
+def test_a_way_driven_once_long_ago_is_still_free(monkeypatch, step_m):
+    """The next pose was reason enough to forget one, and the one after it to forget the next: all were forgotten."""
+    monkeypatch.setattr(anchored_poses, "_WHOLE", 100)
+    trail, way = AnchoredPoses(0.05), step_m * np.arange(400)
+    for x in way:
+        trail.add(SE2(x, 0.0, 0.0))
+    kept = rows(trail.last_poses())[:, 0]
+    assert np.abs(way[:, None] - kept).min(axis=1).max() < 0.1
+    assert np.diff(kept[:-100]).min() > 0.1
+    assert len(kept) < 100 + 301 * max(1.0, step_m / 0.1)
+
+
 def test_who_asks_for_the_dock_does_not_disturb_who_builds_the_map():
     """Both once took the news over; the trail lost poses, and then its columns had different lengths."""
     ground, snapshot, steps, asked = MappedGround(Config()), snapshot_at(FIRST), 4000, threading.Event()

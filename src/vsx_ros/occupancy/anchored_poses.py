@@ -18,8 +18,8 @@ from vsx_ros.occupancy.grid import MAX_EXTENT_M
 TRAIL_STEP_M = 0.05  # a cell of the map: a finer trail shows no more
 BUMP_STEP_M, BUMP_STEP_RAD = 0.1, 0.5  # closer bumps count as one
 _WHOLE, _THINNED_M = 4000, 0.1
-"""So many of the newest poses are kept as they came, 200 m of trail. Of older ones, one is kept at each place of this
-size: the body is wider, and a trail that is driven again and again must not grow."""
+"""So many of the newest poses are kept as they came, 200 m of trail. Of older ones, the first at each place of this
+size is kept: the body is wider, and a trail that is driven again and again must not grow."""
 _MOVED_M, _MOVED_RAD = 0.05, 0.03  # keyframes that moved less: no correction
 _AT_ONCE = 1000  # poses whose distances to all keyframes are computed together
 NEAREST = -1  # keyframe to tie a pose to; others to be tied to are stored as NEAREST - 1 - id
@@ -55,9 +55,14 @@ class AnchoredPoses:
         self.newest = np.append(self.newest, NEAREST)
         self.added += 1
         if (old := len(self._world) - 1 - _WHOLE) >= 0 and math.isinf(self._spacing_rad):  # else headings count
-            away = np.linalg.norm(self._world[:, :2] - self._world[old, :2], axis=1)
-            if np.count_nonzero(away < _THINNED_M) > 1:
-                self.keep(np.arange(len(away)) != old)
+            self._thin(old)
+
+    def _thin(self, old: int) -> None:
+        """Leave this pose out if an older one is beside it. One that is newer is no reason: it may be left out itself,
+        for the next one."""
+        away = np.linalg.norm(self._world[:old, :2] - self._world[old, :2], axis=1)
+        if (away < _THINNED_M).any():
+            self.keep(np.arange(len(self)) != old)
 
     def last_poses(self) -> list[SE2]:
         """The poses in the map of the last call of ``poses``."""
