@@ -8,7 +8,8 @@ from vsx_ros.dense.mapped_ground import MappedGround
 from vsx_ros.geometry.mount import mount_pose
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.geometry.se3 import SE3
-from vsx_ros.occupancy.anchored_poses import AnchoredPoses
+from vsx_ros.occupancy import anchored_poses
+from vsx_ros.occupancy.anchored_poses import NEAREST, AnchoredPoses
 from vsx_ros.occupancy.driven_ground import DriveHistory
 from vsx_ros.occupancy.grid import FREE, OCCUPIED, OccupancyGrid
 from vsx_ros.occupancy.ground_map import GroundMap
@@ -122,3 +123,44 @@ def test_where_the_base_stands_still_is_driven_now():
     trail.poses(np.array([3, 4, 8]), cameras)
     assert trail.newest.tolist() == [3, 8]
     assert trail.state()[:, :3] == pytest.approx(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
+
+
+ELSEWHERE = [SE2(5.0 + 0.2 * k, 0.0, 0.0) for k in range(150)]
+
+
+def drive(trail: AnchoredPoses, poses: list[SE2], *keyframe_ids: int) -> None:
+    """Add these poses; the map has these keyframes then, or is not asked if there are none."""
+    for pose in poses:
+        trail.add(pose)
+    cameras = [SE3.from_se2(SE2(0.1 * k, 0.0, 0.0)) @ MOUNT for k in range(len(keyframe_ids))]
+    trail.poses(np.array(keyframe_ids, np.int64), cameras)
+
+
+def newest_at_the_origin(trail: AnchoredPoses) -> int:
+    near = [pose.distance_to(SE2()) < 0.1 for pose in trail.last_poses()]
+    return int(trail.newest[near].max())
+
+
+def test_a_long_trail_knows_when_the_base_was_last_at_a_place(monkeypatch):
+    monkeypatch.setattr(anchored_poses, "_WHOLE", 100)
+    trail = AnchoredPoses(0.05)
+    drive(trail, [SE2()], 10)
+    drive(trail, ELSEWHERE, 10, 20)
+    assert newest_at_the_origin(trail) == 10
+    drive(trail, [SE2(0.01, 0.0, 0.0)], 10, 20, 500)
+    drive(trail, ELSEWHERE, 10, 20, 500, 600)
+    assert newest_at_the_origin(trail) == 500
+    drive(trail, [SE2(0.07, 0.0, 0.0)], 10, 20, 500, 600, 700)
+    drive(trail, ELSEWHERE, 10, 20, 500, 600, 700, 800)
+    assert newest_at_the_origin(trail) == 700
+    assert len(trail) < 300
+
+
+def test_in_a_long_trail_a_pass_that_no_map_was_asked_for_yet_is_the_newest(monkeypatch):
+    monkeypatch.setattr(anchored_poses, "_WHOLE", 100)
+    trail = AnchoredPoses(0.05)
+    drive(trail, [SE2(), *ELSEWHERE], 10)
+    drive(trail, [SE2(0.01, 0.0, 0.0), *ELSEWHERE])
+    assert newest_at_the_origin(trail) == NEAREST
+    drive(trail, [], 10, 600)
+    assert newest_at_the_origin(trail) == 600

@@ -19,7 +19,8 @@ TRAIL_STEP_M = 0.05  # a cell of the map: a finer trail shows no more
 BUMP_STEP_M, BUMP_STEP_RAD = 0.1, 0.5  # closer bumps count as one
 _WHOLE, _THINNED_M = 4000, 0.1
 """So many of the newest poses are kept as they came, 200 m of trail. Of older ones, the first at each place of this
-size is kept: the body is wider, and a trail that is driven again and again must not grow."""
+size is kept, with the time of the last pass: the body is wider, and a trail that is driven again and again must not
+grow."""
 _MOVED_M, _MOVED_RAD = 0.05, 0.03  # keyframes that moved less: no correction
 _AT_ONCE = 1000  # poses whose distances to all keyframes are computed together
 NEAREST = -1  # keyframe to tie a pose to; others to be tied to are stored as NEAREST - 1 - id
@@ -58,10 +59,12 @@ class AnchoredPoses:
             self._thin(old)
 
     def _thin(self, old: int) -> None:
-        """Leave this pose out if an older one is beside it. One that is newer is no reason: it may be left out itself,
-        for the next one."""
+        """Leave this pose out if an older one is beside it; the nearest of those takes over when the base was there.
+        One that is newer is no reason: it may be left out itself, for the next one."""
         away = np.linalg.norm(self._world[:old, :2] - self._world[old, :2], axis=1)
         if (away < _THINNED_M).any():
+            times = self.newest[[near := int(away.argmin()), old]]
+            self.newest[near] = NEAREST if (times == NEAREST).any() else times.max()
             self.keep(np.arange(len(self)) != old)
 
     def last_poses(self) -> list[SE2]:
