@@ -235,6 +235,73 @@ def test_contact_without_current_is_no_success():
     assert 9.0 < now_ns * 1e-9 < 12.0
 
 
+class Driven:
+    """A docking whose base drives exactly as told, without a map; the dock is at dock in the odometry. It touches the
+    contacts near its seat; no current flows in the first 11 s."""
+
+    def __init__(self, docking: Docking, dock: SE2, base: SE2) -> None:
+        self.docking, self.dock, self.base, self.now_ns, self.begun_ns = docking, dock, base, 10**12, 10**12
+
+    def step(self, **changes) -> DockingState:
+        """A thirtieth of a second."""
+        light, self.now_ns = dock_light("kobuki"), self.now_ns + 33_000_000
+        chances = light.chances((self.base.inverse() @ self.dock).as_array()[None])[0]
+        bits = [sum(int(beam.bit) for beam, p in zip(light.beams, row) if p > 0.5) for row in chances]
+        touches = self.base.distance_to(light.seat(self.dock)) < 0.03
+        now = seen(
+            odometry=Odometry(self.now_ns, self.base, odom_epoch=3), sight=DockSight(*bits), docked=touches,
+            charging=touches and self.now_ns - self.begun_ns > 11e9, T_map_base=None,
+        )  # fmt: skip
+        self.act = self.docking.step(self.now_ns, now._replace(**changes))
+        v, omega = self.act.command or STOP
+        self.base = self.base @ SE2.exp(v * 0.033, omega * 0.033)
+        return self.docking.state
+
+
+def search(docking: Docking) -> None:
+    """Begin one; it arrives before a dock at the origin of the odometry."""
+    docking.dock(0, "kobuki", SE2())
+    docking.step(1, seen())
+    docking.step(2, seen(navigation=NavigationState.SUCCEEDED))
+    docking.step(3, seen())
+
+
+@pytest.mark.parametrize("before", [lambda docking: None, search], ids=["first", "after another docking"])
+def test_a_base_on_a_dock_without_current_tries_again_there(before):
+    """It drove by light to where no dock was ever seen: the origin of the odometry, or the dock of the last time."""
+    docking, dock = Docking(DockingConfig(), 0), SE2(3.0, 2.0, math.pi)
+    before(docking)
+    driven = Driven(docking, dock, dock_light("kobuki").seat(dock))
+    docking.dock(driven.now_ns, "kobuki", SE2(-1.0, 4.0, 0.0))
+    states, farthest_m = [docking.state], 0.0
+    while not docking.state.rests and driven.now_ns - driven.begun_ns < 120e9:
+        if driven.step() is not states[-1]:
+            states.append(docking.state)
+            if docking.state is DockingState.ALIGNING:
+                assert docking.T_odom_dock().distance_to(dock) < 0.3
+        farthest_m = max(farthest_m, driven.base.distance_to(dock))
+    assert states[:4] == [
+        DockingState.APPROACHING, DockingState.VERIFYING, DockingState.BACKING_OFF, DockingState.SEARCHING
+    ]  # fmt: skip
+    assert states[-1] is DockingState.DOCKED, docking.reason
+    assert 1 <= docking.tries <= 3
+    assert 0.5 < farthest_m < 1.0
+
+
+@pytest.mark.parametrize("state", [DockingState.APPROACHING, DockingState.SEARCHING, DockingState.ALIGNING])
+def test_a_contact_that_comes_unawares_tells_where_the_dock_is(state):
+    docking = begun()
+    driven = Driven(docking, SE2(), SE2(1.0, 0.0, math.pi))
+    driven.step(T_map_base=driven.base)
+    if state is not DockingState.APPROACHING:
+        driven.step(T_map_base=driven.base, navigation=NavigationState.SUCCEEDED)
+    while docking.state is not state:
+        driven.step()
+    dock = dock_light("kobuki").dock_at(driven.base)
+    assert driven.step(docked=True) is DockingState.VERIFYING
+    assert docking.T_odom_dock().distance_to(dock) < 0.02
+
+
 def test_the_bits_on_the_topic_are_those_of_the_drivers_and_both_know_the_same_bases():
     assert {beam.name: int(beam) for beam in DockBeam} == {beam.name: int(beam) for beam in WireBeam if beam}
     assert set(DOCK_LIGHTS) == set(KINDS)

@@ -11,6 +11,7 @@ _TURN_FIRST_RAD = 0.35  # a point farther aside is turned to on the spot
 _AHEAD_M = (0.12, 0.30)  # of the base on the dock's axis: where it steers to
 _SLOW_FROM_M, _ASKEW_RAD = 0.25, 0.15  # before the seat; more off the course: turn on the spot
 _THERE_RAD = 0.03
+_ON_AXIS_RATIO, _NEAREST_M, _FARTHEST_M = 0.10, 0.42, 1.0  # off the axis per metre; where creeping may begin
 
 
 class LookAround:
@@ -49,6 +50,11 @@ def towards(point: SE2, v_m_s: float, omega_rad_s: float) -> VelocityCommand:
         return turn(bearing, omega_rad_s)
     omega = max(-omega_rad_s, min(omega_rad_s, _GAIN_PER_S * bearing))
     return VelocityCommand(min(v_m_s, max(0.04, math.hypot(point.x, point.y))), omega)
+
+
+def may_creep(at: SE2) -> bool:
+    """Whether a base that is here in the dock's frame stands well enough before the dock to creep onto it."""
+    return _NEAREST_M <= at.x <= _FARTHEST_M and abs(at.y) <= _ON_AXIS_RATIO * at.x
 
 
 def creep(at: SE2, left_m: float, config: DockingConfig) -> VelocityCommand:

@@ -19,14 +19,13 @@ from vsx_ros.exploration.decision import NavigationState
 from vsx_ros.geometry.se2 import SE2, wrap_angle
 from vsx_ros.navigation.dock_filter import DockFilter
 from vsx_ros.navigation.dock_light import dock_light
-from vsx_ros.navigation.dock_moves import LookAround, creep, towards, turn
+from vsx_ros.navigation.dock_moves import LookAround, creep, may_creep, towards, turn
+from vsx_ros.navigation.dock_places import PlacesBefore
 from vsx_ros.navigation.docking_state import DockingAct, DockingSeen, DockingState
 from vsx_ros.robot import STOP, VelocityCommand
 
 _SEEN_PLACES = 4  # at so many the dock was seen: no ghost
-_ON_AXIS_RATIO, _NEAREST_M, _FARTHEST_M = 0.10, 0.42, 1.0  # off the axis per metre; where creeping may begin
 _AT_PLACE_M, _FACING_RAD = 0.05, 0.06
-_MOVED_M, _MOVED_RAD = 0.05, 0.1  # of the dock with the map: its places are driven to anew
 _AT_DOCK_M = 0.25  # before its seat: a contact here, in the light of the dock, is one with the dock
 _BESIDE_M = (0.0, 0.02, -0.02)
 """How far beside the estimated axis a try goes. In the middle beam nothing tells where the middle is: if a contact is
@@ -36,8 +35,7 @@ _TOUCHED_M, _TOUCHED_RAD = 0.08, 0.6  # how well the dock is then known
 _BEYOND_M = 0.20  # driven past the seat without contact: the dock was believed so much too near, or missed
 _BLOCKED_S, _DARK_S, _NO_CONTACT_S, _NO_CURRENT_S, _STEADY_S, _TAKEN_S = 1.5, 1.5, 2.5, 10.0, 1.0, 3.0
 _STATE_S = 60.0  # longest time in one state
-_AROUND_RAD, _ALIGNMENTS = math.radians(35.0), 4
-_BEGINNINGS = DockingState.APPROACHING, DockingState.SEARCHING, DockingState.UNDOCKING
+_ALIGNMENTS = 4
 _BY_LIGHT = DockingState.SEARCHING, DockingState.ALIGNING, DockingState.CREEPING
 
 
@@ -49,10 +47,9 @@ class Docking:
         self._config, self._rng, self._light = config, np.random.default_rng(seed), dock_light("kobuki")
         self._filter = DockFilter(self._light, self._rng)
         self.state, self.reason, self.tries, self.in_vain = DockingState.IDLE, "", 0, False
-        self._T_map_dock = self._given_for = SE2()  # now, and when the goal was given
-        self._around_rad, self._left_rad = 0.0, list[float]()  # direction of the goal from the dock; still to be tried
+        self._T_map_dock, self._places = SE2(), PlacesBefore(self._light.stand_m)
         self._prior, self._turn_rad, self._entered, self._epoch = (SE2(), 0.0, 0.0), 0.0, True, 0
-        # T_odom_base where the state began, where the base moved last, and where it drove ahead last.
+        # T_odom_base where the state began, the base moved last, and it drove ahead last.
         self._begun = self._moved = self._ahead = SE2()
         self._look, self._alignments, self._faces, self._reached = LookAround(0.0, 0.0), 0, False, False
         self._since_ns = self._lit_ns = self._moved_ns = self._steady_ns = 0
@@ -62,7 +59,7 @@ class Docking:
         self._light = dock_light(kind)
         self._filter = DockFilter(self._light, self._rng)
         self._T_map_dock, self.tries, self._reached, self.in_vain = T_map_dock, 0, False, False
-        self._left_rad = [0.0, _AROUND_RAD, -_AROUND_RAD]
+        self._places = PlacesBefore(self._light.stand_m)
         self._enter(now_ns, DockingState.APPROACHING, "driving to the dock")
 
     def undock(self, now_ns: int, turn_rad: float = 0.0) -> None:
@@ -103,6 +100,9 @@ class Docking:
         if self.state is DockingState.APPROACHING:
             self._ahead = seen.odometry.T_odom_base
         if seen.docked and self.state not in (DockingState.VERIFYING, DockingState.UNDOCKING, DockingState.BACKING_OFF):
+            if self.state is not DockingState.CREEPING:  # it came unawares: nothing tells better where the dock is
+                self._prior = self._light.dock_at(seen.odometry.T_odom_base), _TOUCHED_M, _TOUCHED_RAD
+                self._filter.restart(*self._prior)
             return self._enter(now_ns, DockingState.VERIFYING, "the contacts touch")
         if self.state is DockingState.APPROACHING:
             return self._approach(now_ns, seen, begins)
@@ -129,7 +129,7 @@ class Docking:
         self._begun = self._moved = seen.odometry.T_odom_base
         self._lit_ns = self._moved_ns = self._steady_ns = now_ns
         self._alignments, self._faces = 0, False
-        if self.state in _BEGINNINGS:
+        if self.state in (DockingState.APPROACHING, DockingState.SEARCHING, DockingState.UNDOCKING):
             self._epoch = seen.odometry.odom_epoch
         if self.state is DockingState.SEARCHING:
             self._look = LookAround(self._begun.theta, self._config.sweep_rad)
@@ -139,13 +139,11 @@ class Docking:
         if seen.T_map_base is None:
             return self._fail(now_ns, "the base does not know where it is in the map")
         self._T_map_dock = dock = self._light.dock_at(seen.seat) if seen.seat is not None else self._T_map_dock
-        if begins and not self._left_rad:
+        if begins and self._places.all_tried:
             unseen = "the dock is not to be seen from any place before it that can be driven to"
             return self._fail(now_ns, unseen if self._reached else f"no way to the dock: {seen.navigation_reason}")
-        before, self._around_rad = self._given_for, self._left_rad.pop(0) if begins else self._around_rad
-        if begins or before.distance_to(dock) > _MOVED_M or abs(before.angle_to(dock)) > _MOVED_RAD:
-            self._given_for = dock
-            return DockingAct(None, dock @ SE2(0.0, 0.0, self._around_rad) @ SE2(self._light.stand_m, 0.0, math.pi))
+        if (goal := self._places.goal(dock, begins)) is not None:
+            return DockingAct(None, goal)
         if seen.navigation is NavigationState.SUCCEEDED:
             T_odom_dock = seen.odometry.T_odom_base @ seen.T_map_base.inverse() @ dock
             self._reached = True
@@ -159,8 +157,7 @@ class Docking:
 
     def _search(self, now_ns: int, seen: DockingSeen) -> DockingAct:
         """Look to both sides, then all around."""
-        command = self._look.step(seen.odometry.T_odom_base.theta, self._config.omega_rad_s)
-        if command is not None:
+        if (command := self._look.step(seen.odometry.T_odom_base.theta, self._config.omega_rad_s)) is not None:
             return DockingAct(command)
         if self._filter.seen >= _SEEN_PLACES:
             return self._enter(now_ns, DockingState.ALIGNING, "driving onto the axis of the dock")
@@ -173,8 +170,7 @@ class Docking:
         """Drive to the axis and face the dock, again and again while the estimate still moves."""
         config, base = self._config, seen.odometry.T_odom_base
         dock = self.T_odom_dock()
-        at = dock.inverse() @ base
-        ready = _NEAREST_M <= at.x <= _FARTHEST_M and abs(at.y) <= _ON_AXIS_RATIO * at.x
+        ready = may_creep(dock.inverse() @ base)
         if not self._faces and not ready:
             stand = base.inverse() @ dock @ SE2(self._light.stand_m, 0.0, 0.0)
             if math.hypot(stand.x, stand.y) > _AT_PLACE_M:
