@@ -302,6 +302,14 @@ def test_a_contact_that_comes_unawares_tells_where_the_dock_is(state):
     assert docking.T_odom_dock().distance_to(dock) < 0.02
 
 
+def test_odometry_that_restarts_just_as_it_arrives_before_the_dock_ends_the_docking():
+    docking = begun()
+    docking.step(1, seen())
+    docking.step(2, seen(navigation=NavigationState.SUCCEEDED))
+    docking.step(3, seen(odometry=Odometry(3, SE2(), odom_epoch=1)))
+    assert (docking.state, docking.reason) == (DockingState.FAILED, "the base has restarted its odometry")
+
+
 def test_the_bits_on_the_topic_are_those_of_the_drivers_and_both_know_the_same_bases():
     assert {beam.name: int(beam) for beam in DockBeam} == {beam.name: int(beam) for beam in WireBeam if beam}
     assert set(DOCK_LIGHTS) == set(KINDS)

@@ -129,7 +129,7 @@ class Docking:
         self._begun = self._moved = seen.odometry.T_odom_base
         self._lit_ns = self._moved_ns = self._steady_ns = now_ns
         self._alignments, self._faces = 0, False
-        if self.state in (DockingState.APPROACHING, DockingState.SEARCHING, DockingState.UNDOCKING):
+        if self.state in (DockingState.APPROACHING, DockingState.UNDOCKING):
             self._epoch = seen.odometry.odom_epoch
         if self.state is DockingState.SEARCHING:
             self._look = LookAround(self._begun.theta, self._config.sweep_rad)
