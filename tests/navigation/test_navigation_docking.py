@@ -310,6 +310,25 @@ def test_odometry_that_restarts_just_as_it_arrives_before_the_dock_ends_the_dock
     assert (docking.state, docking.reason) == (DockingState.FAILED, "the base has restarted its odometry")
 
 
+@pytest.mark.parametrize("believed", [SE2(4.0, 0.0, math.pi), SE2(1.0, 5.0, 2.0), SE2(0.0, -4.0, 1.0)])
+def test_wherever_the_light_leads_it_goes_no_farther_without_the_map_and_tries_another_place(believed):
+    docking, start = begun(), SE2(0.8, 0.0, math.pi)
+    driven, farthest_m = Driven(docking, SE2(), start), 0.0
+    driven.step(T_map_base=start)
+    driven.step(T_map_base=start, navigation=NavigationState.SUCCEEDED)
+    while docking.state is not DockingState.ALIGNING:
+        driven.step()
+    docking._filter.restart(believed, 0.0, 0.0)
+    docking._filter.seen = 4
+    while driven.step(sight=None) is not DockingState.APPROACHING and driven.now_ns - driven.begun_ns < 300e9:
+        farthest_m = max(farthest_m, driven.base.distance_to(start))
+    assert "too far" in docking.reason
+    assert driven.act.command == STOP
+    assert 1.3 < farthest_m < 1.42
+    driven.step(T_map_base=driven.base)
+    assert math.hypot(driven.act.goal.x, driven.act.goal.y) == pytest.approx(0.8)
+
+
 def test_the_bits_on_the_topic_are_those_of_the_drivers_and_both_know_the_same_bases():
     assert {beam.name: int(beam) for beam in DockBeam} == {beam.name: int(beam) for beam in WireBeam if beam}
     assert set(DOCK_LIGHTS) == set(KINDS)

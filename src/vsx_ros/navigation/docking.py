@@ -7,8 +7,9 @@
     undock ----> UNDOCKING --> UNDOCKED                                            no current              DOCKED
 
 APPROACHING drives to a place before the remembered dock, by the planner. All later motion follows the estimate of the
-``DockFilter``, slowly. FAILED when the tries are used up or backing off frees no bumper. Call ``step`` with every
-reading of the base; it returns what to do. Safety stays below it: a pressed bumper ends driving ahead, here too."""
+``DockFilter``, slowly, without the map: it goes to another place when that leads too far from where the planner has led
+it. FAILED when the tries are used up or backing off frees no bumper. Call ``step`` with every reading of the base; it
+returns what to do. Safety stays below it: a pressed bumper ends driving ahead, here too."""
 
 import math
 
@@ -35,7 +36,7 @@ _TOUCHED_M, _TOUCHED_RAD = 0.08, 0.6  # how well the dock is then known
 _BEYOND_M = 0.20  # driven past the seat without contact: the dock was believed so much too near, or missed
 _BLOCKED_S, _DARK_S, _NO_CONTACT_S, _NO_CURRENT_S, _STEADY_S, _TAKEN_S = 1.5, 1.5, 2.5, 10.0, 1.0, 3.0
 _STATE_S = 60.0  # longest time in one state
-_ALIGNMENTS = 4
+_ALIGNMENTS, _LEASH_SIGMAS = 4, 4.0  # the light may lead as far as a place is before the dock, and so many sigmas
 _BY_LIGHT = DockingState.SEARCHING, DockingState.ALIGNING, DockingState.CREEPING
 
 
@@ -49,8 +50,8 @@ class Docking:
         self.state, self.reason, self.tries, self.in_vain = DockingState.IDLE, "", 0, False
         self._T_map_dock, self._places = SE2(), PlacesBefore(self._light.stand_m)
         self._prior, self._turn_rad, self._entered, self._epoch = (SE2(), 0.0, 0.0), 0.0, True, 0
-        # T_odom_base where the state began, the base moved last, and it drove ahead last.
-        self._begun = self._moved = self._ahead = SE2()
+        # T_odom_base where the state began, the base moved last, it drove ahead last, and the planner has led it.
+        self._begun = self._moved = self._ahead = self._led = SE2()
         self._look, self._alignments, self._faces, self._reached = LookAround(0.0, 0.0), 0, False, False
         self._since_ns = self._lit_ns = self._moved_ns = self._steady_ns = 0
 
@@ -98,7 +99,7 @@ class Docking:
             self._filter.add(seen.odometry.T_odom_base, seen.sight)
             self._lit_ns = now_ns if any(seen.sight) else self._lit_ns
         if self.state is DockingState.APPROACHING:
-            self._ahead = seen.odometry.T_odom_base
+            self._ahead = self._led = seen.odometry.T_odom_base
         if seen.docked and self.state not in (DockingState.VERIFYING, DockingState.UNDOCKING, DockingState.BACKING_OFF):
             if self.state is not DockingState.CREEPING:  # it came unawares: nothing tells better where the dock is
                 self._prior = self._light.dock_at(seen.odometry.T_odom_base), _TOUCHED_M, _TOUCHED_RAD
@@ -108,6 +109,9 @@ class Docking:
             return self._approach(now_ns, seen, begins)
         if seen.hazard and self.state in (DockingState.SEARCHING, DockingState.ALIGNING):
             return self._retry(now_ns, seen.hazard)
+        leash_m = self._light.stand_m + _LEASH_SIGMAS * self._config.remembered_sigma_m
+        if self.state in _BY_LIGHT and seen.odometry.T_odom_base.distance_to(self._led) > leash_m:
+            return self._enter(now_ns, DockingState.APPROACHING, "the light has led too far; trying another place")
         if now_ns - self._since_ns > _STATE_S * 1e9:
             ends = self._fail if self.state is DockingState.UNDOCKING else self._retry
             return ends(now_ns, f"{self.state.value} took too long")
