@@ -111,6 +111,17 @@ class HeardDock:
         """The base in the map, if known."""
         return self._where.at(headers.now_ns()).T_map_base
 
+    def refuse_held(self) -> None:
+        """Raises InputError while the operator holds the wheels."""
+        if (hold := self.hold) is not None:
+            raise InputError(f"{hold.words()}, then ask again")
+
+    def refuse_leaving(self) -> None:
+        """Raises InputError off the dock, and while the operator holds the wheels."""
+        if not self.docked:
+            raise InputError("the base is not on its dock")
+        self.refuse_held()
+
     def place(self, named: SE2 | None) -> SE2:
         """Where to dock: at the named seat, else at the known one, also when that moves with the map. Raises InputError
         when there is neither."""
@@ -185,7 +196,8 @@ class Errands:
             left_s = self._keeper.meter.left_s
             soon = left_s is not None and left_s < _SOON_S
             way_m = self._way.length_m(heard.T_map_base, heard.seat) if soon else None
-            errand, reason = self._keeper.errand(now_ns, state, way_m), self._keeper.reason
+            if heard.hold is None:  # the planner took its time
+                errand, reason = self._keeper.errand(now_ns, state, way_m), self._keeper.reason
         if errand is not None:
             rospy.logwarn("%s: %s", errand.value, reason)
         return errand

@@ -6,7 +6,7 @@ Publishers: cmd_vel_mux/input/navi (while it docks or undocks), dock/status (lat
     state, reason, tries, docked, known: a dock; holds: nobody else may move the base; battery_left_s: until it is
     empty, null while unknown), /diagnostics, move_base/lease.
 Services: dock/start (AddDiagnostics, a standard type that takes a text: JSON {}, or {"at": [x, y, heading]}: the pose
-    in the map [m, rad] in which the base charges), dock/leave, dock/cancel (Trigger).
+    in the map [m, rad] in which the base charges), dock/leave, dock/cancel (Trigger). Held wheels refuse the first two.
 Actions: client of move_base, for the way to the dock.
 Parameters: ~config (tree of 'vsx config', branch docking), ~seed (int, 0).
 
@@ -20,9 +20,8 @@ import rospy
 from geometry_msgs.msg import Twist
 
 from vsx_ros.config import Config
-from vsx_ros.errors import InputError, VsxError
+from vsx_ros.errors import VsxError
 from vsx_ros.navigation.dock_light import dock_light
-from vsx_ros.navigation.docking import Docking
 from vsx_ros.navigation.docking_state import DockingState
 from vsx_ros.navigation.energy import ChargeKeeper, Errand
 from vsx_ros.robot import STOP
@@ -32,6 +31,7 @@ from vsx_ros.ros.dock_claims import DockClaims
 from vsx_ros.ros.docking import DockStatus, Errands, HeardDock, wanted_dock
 from vsx_ros.ros.driving import PERIOD_S, Lease
 from vsx_ros.ros.goal_sender import GoalSender
+from vsx_ros.ros.numbered_docking import NumberedDocking
 
 _CONTROL_S, _BATTERY_S, _DECIDE_WITHIN_S = 1.0 / 30.0, 1.0, 1.0
 
@@ -41,11 +41,11 @@ class DockNode:
 
     def __init__(self, config: Config) -> None:
         self._lock = threading.Lock()
-        self._docking = Docking(config.docking, int(rospy.get_param("~seed", 0)))
+        self._docking = NumberedDocking(config.docking, int(rospy.get_param("~seed", 0)))
         self._keeper = ChargeKeeper(config.docking)
         self._heard, self._goals, self._claims = HeardDock(self._keeper), GoalSender(), DockClaims(self._keeper)
         self._errands = Errands(config.docking, self._heard, self._keeper)
-        self._status, self._busy, self._lease = DockStatus(), False, Lease(topics.NAVIGATION_LEASE, rospy.get_name())
+        self._status, self._lease = DockStatus(), Lease(topics.NAVIGATION_LEASE, rospy.get_name())
         self._command_pub = rospy.Publisher(topics.COMMAND_NAVI, Twist, queue_size=1, tcp_nodelay=True)
         offer_text(topics.DOCK_START, self._start)
         offer_trigger(topics.DOCK_LEAVE, self._leave)
@@ -55,6 +55,7 @@ class DockNode:
         threads.every(_BATTERY_S, "battery", self._watch)
 
     def _start(self, text: str | None = None) -> str:
+        self._heard.refuse_held()
         seat, kind = self._heard.place(wanted_dock(text or "")), self._heard.kind
         light = dock_light(kind)
         self._errands.pause.begin()
@@ -65,8 +66,8 @@ class DockNode:
         return "driving to the dock"
 
     def _leave(self, errand: Errand | None = None) -> str:
-        if errand is None and not self._heard.docked:  # of an errand the exploration is paused already
-            raise InputError("the base is not on its dock")
+        if errand is None:  # of an errand the exploration is paused already
+            self._heard.refuse_leaving()
         with self._lock:  # a new exploration drives ahead
             self._docking.undock(headers.timer_ns(), math.pi if self._errands.pause.began_here else 0.0)
         return "leaving the dock backwards"
@@ -81,10 +82,8 @@ class DockNode:
         with self._lock:
             self._claims.heed(now_ns, self._docking, self._heard.hold, bool(self._heard.docked))
             if not self._docking.state.rests:
-                self._busy = True
                 self._drive(now_ns)
-            ended, self._busy = self._busy and self._docking.state.rests, not self._docking.state.rests
-            if ended:
+            if ended := self._docking.has_ended():
                 self._goals.cancel()
                 self._command_pub.publish(convert.twist(STOP))
             taken = self._docking.notice_taken_off(now_ns, bool(self._heard.docked))
