@@ -177,3 +177,25 @@ def test_without_a_dock_or_with_nonsense_it_says_why(wires, monkeypatch):
         answer = wires.served[topics.DOCK_START](SimpleNamespace(load_namespace=text))
         assert not answer.success
         assert words in answer.message
+
+
+def test_each_docking_has_a_number_of_its_own_and_its_end_is_told_also_the_same_again(wires, monkeypatch):
+    robot, told = robot_on(wires, monkeypatch, return_to_charge=False), []
+    robot.wait(0.5)
+    wires._hear(topics.DOCK_STATUS, lambda msg: told.append(json.loads(msg.data)))
+    first = wires.status()["number"]
+    for number in (first + 1, first + 2):
+        assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+        assert wires.served[topics.DOCK_CANCEL](None).success
+        robot.wait(0.1)
+        assert (told[-1]["state"], told[-1]["number"]) == ("failed", number)
+    assert {status["state"] for status in told} == {"failed"}
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.until("docked", 90.0)
+    assert wires.status()["number"] == first + 3
+    assert wires.served[topics.DOCK_LEAVE](None).success
+    robot.until("undocked", 20.0)
+    assert wires.status()["number"] == first + 4
+    robot.node = dock.DockNode(Config())
+    robot.until("idle", 0.5)
+    assert wires.status()["number"] not in range(first, first + 5)

@@ -21,7 +21,7 @@ from vsx_ros.ros import dock_command, energy_messages
 from vsx_ros.ros.docking import heard_sight, wanted_dock
 from vsx_ros.ros.emulated_base import before_dock, dock_pose
 from vsx_ros.ros.status import StatusBoard, screen
-from vsx_ros.runs.process import DONE
+from vsx_ros.runs.process import DONE, FAILED
 
 UNKNOWN = dict.fromkeys(
     ("state", "reason", "slam_state", "slam_reason", "tracked_ratio", "camera_hz", "driver", "base_reason", "estop",
@@ -95,18 +95,89 @@ def test_the_wall_at_a_dock_does_not_shade_it_and_the_others_may_reflect() -> No
     assert at.heading_rad == pytest.approx(-math.pi)
 
 
-def test_a_docking_that_ended_before_the_command_looked_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    tell: list[Callable[[String], None]] = []
+class ToldCommand:
+    """A command that hears these statuses: one when it subscribes, some before its question is answered, and one in
+    each later moment; after the last, nothing is told any more."""
 
-    def ask() -> str:
-        for state in ("idle", "creeping", "docked"):
-            tell[0](String(json.dumps({"state": state, "reason": ""})))
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, first: str | None, asked: list[str], later: list[str]) -> None:
+        self._asked, self._later = asked, later
+        self.moments = 0
+        monkeypatch.setattr(dock_command, "subscribe", lambda _topic, _kind, hear, **_: self._begin(hear, first))
+        monkeypatch.setattr(rospy, "is_shutdown", lambda: False)
+        monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+        monkeypatch.setattr(dock_command.time, "sleep", self._moment)
+
+    def _begin(self, hear: Callable[[String], None], first: str | None) -> None:
+        self._hear = hear
+        if first is not None:
+            self._tell(first)
+
+    def _tell(self, words: str) -> None:
+        number, state, reason = words.split(", ")
+        self._hear(String(json.dumps({"state": state, "reason": reason, "number": int(number)})))
+
+    def _moment(self, _: float) -> None:
+        self.moments += 1
+        assert self.moments < 1000, "it waits for a docking that is over"
+        if self._later:
+            self._tell(self._later.pop(0))
+
+    def ask(self) -> str:
+        for words in self._asked:
+            self._tell(words)
         return "driving to the dock"
 
-    def waits_for_ever(_: float) -> None:
-        pytest.fail("it waits for a docking that is over")
+    def pursued(self) -> int:
+        return dock_command._pursued(self.ask, DockingState.DOCKED)
 
-    monkeypatch.setattr(dock_command, "subscribe", lambda _topic, _kind, callback, **_: tell.append(callback))
-    monkeypatch.setattr(rospy, "is_shutdown", lambda: False)
-    monkeypatch.setattr(dock_command.time, "sleep", waits_for_ever)
-    assert dock_command._pursued(ask, DockingState.DOCKED) == DONE
+
+def test_a_docking_that_ended_before_the_command_looked_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = ToldCommand(monkeypatch, "5, idle, ", ["5, idle, ", "6, creeping, ahead", "6, docked, it charges"], [])
+    assert told.pursued() == DONE
+    assert told.moments == 0
+
+
+def test_a_docking_that_ended_before_its_first_status_has_ended(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lost = "the base does not know where it is in the map"
+    assert ToldCommand(monkeypatch, "5, idle, ", [f"6, failed, {lost}"], []).pursued() == FAILED
+    assert capsys.readouterr().err.splitlines()[-1] == f"failed: {lost}"
+    assert ToldCommand(monkeypatch, f"6, failed, {lost}", [], [f"7, failed, {lost}"]).pursued() == FAILED
+
+
+def test_an_earlier_docking_and_one_that_goes_on_are_not_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, after = (
+        ["5, failed, no way"] * 3,
+        ["6, approaching, driving", "6, searching, looking", "6, docked, it charges"],
+    )
+    told = ToldCommand(monkeypatch, "5, approaching, driving", before, before + after)
+    assert told.pursued() == DONE
+    assert told.moments == 6
+
+
+def test_a_command_that_connects_late_knows_the_docking_before_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = ToldCommand(monkeypatch, None, ["5, failed, no way"], ["5, failed, no way", "6, failed, no way"])
+    assert told.pursued() == FAILED
+    assert told.moments == 2
+
+
+def test_a_node_that_was_started_anew_or_tells_nothing_any_more_ends_the_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert ToldCommand(monkeypatch, "5, idle, ", ["6, creeping, ahead"], ["900, idle, "]).pursued() == FAILED
+    assert capsys.readouterr().err.splitlines()[-1] == "idle: the node dock was started anew"
+    for first in (None, "5, idle, "):
+        told = ToldCommand(monkeypatch, first, ["6, creeping, ahead"], [])
+        with pytest.raises(ConfigError, match=r"nobody has told /dock/status for 10 s; start the robot first"):
+            told.pursued()
+        assert 90 < told.moments < 110
+
+
+def test_a_master_that_ends_is_no_end_of_the_docking(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = ToldCommand(monkeypatch, "5, docked, it charges", [], [])
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: told.moments > 2)
+    assert told.pursued() == FAILED
+    assert capsys.readouterr().err.splitlines()[-1] == "not known: the ROS master has ended"

@@ -25,6 +25,7 @@ from vsx_ros.ros.callbacks import hear_operator_hold, subscribe
 from vsx_ros.ros.dock_claims import DockClaims, stands_on_dock
 from vsx_ros.ros.exploration_pause import ExplorationPause
 from vsx_ros.ros.logs import OK, WARN, Diagnostics
+from vsx_ros.ros.numbered_docking import NumberedDocking
 from vsx_ros.ros.situation import LocalizationSubscriber
 
 _STATUS_S, _WAY_S = 1.0, 30.0  # between repetitions of the status; between questions for the way
@@ -211,11 +212,11 @@ class DockStatus:
         self._told, self._told_s = "", -math.inf
         self._publisher = rospy.Publisher(topics.DOCK_STATUS, String, queue_size=5, latch=True)
 
-    def publish(self, docking: Docking, heard: HeardDock, claims: DockClaims, left_s: float | None) -> None:
+    def publish(self, docking: NumberedDocking, heard: HeardDock, claims: DockClaims, left_s: float | None) -> None:
         """On change of anything but the battery, and once a second."""
         known, docked = heard.seat is not None, bool(heard.docked)
         facts = {"state": docking.state.value, "reason": docking.reason, "tries": docking.tries, "docked": docked}
-        facts |= {"known": known, "holds": claims.holds(docking, docked)}
+        facts |= {"known": known, "holds": claims.holds(docking, docked), "number": docking.number}
         told, now_s = json.dumps(facts), time.monotonic()
         if told == self._told and now_s - self._told_s < _STATUS_S:
             return

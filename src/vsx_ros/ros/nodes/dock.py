@@ -3,8 +3,9 @@
 Subscribers: mobile_base/sensors/dock_ir, mobile_base/{docked,hazards,operator_hold}, battery, dock/pose,
     explore/status, odom, vslam/pose, vslam/state, move_base/{goal,status}.
 Publishers: cmd_vel_mux/input/navi (while it docks or undocks), dock/status (latched String, JSON, 1 Hz and on change:
-    state, reason, tries, docked, known: a dock; holds: nobody else may move the base; battery_left_s: until it is
-    empty, null while unknown), /diagnostics, move_base/lease.
+    state, reason, number: of the newest docking or undocking, unlike all before, also of a node that ended; tries,
+    docked, known: a dock; holds: nobody else may move the base; battery_left_s: until it is empty, null while unknown),
+    /diagnostics, move_base/lease.
 Services: dock/start (AddDiagnostics, a standard type that takes a text: JSON {}, or {"at": [x, y, heading]}: the pose
     in the map [m, rad] in which the base charges), dock/leave, dock/cancel (Trigger). Held wheels refuse the first two.
 Actions: client of move_base, for the way to the dock.
