@@ -90,7 +90,10 @@ ASKS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("program", sorted(ASKS))
+WITH_ROS = [pytest.mark.ros, pytest.mark.light]
+
+
+@pytest.mark.parametrize("program", [pytest.param(name, marks=WITH_ROS if name == "docking" else []) for name in ASKS])
 def test_a_program_asks_all_published_questions(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: dict[str, list[Row]] = {}
 
