@@ -39,6 +39,22 @@ def test_nodes_in_another_folder_find_the_user_s_files(here: Path, monkeypatch: 
         assert told("bringup", "--camera-info-url", url)["camera_info_url"] == str(here / file)
 
 
+@pytest.mark.parametrize("is_empty", [False, True])
+@pytest.mark.parametrize("name", ["${ROS_HOME}", "$ROS_HOME"])
+def test_the_usual_folder_of_ros_needs_no_variable(
+    is_empty: bool, name: str, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The usual URL in ROS is file://${ROS_HOME}/camera_info/NAME.yaml, and hardly anybody sets ROS_HOME."""
+    monkeypatch.setenv("HOME", str(here / "home"))
+    monkeypatch.setenv("ROS_HOME_2", "another")
+    monkeypatch.setenv("ROS_HOME", "")
+    if not is_empty:
+        monkeypatch.delenv("ROS_HOME")
+    given = told("bringup", "--camera-info-url", f"file://{name}/camera_info/cal.yaml")
+    assert given["camera_info_url"] == str(here / "home/.ros/camera_info/cal.yaml")
+    assert told("bringup", "--camera-info-url", "$ROS_HOME_2")["camera_info_url"] == str(here / "another")
+
+
 def test_the_emulator_finds_the_user_s_world(here: Path) -> None:
     save_world(open_world("lab", 3), here / "mine.yaml")
     given = told("simulate", "--world", "mine.yaml", "--devices", "wires")

@@ -225,6 +225,20 @@ def test_a_calibration_with_a_name_of_earlier_versions_is_told_also_where_the_dr
     assert f"'mv {before} {tmp_path / 'camera_info/rgb_cam_image_raw.yaml'}'" in warned[0]
 
 
+def test_a_calibration_in_the_usual_folder_of_ros_needs_no_variable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("ROS_HOME", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    source = SimpleNamespace(serial="cam")
+    stored = CameraCalibration(DEVICE, "").store(source, MEASURED)
+    assert stored == tmp_path / ".ros/camera_info/rgb_cam.yaml"
+    for name in ("${ROS_HOME}", "$ROS_HOME"):
+        calibration = CameraCalibration(DEVICE, f"file://{name}/camera_info/rgb_cam.yaml")
+        assert calibration.known
+        assert calibration.store(source, replace(MEASURED, fx=520.0)) == stored
+
+
 def test_no_calibration_is_stored_for_a_camera_that_is_not_known_yet(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

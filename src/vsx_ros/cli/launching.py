@@ -13,7 +13,7 @@ from vsx_ros.cli.option_values import BASES, PLANNERS, Parser, camera, pose_text
 from vsx_ros.config import to_dict
 from vsx_ros.errors import VsxError
 from vsx_ros.ros import launch, logs
-from vsx_ros.ros.environment import DEFAULT_MASTER
+from vsx_ros.ros.environment import DEFAULT_MASTER, path_of_url
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.left_behind import end_standing_time
 from vsx_ros.ros.node import AUTO, NOWHERE
@@ -65,7 +65,7 @@ def _run_dir(text: str) -> str:
 
 def _of_url(url: str) -> str:
     """A file as the node camera understands its name."""
-    return _absolute(os.path.expanduser(os.path.expandvars(url.removeprefix("file://"))))
+    return _absolute(path_of_url(url))
 
 
 def parser(name: str) -> argparse.ArgumentParser:

@@ -1,6 +1,5 @@
 """Cameras by name, for the node ``camera``: their settings, drivers and calibrations."""
 
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from vsx_ros.errors import CalibrationError, ConfigError
 from vsx_ros.geometry.camera import KINECT_SHUTTER, PinholeCamera, nominal_camera
 from vsx_ros.io.calibration_file import read_calibration, write_calibration
 from vsx_ros.registry import Registry
+from vsx_ros.ros.environment import path_of_url
 from vsx_ros.ros.topic_camera import TopicCamera
 from vsx_ros.runs.parameters import ros_home
 
@@ -135,7 +135,7 @@ class CameraCalibration:
         self._lack = ""  # why there is no stored one, until it is told
         self._refused: list[tuple[PinholeCamera, int, int]] = []  # with the size of the images
         if url and not device.startswith("emulator:"):
-            self._chosen = read_calibration(_path(url))
+            self._chosen = read_calibration(Path(path_of_url(url)))
         self.known = self._looked = self._chosen is not None
 
     def of(self, source: Camera, width: int, height: int) -> PinholeCamera:
@@ -190,7 +190,7 @@ class CameraCalibration:
 
     def _file(self, source: Camera) -> Path:
         if self._url:
-            return _path(self._url)
+            return Path(path_of_url(self._url))
         if self._device.startswith("emulator:"):
             return Path(self._device.partition(":")[2] + ".yaml")
         return ros_home() / "camera_info" / f"rgb_{source.serial}.yaml"
@@ -236,8 +236,3 @@ class CameraCalibration:
 def nominal(device: str, width: int, height: int) -> PinholeCamera:
     """Assumed calibration of an uncalibrated camera. Raises ConfigError for an unknown kind of camera."""
     return CAMERAS[device.partition(":")[0]].nominal(width, height)
-
-
-def _path(url: str) -> Path:
-    """A file from a file:// URL or a path; ${ROS_HOME} and ~ are expanded."""
-    return Path(os.path.expandvars(url.removeprefix("file://"))).expanduser()

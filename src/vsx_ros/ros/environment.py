@@ -2,11 +2,13 @@
 
 import importlib.util
 import os
+import re
 import socket
 from pathlib import Path
 from urllib.parse import urlparse
 
 from vsx_ros.errors import ConfigError
+from vsx_ros.runs.parameters import ros_home
 
 MASTER_PORT = 11311  # roscore's default
 DEFAULT_MASTER = f"http://localhost:{MASTER_PORT}"
@@ -34,6 +36,13 @@ def export_ros_address() -> None:
         return
     address = host_address(os.environ.get("ROS_MASTER_URI", DEFAULT_MASTER))
     os.environ["ROS_HOSTNAME" if address == "localhost" else "ROS_IP"] = address
+
+
+def path_of_url(url: str) -> str:
+    """The file of a camera_info_url: a file:// URL or a path. ${ROS_HOME}, with ROS' default where it is not set, other
+    variables and ~ are expanded."""
+    path = re.sub(r"\$(\{ROS_HOME\}|ROS_HOME\b)", lambda _: str(ros_home()), url.removeprefix("file://"))
+    return os.path.expanduser(os.path.expandvars(path))
 
 
 def package_environment() -> None:
