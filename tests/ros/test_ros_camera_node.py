@@ -12,11 +12,13 @@ pytest.importorskip("rospy")
 
 import rospy
 
+from vsx_hw.errors import DeviceNotFound
+from vsx_hw.kinect.driver import KinectCamera
 from vsx_hw.readings import ImageReading
 from vsx_ros.arrays import GrayImage
 from vsx_ros.errors import CalibrationError, ConfigError
 from vsx_ros.geometry.camera import KINECT_SHUTTER, PinholeCamera, Shutter
-from vsx_ros.ros import headers, topic_camera
+from vsx_ros.ros import cameras, headers, topic_camera
 from vsx_ros.ros.cameras import CAMERAS, CameraCalibration, CameraEntry, nominal, open_camera
 from vsx_ros.ros.topic_camera import TopicCamera
 
@@ -42,6 +44,26 @@ def test_an_uncalibrated_kinect_has_nominal_values_in_every_mode(
 def test_a_device_or_mode_without_meaning_is_refused(device: str, mode: str) -> None:
     with pytest.raises(ConfigError, match="give"):
         open_camera(device, lambda reading: None, mode)
+
+
+def test_a_kinect_is_found_again_behind_another_one_on_the_bus(monkeypatch: pytest.MonkeyPatch) -> None:
+    def found(serial: str) -> SimpleNamespace:
+        for each in bus:
+            if serial in ("", each):
+                return SimpleNamespace(serial=each, close=lambda: None)
+        raise DeviceNotFound(f"no Kinect with serial number {serial}; found {bus}")
+
+    monkeypatch.setattr(cameras, "UsbTransport", found)
+    bus, camera = ["A", "B"], open_camera("kinect", lambda reading: None)
+    assert isinstance(camera, KinectCamera)
+    assert camera._open().serial == "A"
+    bus[:] = ["B"]
+    with pytest.raises(DeviceNotFound, match="kinect is B now; plug A in as before"):
+        camera._open()
+    bus[:] = ["B", "A"]
+    assert camera._open().serial == "A"
+    bus[:] = ["usb-1-port2"]
+    assert camera._open().serial == "usb-1-port2", "its audio part is out of reach"
 
 
 @pytest.mark.parametrize("name", ["folder", "kinect2", "rosbag", "v4l2", "emulators"])

@@ -11,7 +11,7 @@ import numpy as np
 
 from vsx_hw.cameras import FROZEN, FrozenImageDetector
 from vsx_hw.connection_thread import ConnectionThread
-from vsx_hw.errors import DeviceError, DeviceTimeout
+from vsx_hw.errors import DeviceError, DeviceNotFound, DeviceTimeout
 from vsx_hw.kinect import protocol
 from vsx_hw.kinect.protocol import CLOCK_BITS, CLOCK_HZ, FrameAssembler, PacketHandler, RawFrame
 from vsx_hw.readings import DeviceClock, ImageReading, LinkStatus
@@ -22,6 +22,9 @@ REPLY_TIMEOUT_S = 0.5  # of a control message
 REVIVE_AFTER_S = 5.0  # without an image: the stream is restarted
 LOCK_AFTER_S = 2.0  # of images: the automatic exposure has settled
 BACKOFF_S = (0.5, 1.0, 2.0)  # between tries to open it
+
+_USB_PORT = "usb-"
+"""Begins what stands for a serial number that cannot be read (``video_names.port_name``)."""
 
 _FULL_RANGE = np.clip((np.arange(256) - 16) * 255.0 / 219.0 + 0.5, 0, 255).astype(np.uint8)
 """Maps luma 16..235 of the camera's UYVY to 0..255 (ITU-R BT.601)."""
@@ -56,14 +59,16 @@ class KinectCamera(ConnectionThread):
 
     A stream without a new image for five seconds is restarted. A camera that vanishes is reopened with growing pauses.
     A repeated image is not delivered. Exposure and white balance are automatic in a new stream; lock_exposure: after
-    two seconds of images they are locked."""
+    two seconds of images they are locked.
+
+    ``serial`` is that of the first camera; another one that comes in its place is refused."""
 
     def __init__(
         self, open_transport: Callable[[], KinectTransport], device: str, on_image: Callable[[ImageReading], None],
         mode: protocol.StreamMode = protocol.VGA_BAYER, lock_exposure: bool = False,
     ) -> None:  # fmt: skip
-        super().__init__(device, open_transport, BACKOFF_S)
-        self._on_image, self._mode = on_image, mode
+        super().__init__(device, self._open, BACKOFF_S)
+        self._open_transport, self._on_image, self._mode = open_transport, on_image, mode
         self._lock_wanted = self._lock_pending = lock_exposure
         self._tag = 0
         self._counters = Counter(revivals=0, frames=0, torn_frames=0, bad_packets=0, frozen_frames=0)
@@ -77,8 +82,17 @@ class KinectCamera(ConnectionThread):
         counters = {**self._counters, "exposure_locked": int(self._locked)}
         return self._status(self.serial or self._name, counters)
 
+    def _open(self) -> KinectTransport:
+        transport = self._open_transport()
+        found = transport.serial
+        if _surely_another(self.serial, found):
+            transport.close()
+            raise DeviceNotFound(f"{self._name} is {found} now; plug {self.serial} in as before, or start anew")
+        if not self.serial or self.serial.startswith(_USB_PORT):
+            self.serial = found or self.serial
+        return transport
+
     def _serve(self, transport: KinectTransport) -> None:
-        self.serial = transport.serial
         self._fault = None
         self._begin(transport)
         while not self.closing.wait(0.1):
@@ -179,3 +193,10 @@ class KinectCamera(ConnectionThread):
         else:
             luma = cv2.cvtColor(frame.image, cv2.COLOR_YUV2GRAY_UYVY)
             self._on_image(ImageReading(stamp_ns, _FULL_RANGE[luma], "mono8"))
+
+
+def _surely_another(first: str, found: str) -> bool:
+    """Whether these serial numbers are of two cameras. A number and a port tell nothing of each other: the audio part,
+    which may have the number, can be late or fail."""
+    is_same_kind = first.startswith(_USB_PORT) == found.startswith(_USB_PORT)
+    return bool(first and found) and is_same_kind and found != first

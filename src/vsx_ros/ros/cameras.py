@@ -1,12 +1,14 @@
 """Cameras by name, for the node ``camera``: their settings, drivers and calibrations."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import rospy
 
+from vsx_hw.errors import DeviceNotFound
 from vsx_hw.kinect.driver import KinectCamera, KinectTransport
 from vsx_hw.kinect.protocol import MODES
 from vsx_hw.kinect.socket_transport import SocketTransport
@@ -59,8 +61,15 @@ def _kinect(device: str, transport: Callable[[], KinectTransport], wanted: Camer
 
 
 def _on_usb(wanted: CameraSettings) -> Camera:
-    device = f"kinect:{wanted.name}" if wanted.name else "kinect"
-    return _kinect(device, lambda: UsbTransport(wanted.name), wanted)
+    def transport() -> KinectTransport:
+        """Of the camera of before, although another one may come first on the bus now."""
+        if not wanted.name and camera.serial:
+            with suppress(DeviceNotFound):
+                return UsbTransport(camera.serial)
+        return UsbTransport(wanted.name)
+
+    camera = _kinect(f"kinect:{wanted.name}" if wanted.name else "kinect", transport, wanted)
+    return camera
 
 
 def _emulated(wanted: CameraSettings) -> Camera:
