@@ -33,13 +33,14 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 ROBOT = """
 import json, sys, threading
 import cv2, numpy as np, rospy
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import SetBool
 
 rospy.init_node("robot", disable_signals=True)
-told, ours, images = [], [], []
+told, ours, images, named = [], [], [], {}
 speed = [0.0]
 def on_command(msg):
     speed[0] = msg.linear.x
@@ -47,6 +48,7 @@ def on_command(msg):
 rospy.Subscriber("/robot/cmd_vel", Twist, on_command, queue_size=50)
 rospy.Subscriber("/odom", Odometry, lambda m: ours.append((m.header.frame_id, m.pose.pose.position.x)), queue_size=50)
 rospy.Subscriber("/camera/rgb/image_raw", Image, lambda m: images.append((m.encoding, m.width, m.height)), queue_size=5)
+rospy.Subscriber("/diagnostics", DiagnosticArray, lambda m: named.update((s.name, s.hardware_id) for s in m.status))
 odom_pub = rospy.Publisher("/robot/odom", Odometry, queue_size=5)
 image_pub = rospy.Publisher("/cam/image_raw/compressed", CompressedImage, queue_size=1)
 info_pub = rospy.Publisher("/cam/camera_info", CameraInfo, queue_size=1)
@@ -85,6 +87,7 @@ def wait(condition, what):
         rospy.rostime.wallsleep(0.05)
     sys.exit(f"waited for {what}: {told[-3:]} {ours[-3:]} {images[-3:]}")
 wait(lambda: ours and images, "odometry and images under our names")
+wait(lambda: "mobile_base: link" in named, "the health of the base")
 commanding[0] = 0.1
 wait(lambda: told and told[-1] == 0.1 and ours[-1][1] > 0.05, "the base to drive")
 rospy.ServiceProxy("/mobile_base/estop", SetBool)(True)
@@ -95,7 +98,8 @@ commanding[0] = 0.0
 wait(lambda: told[-1] == 0.0, "silence to stop it")
 over.set()
 driving.join()  # Python would end it within OpenCV, which aborts
-print(json.dumps({"frame": ours[-1][0], "image": images[-1], "most": max(told)}))
+base = named["mobile_base: link"]
+print(json.dumps({"frame": ours[-1][0], "image": images[-1], "most": max(told), "base": base}))
 """
 
 
@@ -120,7 +124,7 @@ def test_a_base_and_a_camera_with_drivers_of_their_own_are_used_by_their_topics(
     done = processes.run(sys.executable, "-c", ROBOT)
     assert done.returncode == 0, done.stderr + processes.logs()
     seen = json.loads(done.stdout)
-    assert seen == {"frame": "odom", "image": ["mono8", 320, 240], "most": 0.1}
+    assert seen == {"frame": "odom", "image": ["mono8", 320, 240], "most": 0.1, "base": "/robot/odom"}
 
 
 class TopicRig:
@@ -297,6 +301,18 @@ def test_factors_that_nobody_would_apply_are_refused(
     assert isinstance(base_drivers.base_driver(settings, hears), topic_base.TopicBase)
     with pytest.raises(ConfigError, match="give them to that driver"):
         base_drivers.base_driver(settings._replace(linear_scale=factors[0], angular_scale=factors[1]), hears)
+
+
+@pytest.mark.parametrize(
+    ("robot_type", "hardware_id"),
+    [("ros", "/odom"), ("ros:/robot/odom,/robot/cmd_vel", "/robot/odom"), ("mine", "mine"), ("auto", "/dev/x"),
+     ("kobuki", "/dev/x")],
+)  # fmt: skip
+def test_the_health_of_a_base_without_a_port_blames_no_port(
+    robot_type: str, hardware_id: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(base_drivers.BASES, "mine", base_drivers.BaseEntry(lambda *_: SimpleNamespace()))
+    assert base_drivers.BaseSettings(robot_type, "/dev/x").hardware_id == hardware_id
 
 
 def test_topics_of_a_base_are_two_or_the_usual_ones() -> None:

@@ -62,6 +62,15 @@ class BaseSettings(NamedTuple):
         """On measured distance and on measured turn."""
         return self.linear_scale, self.angular_scale
 
+    @property
+    def hardware_id(self) -> str:
+        """Whose health the diagnostics tell: the port, the odometry topic of a base on topics, or the kind of another
+        base without a port. Raises ConfigError for a robot_type that does not exist."""
+        if (names := topic_names(self.robot_type)) is not None:
+            return str(rospy.resolve_name(names.odometry))
+        is_at_port = self.robot_type == "auto" or _entry(self.robot_type).stop is not None
+        return self.port if is_at_port else self.robot_type
+
 
 class Listeners(NamedTuple):
     """Callbacks of a base: each reading; (connected, message) at every change; whether the wheels turn, after each

@@ -55,7 +55,7 @@ class MobileBaseNode:
         settings = base_settings(config)
         self._supervisor = supervisor(config, settings)
         self._topics = BaseTopics(settings.robot_type, config.exploration.teleop_quiet_s, settings.factors)
-        diagnostics = Diagnostics(settings.port)
+        diagnostics = Diagnostics(settings.hardware_id)
         settings = wait_for_base(settings, diagnostics)
         self._health = BaseHealth(diagnostics, self._supervisor)
         self._watchdogs = base_watchdogs(settings)
