@@ -1,5 +1,6 @@
 """What a killed replay leaves at the master does not stop the next start. Without a master."""
 
+import argparse
 from typing import Any
 
 import pytest
@@ -8,8 +9,10 @@ pytest.importorskip("rospy")
 
 import rosgraph
 
+from vsx_ros.cli.main import parse
 from vsx_ros.errors import ConfigError
-from vsx_ros.ros import left_behind, replay
+from vsx_ros.ros import left_behind, replay, run
+from vsx_ros.ros.fork_server import ForkServer
 from vsx_ros.ros.live_run import refuse_second_robot
 
 
@@ -85,3 +88,32 @@ def test_a_node_that_is_gone_is_no_second_robot(master: Master) -> None:
     master.alive = {"/mobile_base"}
     with pytest.raises(ConfigError, match="node /mobile_base runs already"):
         refuse_second_robot(["camera", "mobile_base"])
+
+
+@pytest.mark.parametrize(
+    ("words", "is_refused"),
+    [
+        ((), True),
+        (("--world", "lab"), True),
+        (("--camera", "v4l:0"), True),
+        (("--camera", "ros:/cam/image_raw"), True),
+        (("--camera", "ros"), False),
+        (("--resume", "run"), False),
+        (("--resume", "run", "--camera", "kinect"), True),
+    ],
+)
+def test_a_driver_whose_node_is_called_camera_is_in_the_way_of_our_own_node_alone(
+    words: tuple[str, ...], is_refused: bool, master: Master, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The camera of a run to resume is known later, when the live run asks for the names of all its nodes."""
+
+    class BegunError(Exception):
+        """The run begins its folder."""
+
+    def begin(_: argparse.Namespace) -> None:
+        raise BegunError
+
+    monkeypatch.setattr(run, "begin", begin)
+    master.publishers["/camera/rgb/image_raw"], master.alive = ["/camera"], {"/camera"}
+    with ForkServer() as forks, pytest.raises(ConfigError if is_refused else BegunError):
+        run._explore(parse(["explore", *words]), forks)

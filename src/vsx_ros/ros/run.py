@@ -25,7 +25,7 @@ from vsx_ros.runs.judge import MapJudge
 from vsx_ros.runs.process import DONE, FAILED, HARDWARE, INTERNAL, STOPPED, SignalFlag
 from vsx_ros.runs.progress_line import progress_line
 from vsx_ros.runs.report import EXIT_CODES
-from vsx_ros.runs.start import begin
+from vsx_ros.runs.start import DEFAULTS, begin
 from vsx_ros.runs.world import save_world
 from vsx_ros.sim.emulated_world import EmulatedWorld
 from vsx_ros.sim.world import Start
@@ -93,7 +93,7 @@ def go_on_words(folder: RunFolder) -> list[str]:
 
 def _explore(args: argparse.Namespace, forks: ForkServer) -> tuple[RunFolder, int, bool]:
     """The folder of one run, its exit code, and whether it is to go on."""
-    refuse_second_robot([node.name for node in (*launch.bringup(), *launch.exploration())])
+    refuse_second_robot(_names_so_far(args))
     with begin(args) as (folder, config, world):
         # The position of a loaded map in the world is unknown.
         judge = MapJudge(world, config) if world is not None and not args.load_map else None
@@ -114,6 +114,13 @@ def _explore(args: argparse.Namespace, forks: ForkServer) -> tuple[RunFolder, in
         about = About(args.world, args.seed, args.planner, args.load_map)
         code = write_results(folder, config, monitor, journal, judge, ending, about)
     return folder, code, bool(live.url) and _shown(live, folder)
+
+
+def _names_so_far(args: argparse.Namespace) -> list[str]:
+    """The nodes of the run that are known before its folder is. The camera of a run to resume may have no node; the
+    live run asks for all names once more."""
+    camera = args.camera or ("ros" if args.resume else str(DEFAULTS["camera"]))
+    return [node.name for node in (*launch.bringup(camera=camera), *launch.exploration())]
 
 
 def _shown(live: LiveRun, folder: RunFolder) -> bool:
