@@ -24,7 +24,7 @@ from vsx_hw.readings import BaseReading
 from vsx_ros.errors import ConfigError, InputError
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.robot import Odometry
-from vsx_ros.ros import base_drivers, callbacks, convert, headers, images, logs, topic_base, topics
+from vsx_ros.ros import base_drivers, callbacks, convert, headers, images, logs, topic_base, topic_camera, topics
 from vsx_ros.ros.topic_base import topic_names
 from vsx_ros.ros.topic_camera import TopicCamera, image_of, info_topic
 
@@ -327,6 +327,35 @@ def test_topics_of_a_base_are_two_or_the_usual_ones() -> None:
 def test_the_calibration_is_looked_for_beside_the_images() -> None:
     assert info_topic("/usb_cam/image_raw") == "/usb_cam/camera_info"
     assert info_topic("/cam/rgb/image_raw/compressed") == "/cam/rgb/camera_info"
+    assert info_topic("/image_raw") == "/camera_info"
+    assert info_topic("cam/image_raw") == "cam/camera_info"
+    assert info_topic("image_raw") == info_topic("image_raw/compressed") == "camera_info"
+
+
+@pytest.mark.parametrize(
+    ("topic", "images_of", "info"),
+    [
+        ("image_raw", "/robot2/image_raw", "/robot2/camera_info"),
+        ("image_raw", "/usb_cam/image_rect", "/usb_cam/camera_info"),
+        ("~image_raw", "/robot2/camera/image_raw", "/robot2/camera/camera_info"),
+        ("/cam/image_raw/compressed", "/cam/image_raw/compressed", "/cam/camera_info"),
+    ],
+)
+def test_the_calibration_is_that_beside_the_images_as_their_name_is_resolved(
+    topic: str, images_of: str, info: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a namespace, or remapped; another camera's may be on the global topic."""
+    heard = list[str]()
+    monkeypatch.setattr(topic_camera, "subscribe", lambda name, *_, **__: heard.append(rospy.resolve_name(name)))
+
+    def resolved(name: str) -> str:
+        return {topic: images_of}.get(name, name if name.startswith("/") else f"/robot2/{name}")
+
+    monkeypatch.setattr(rospy, "resolve_name", resolved)
+    camera = TopicCamera(topic, lambda _: None)
+    camera.start()
+    assert heard == [info, images_of]
+    assert camera.rectified is images_of.endswith("rect")
 
 
 @pytest.mark.parametrize(

@@ -29,8 +29,8 @@ class TopicCamera:
     """Passes images of ``topic`` to ``on_image``, grey, with their driver's stamps; none with the stamp of the one
     before. Images with old stamps are told but passed on, as from a bag that is played. So are repeated images: a
     simulated camera without noise repeats its image while the robot stands, and ``vslam`` ends a drive on them.
-    calibration: the newest one from the topic camera_info beside the images; None before. rectified: whether ROS calls
-    the images so."""
+    calibration: the newest one from the topic camera_info beside the images, as their name is resolved; None before.
+    rectified: whether ROS calls the images so."""
 
     def __init__(self, topic: str, on_image: Callable[[ImageReading], None]) -> None:
         """Raises ConfigError if the topic is empty or is that of our own camera node."""
@@ -41,8 +41,9 @@ class TopicCamera:
             )
         self.serial = topic.removesuffix("/compressed").strip("/").replace("/", "_")  # the same pixels
         self.calibration: PinholeCamera | None = None
-        self.rectified = is_rectified(topic)
         self._topic, self._on_image, self._frames = topic, on_image, images.Frames()
+        self._resolved = str(rospy.resolve_name(topic))
+        self.rectified = is_rectified(self._resolved)
         self._counters = {"frames": 0, "repeated": 0, "frozen_frames": 0}
         self._heard_s = self._first_s = self._age_s = 0.0
         self._stamp_ns = -1
@@ -50,13 +51,12 @@ class TopicCamera:
 
     def start(self) -> None:
         """Subscribe."""
-        subscribe(info_topic(self._topic), CameraInfo, self._on_info, queue_size=1)
+        subscribe(info_topic(self._resolved), CameraInfo, self._on_info, queue_size=1)
         subscribe(self._topic, rospy.AnyMsg, self._on_any, queue_size=1, buff_size=IMAGE_BUFFER_BYTES, tcp_nodelay=True)
 
     def status(self) -> LinkStatus:
         """Health for diagnostics."""
-        topic = rospy.resolve_name(self._topic)
-        message = "streaming"
+        topic, message = self._resolved, "streaming"
         if time.monotonic() - self._heard_s > _IMAGE_WITHIN_S:
             silent = f"no image with a new stamp comes on {topic}; start the camera's own driver, or name its topic"
             message = refusal(self._topic, self._heard_s) or silent
@@ -72,7 +72,7 @@ class TopicCamera:
         """Nothing to release."""
 
     def _on_info(self, msg: CameraInfo) -> None:
-        self.calibration = images.camera(msg, self._topic)
+        self.calibration = images.camera(msg, self._resolved)
 
     def _on_any(self, msg: Any) -> None:
         stamp_ns, image = image_of(msg._connection_header["type"], msg._buff, self._topic, self._frames)
@@ -92,8 +92,10 @@ class TopicCamera:
 
 
 def info_topic(image_topic: str) -> str:
-    """The topic on which drivers publish the calibration of their images (image_transport's convention)."""
-    return f"{image_topic.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
+    """The topic on which drivers publish the calibration of their images (image_transport's convention). That of a
+    relative name is relative, too."""
+    namespace, slash, _ = image_topic.removesuffix("/compressed").rpartition("/")
+    return f"{namespace}{slash}camera_info"
 
 
 def image_of(kind: str, data: bytes, topic: str, frames: images.Frames) -> tuple[int, GrayImage]:
