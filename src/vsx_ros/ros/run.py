@@ -13,12 +13,13 @@ from vsx_ros.errors import ConfigError, VsxError
 from vsx_ros.exploration.decision import MissionState
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.ros import headers, launch, logs
+from vsx_ros.ros.browser import open_browser
 from vsx_ros.ros.dashboard.ending import Ended, show_end
 from vsx_ros.ros.fork_server import ForkServer
 from vsx_ros.ros.launch import LaunchNode
 from vsx_ros.ros.live_run import MASTER, READY_WAIT_S, LiveRun, refuse_second_robot
 from vsx_ros.ros.monitor import Monitor, MonitorJournal
-from vsx_ros.ros.nodes.dashboard import TOKEN, open_browser
+from vsx_ros.ros.nodes.dashboard import TOKEN
 from vsx_ros.ros.run_results import About, Ending, write_results
 from vsx_ros.runs.folder import RunFolder
 from vsx_ros.runs.judge import MapJudge

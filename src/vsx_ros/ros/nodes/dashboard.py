@@ -15,13 +15,13 @@ import os
 import secrets
 import sys
 import time
-import webbrowser
 
 import rosgraph
 import rospy
 
 from vsx_ros.config import Config
 from vsx_ros.ros import logs, node, threads
+from vsx_ros.ros.browser import open_browser
 from vsx_ros.ros.dashboard.commands import commands
 from vsx_ros.ros.dashboard.drives import Drives
 from vsx_ros.ros.dashboard.feed import Board, Feed, text
@@ -75,12 +75,6 @@ def prepare_view(host: str = LOOPBACK, port: int | None = None) -> tuple[int, st
     os.environ[PORT] = str(port)
     token = os.environ[TOKEN] = os.environ.get(TOKEN) or secrets.token_urlsafe(12)
     return port, address(host, port, token)
-
-
-def open_browser(url: str) -> None:
-    """Open the page if there is a display."""
-    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        webbrowser.open(url)
 
 
 def view(host: str, port: int | None, allow: str, *, headless: bool) -> int:
