@@ -25,8 +25,8 @@ def scene(request):
     """The camera below, and above, the greatest height at which a ray proves the floor free."""
     rng = np.random.default_rng(4)
     positions = np.column_stack([rng.uniform(-1, 1, (6, 2)), np.full(6, request.param)])
-    points = np.column_stack([rng.uniform(-4, 4, (80, 2)), rng.uniform(-0.2, 1.2, 80)])
-    keyframe, point = (a.ravel().astype(np.int32) for a in np.meshgrid(np.arange(6), np.arange(80), indexing="ij"))
+    points = np.column_stack([rng.uniform(-4, 4, (200, 2)), rng.uniform(-0.2, 1.2, 200)])
+    keyframe, point = (a.ravel().astype(np.int32) for a in np.meshgrid(np.arange(6), np.arange(200), indexing="ij"))
     keep = rng.uniform(size=len(point)) < 0.5
     return positions, rng.uniform(-4, 4, 6), points, keyframe[keep], point[keep]
 
@@ -41,9 +41,21 @@ def test_parallax_is_the_angle_to_the_first_ray(scene):
         assert parallax[p] == pytest.approx(expected, abs=1e-9)
 
 
+def joined(stretches):
+    """The stretches (from, to) as few that do not overlap, nearest first."""
+    found = []
+    for low_from, end in sorted(stretches):
+        if found and low_from <= found[-1][1]:
+            found[-1][1] = max(found[-1][1], end)
+        else:
+            found.append([low_from, end])
+    return found
+
+
 def slow_scans(positions, yaws, points, parallax, keyframe, point):
     free, hit, over = np.zeros((len(positions), BINS)), np.zeros(len(point)), np.zeros(len(point))
-    nearest, begin = np.full(free.shape, np.inf), np.where(positions[:, 2:] > 0.45, np.inf, np.zeros(free.shape))
+    nearest, begin, farther = np.full(free.shape, np.inf), np.zeros(free.shape), np.zeros((*free.shape, 2))
+    stretches = {}
     for o, (k, p) in enumerate(zip(keyframe, point)):
         d = points[p, :2] - positions[k, :2]
         z, camera_z, distance = points[p, 2], positions[k, 2], math.hypot(*d)
@@ -60,17 +72,16 @@ def slow_scans(positions, yaws, points, parallax, keyframe, point):
             hit[o] = distance if distance <= 4.5 else 0.0
         elif 0.60 < z <= 1.0 and error <= 0.10:
             over[o] = distance if distance <= 4.5 else 0.0
-        low_from = 0.0
-        if camera_z > 0.45:
-            low_from, end = (
-                (distance * (camera_z - 0.45) / (camera_z - z), end) if z < 0.45 else (np.inf, min(end, 0.0))
-            )
-        elif z > 0.45:
-            end = min(end, distance * (0.45 - camera_z) / (z - camera_z))
-        if end > low_from:
-            begin[k, b] = min(begin[k, b], low_from)
-        free[k, b] = max(free[k, b], min(end, 4.5))
-    return np.maximum(np.minimum(free, nearest), 0), begin, hit, over
+        if camera_z <= 0.45:
+            until = distance * (0.45 - camera_z) / (z - camera_z) if z > 0.45 else np.inf
+            free[k, b] = max(free[k, b], min(end, until, 4.5))
+        elif z < 0.45:
+            low_from = distance * (camera_z - 0.45) / (camera_z - z)
+            stretches.setdefault((k, b), []).extend([(low_from, min(end, 4.5))] if min(end, 4.5) > low_from else [])
+    for (k, b), found in stretches.items():
+        (begin[k, b], free[k, b]), farther[k, b] = [*joined(found), (0, 0), (0, 0)][:2]
+    farther[..., 1] = np.minimum(farther[..., 1], nearest)
+    return np.maximum(np.minimum(free, nearest), 0), begin, farther, hit, over
 
 
 def test_scans_agree_with_the_slow_twin(scene):
@@ -78,10 +89,14 @@ def test_scans_agree_with_the_slow_twin(scene):
     parallax = kernels.point_parallax(positions, points, keyframe, point)
     headings = np.column_stack([np.cos(yaws), np.sin(yaws)])
     scans = kernels.polar_scans(positions, headings, points, parallax, keyframe, point, BINS, HEIGHTS, RANGES)
-    _, _, free, begin, _, hit, over = scans
-    slow_free, slow_begin, slow_hit, slow_over = slow_scans(positions, yaws, points, parallax, keyframe, point)
+    _, _, free, begin, _, hit, over, farther = scans
+    slow_free, slow_begin, slow_farther, slow_hit, slow_over = slow_scans(
+        positions, yaws, points, parallax, keyframe, point
+    )
     assert np.allclose(free, slow_free, atol=1e-6)
     assert np.allclose(begin, slow_begin, atol=1e-6)
+    assert np.allclose(farther, slow_farther[: len(farther)], atol=1e-6)
+    assert farther.any() == slow_farther.any() == (positions[0, 2] > 0.45)
     assert np.allclose(hit, slow_hit, atol=1e-6)
     assert np.allclose(over, slow_over, atol=1e-6)
     assert (over > 0).any()

@@ -74,6 +74,28 @@ def test_rays_are_shared_near_the_camera_as_far_as_all_their_bins_are_free():
     assert np.array_equal(votes, expected)
 
 
+def test_rays_of_a_high_camera_count_on_both_of_their_stretches():
+    rng = np.random.default_rng(3)
+    begin = rng.uniform(0.1, 0.4, (2, N_BEARINGS)).astype(np.float32)
+    free = (begin + rng.uniform(-0.1, 0.3, begin.shape)).astype(np.float32)
+    farther = np.cumsum(rng.uniform(0.1, 0.4, (2, N_BEARINGS, 2)), axis=2).astype(np.float32) + free[..., None]
+    farther[:, ::3] = 0.0
+    positions, angle, width = rng.uniform(-0.2, 0.2, (2, 3)), np.array([0.4, 2.0]), 2.0 * math.pi / N_BEARINGS
+    expected = np.zeros((70, 72), np.int32)
+    for k in range(2):
+        place, cells = (positions[k, :2] + 1.8) / 0.05, set()
+        for b in range(N_BEARINGS):
+            for first, last in ((begin[k, b], free[k, b]), farther[k, b]):
+                cells |= cells_between(place, angle[k] + (b + 0.5) * width, first / 0.05, last / 0.05)
+        for row, column in cells:
+            if 0 <= row < 70 and 0 <= column < 72:
+                expected[row, column] += 1
+    headings = np.column_stack([np.cos(angle), np.sin(angle)])
+    scans = scans_of(positions, headings, free)._replace(begin=begin, farther=farther)
+    assert 200 < (expected > 0).sum() < 3000
+    assert np.array_equal(count_free(scans, Lattice(70, 72, 0.05, -1.8, -1.8)), expected)
+
+
 @pytest.mark.parametrize(("begin", "reach", "limit"), [(0.0, 30.0, math.inf), (3.0, 12.0, 8.0), (5.0, 4.0, 9.0)])
 def test_a_ray_counts_the_cells_of_its_points_once_for_each_keyframe(begin, reach, limit):
     heading, bearing = 0.7, np.array([math.cos(0.4), math.sin(0.4)])
@@ -101,3 +123,8 @@ def test_corners_hold_cameras_ends_of_scans_and_hits():
     known = np.vstack([positions[:, :2], ends[free > 0.0], points[[4, 2], :2]])
     corners = scan_corners(scans_of(positions, headings, free, hit), points, seen)
     assert np.allclose(corners, [known.min(axis=0), known.max(axis=0)])
+    farther = np.zeros((3, 8, 2), np.float32)
+    farther[1, 5] = 8.0, 9.0
+    end = positions[1, :2] + 9.0 * np.array([np.cos(bearing[1, 5]), np.sin(bearing[1, 5])])
+    far = scan_corners(scans_of(positions, headings, free, hit)._replace(farther=farther), points, seen)
+    assert np.allclose(far, [np.minimum(known.min(axis=0), end), np.maximum(known.max(axis=0), end)])

@@ -158,7 +158,7 @@ def scan_corners(scans: PolarScans, points: FloatArray, obs_point: Int32Array) -
         c, s = headings[k]
         _hold(corners, positions[k, 0], positions[k, 1])
         for b in range(n):
-            reach = free[k, b]
+            reach = max(free[k, b], scans.farther[k, b, 1]) if k < scans.farther.shape[0] else free[k, b]
             if reach > 0.0:
                 x = positions[k, 0] + reach * (c * table[2 * b + 1, 0] - s * table[2 * b + 1, 1])
                 y = positions[k, 1] + reach * (s * table[2 * b + 1, 0] + c * table[2 * b + 1, 1])
@@ -172,7 +172,8 @@ def count_free(scans: PolarScans, lattice: Lattice) -> Int32Array:
 
     Near the camera rays are denser than cells. There one ray serves two or four bins, as far as all of them are free;
     the number of bins is a multiple of four. Rays that begin farther off serve one bin each."""
-    positions, headings, free, begin = scans.positions, scans.headings, scans.free, scans.begin
+    positions, headings = scans.positions, scans.headings
+    free, begin, farther = scans.free, scans.begin, scans.farther
     rows, columns, resolution, origin_x, origin_y = lattice
     # Lower half of each word: the count; upper half: the keyframe that counted last.
     votes = np.zeros((rows, columns), np.int64)
@@ -191,6 +192,9 @@ def count_free(scans: PolarScans, lattice: Lattice) -> Int32Array:
                 for j in range(b, b + 4):
                     at_first, at_last = begin[k, j] / resolution, free[k, j] / resolution
                     cast(votes, k + 1, frame, table[2 * j + 1], at_first, at_last, np.inf)
+                    if k < farther.shape[0]:
+                        at_first, at_last = farther[k, j, 0] / resolution, farther[k, j, 1] / resolution
+                        cast(votes, k + 1, frame, table[2 * j + 1], at_first, at_last, np.inf)
                 continue
             shared = cast(
                 votes, k + 1, frame, table[2 * b + 4], 0.0, min(pairs[0], pairs[1]) / resolution, 0.5 * pair_until

@@ -9,6 +9,7 @@ import numpy as np
 
 from vsx_ros.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray, Points2, Points3
 from vsx_ros.kernels import kernel
+from vsx_ros.kernels.occupancy.low_rays import add_last, join_stretches, low_begin
 
 
 class PolarScans(NamedTuple):
@@ -20,7 +21,9 @@ class PolarScans(NamedTuple):
     of a high camera come down to the height of obstacles only there.
     nearest: (K, B), limit of a ray by the first obstacle point [m], infinite where there is none.
     hit: (O,), horizontal distance [m] of the obstacle in each observation, 0 if it shows no obstacle; over: the same
-    for points higher than an obstacle, which may stand on one."""
+    for points higher than an obstacle, which may stand on one.
+    farther: (K, B, 2), from where to where [m] a bearing is passable again, 0 where it is not: other rays of a high
+    camera come down there, and none between. No rows if no camera is high."""
 
     positions: Points3
     headings: Points2
@@ -29,6 +32,7 @@ class PolarScans(NamedTuple):
     nearest: Float32Array
     hit: Float32Array
     over: Float32Array
+    farther: Float32Array = np.zeros((0, 0, 2), np.float32)
 
 
 class Surfaces(NamedTuple):
@@ -89,9 +93,13 @@ def polar_scans(
     max_range, noise, max_error, half_width, caution = ranges
     n, bins_per_rad = n_bearings, n_bearings / (2.0 * math.pi)
     free = np.zeros((positions.shape[0], n), np.float32)
-    begin = first_begin(positions[:, 2], clear_max, n)
+    begin = np.zeros_like(free)
     nearest = np.full((positions.shape[0], n), np.inf, np.float32)
     hit, over = np.zeros(obs_point.shape[0], np.float32), np.zeros(obs_point.shape[0], np.float32)
+    any_high = np.any(positions[:, 2] > clear_max)
+    farther = np.zeros((positions.shape[0] if any_high else 0, n, 2), np.float32)
+    stretches = np.zeros((obs_point.shape[0] if any_high else 0, 2), np.float32)
+    bins = np.zeros(stretches.shape[0], np.int32)
     for o in range(obs_point.shape[0]):
         k, p = obs_keyframe[o], obs_point[o]
         dx, dy = points[p, 0] - positions[k, 0], points[p, 1] - positions[k, 1]
@@ -112,33 +120,18 @@ def polar_scans(
         if z > clear_max:
             low_until = distance * max(0.0, clear_max - camera_z) / (z - camera_z) if z > camera_z else 0.0
             proven = min(proven, low_until)
-        low_from = low_begin(distance, z, camera_z, clear_max)
-        if proven > low_from:
-            begin[k, bearing] = min(begin[k, bearing], low_from)
-        free[k, bearing] = max(free[k, bearing], min(proven, max_range))
+        if camera_z <= clear_max:
+            free[k, bearing] = max(free[k, bearing], min(proven, max_range))
+        else:
+            bins[o], stretches[o, 0] = bearing, low_begin(distance, z, camera_z, clear_max)
+            stretches[o, 1] = min(proven, max_range)
+    join_stretches(stretches, obs_keyframe, bins, begin, free, farther)
     free = np.maximum(np.minimum(free, nearest), np.float32(0.0))
+    farther[:, :, 1] = np.minimum(farther[:, :, 1], nearest[: farther.shape[0]])
     return PolarScans(
-        positions=positions, headings=headings, free=free, begin=begin, nearest=nearest, hit=hit, over=over
-    )
-
-
-@kernel
-def first_begin(camera_z: FloatArray, clear_max: float, n_bearings: int) -> Float32Array:
-    """(K, B) ``begin`` of scans without rays: infinite for cameras (K,) above clear_max [m], 0 for others."""
-    begin = np.zeros((camera_z.shape[0], n_bearings), np.float32)
-    for k in range(camera_z.shape[0]):
-        if camera_z[k] > clear_max:
-            begin[k] = np.inf
-    return begin
-
-
-@kernel
-def low_begin(distance: float, z: float, camera_z: float, clear_max: float) -> float:
-    """Horizontal distance [m] from which a ray to a point of height z [m] is at most clear_max [m] high; 0 for a ray
-    that begins there, infinite for one that stays above."""
-    if camera_z <= clear_max:
-        return 0.0
-    return distance * (camera_z - clear_max) / (camera_z - z) if z < clear_max else np.inf
+        positions=positions, headings=headings, free=free, begin=begin, nearest=nearest, hit=hit, over=over,
+        farther=farther,
+    )  # fmt: skip
 
 
 @kernel
@@ -151,30 +144,31 @@ def meet_surfaces(
     No ray goes farther; a ray to the foot of a surface is extended to it, unless something is nearer.
 
     shape: half a spot's width [m]; number of sigmas, and extra distance [m], by which a ray ends before it. reaches:
-    height up to which a spot is a foot, longest ray, height up to which a ray proves the floor free [m]."""
-    free, nearest = scans.free, scans.nearest
-    longest, n = reaches[1], scans.free.shape[1]
-    until, to_foot = nearest.copy(), np.zeros(free.shape, np.bool_)
+    height up to which a spot is a foot, longest ray, height up to which a ray proves the floor free, as for the scans
+    [m]."""
+    free, farther, longest = scans.free, scans.farther, np.float32(reaches[1])
+    until, feet = scans.nearest.copy(), np.full(free.shape, np.inf, np.float32)
     for i in range(surfaces.points.shape[0]):
         if touched[i]:
-            _end_at(scans, surfaces, i, surfaces.keyframe[i], shape, reaches, until, to_foot)
+            _end_at(scans, surfaces, i, surfaces.keyframe[i], shape, reaches, until, feet)
     for s in range(surfaces.shown.shape[0]):
         if touched[surfaces.shown[s]]:
-            _end_at(scans, surfaces, surfaces.shown[s], surfaces.witness[s], shape, reaches, until, to_foot)
+            _end_at(scans, surfaces, surfaces.shown[s], surfaces.witness[s], shape, reaches, until, feet)
+    farther[:, :, 1] = np.minimum(farther[:, :, 1], until[: farther.shape[0]])
     for k in range(free.shape[0]):
-        for b in range(n):
-            if to_foot[k, b]:
-                free[k, b] = max(free[k, b], min(until[k, b], np.float32(longest)))
+        for b in range(free.shape[1]):
             free[k, b] = min(free[k, b], max(until[k, b], np.float32(0.0)))
+            if feet[k, b] < np.inf:
+                add_last(feet[k, b], min(until[k, b], longest), k, b, scans.begin, free, farther)
 
 
 @kernel
 def _end_at(
     scans: PolarScans, surfaces: Surfaces, i: int, k: int, shape: tuple[float, float, float],
-    reaches: tuple[float, float, float], until: Float32Array, to_foot: BoolArray,
+    reaches: tuple[float, float, float], until: Float32Array, feet: Float32Array,
 ) -> None:  # fmt: skip
-    """End the rays of scan k at spot i: until (K, B), in place; to_foot (K, B): whether they end at a foot. The scans'
-    ``begin`` is that of the rays to a foot, too."""
+    """End the rays of scan k at spot i: until (K, B), in place; feet (K, B): from where a ray to a foot is low [m],
+    infinite without one."""
     half_width, caution, short = shape
     n = until.shape[1]
     dx, dy = surfaces.points[i, 0] - scans.positions[k, 0], surfaces.points[i, 1] - scans.positions[k, 1]
@@ -187,8 +181,7 @@ def _end_at(
     if surfaces.points[i, 2] <= reaches[0]:
         low_from = low_begin(distance, surfaces.points[i, 2], scans.positions[k, 2], reaches[2])
         for b in range(bearing - reach, bearing + reach + 1):
-            to_foot[k, b % n] = True
-            scans.begin[k, b % n] = min(scans.begin[k, b % n], low_from)
+            feet[k, b % n] = min(feet[k, b % n], low_from)
 
 
 @kernel
@@ -222,7 +215,7 @@ def bearing_bin(c: float, s: float, dx: float, dy: float, n_bearings: int) -> in
 @kernel
 def bridge_gaps(free: Float32Array, begin: Float32Array, max_gap: int, max_width: float) -> None:
     """Fill the empty bins of free (K, B) between two filled ones with the smaller of the two, in place, and those of
-    begin (K, B) with the greater.
+    begin (K, B) with the greater: with what both prove.
 
     Only where at most max_gap bins are empty, and only as far out as they are at most max_width [m] wide."""
     n = free.shape[1]
