@@ -11,8 +11,7 @@ Actions: move_base. Goals are planned in the newest map from the fused pose; tho
     part would be long; points of another time than the map's do not count. A goal waits while operator or dock hold the
     wheels; then it is planned anew.
 Parameters: ~config (tree of 'vsx config'), ~planner (fov, unconstrained, paper or a plug-in's; fov), ~seed (int, 0).
-    dynamic_reconfigure changes for later plans: ~v_m_s and ~omega_rad_s (up to the configured limits), ~phi_rad_m;
-    the next launch begins with the configuration again.
+    dynamic_reconfigure changes for later plans of a launch: ~v_m_s, ~omega_rad_s (up to configured limits), ~phi_rad_m.
 
 Once a client has renewed move_base/lease, it must continue to do so while its goal is pursued."""
 
