@@ -147,14 +147,14 @@ def test_the_emergency_stop_reaches_the_wheels(stack: Stack, port: int) -> None:
 
 def test_a_way_is_told_before_it_is_driven_and_a_drive_can_be_ended(stack: Stack, port: int) -> None:
     stack.wait_until_driving()
-    home = {"x": 0.0, "y": 0.0}
+    home, way = {"x": 0.0, "y": 0.0}, dict[str, Any]()
 
     def is_far() -> bool:
         """So that the drive lasts until it is ended."""
-        way = command(port, "plan", home)
+        way.update(command(port, "plan", home))
         return bool(way["ok"] and way["data"]["length_m"] > 1.0)
 
-    stack.wait(is_far, "a long way home", 60.0)
+    wait_for(is_far, "a long way home", lambda: str(way), within_s=60.0)
     refused = command(port, "plan", {"x": 500.0, "y": 0.0})
     assert (refused["ok"], "outside the map" in refused["message"]) == (False, True)
     assert not command(port, "go", {"x": 500.0, "y": 0.0})["ok"]
