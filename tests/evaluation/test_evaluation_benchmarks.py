@@ -8,18 +8,15 @@ from collections import namedtuple
 from pathlib import Path
 from typing import Any
 
+import exploration
+import exploring_robot
 import pytest
+import resume
+import tables
 
 from vsx_ros.experiments.campaign import Engine
 from vsx_ros.experiments.rows import read_rows
 from vsx_ros.runs.process import STOPPED
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
-
-import exploration
-import exploring_robot
-import resume
-import tables
 
 GOOD = {"coverage_correct": 0.5, "ate_rmse_m": 0.01, "breaks": 0, "collisions": 0, "stop_reason": "time limit of 120 s"}
 SUMMARY = {

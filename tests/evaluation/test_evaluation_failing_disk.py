@@ -8,20 +8,17 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import fault_disk
+import file_samples
 import pytest
+import soak_stack
+import tables
 
 from vsx_ros.experiments.rows import Row
 from vsx_ros.geometry.se2 import SE2
 from vsx_ros.io.dock_file import save_dock
 from vsx_ros.io.zone_file import save_zones
 from vsx_ros.robot import Odometry
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
-
-import fault_disk
-import file_samples
-import soak_stack
-import tables
 
 PROGRESS = "stamp_s,elapsed_s,driven_m,known_area_m2,coverage_correct\n"
 

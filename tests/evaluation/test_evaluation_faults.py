@@ -1,24 +1,19 @@
 """Benchmarks of faults count what they name: stops for the fault, wheels under the operator, trials drawn again."""
 
 import subprocess
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-
-import pytest
-
-from vsx_ros.experiments.rows import Row
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 import fault_camera
 import fault_master
 import fault_nodes
 import fault_operator
 import fault_sensors
+import pytest
 import tables
 from fault_camera import Report
+
+from vsx_ros.experiments.rows import Row
 
 LEASE = "stale no word from vslam, which may have no images"
 ARRIVED, DRIVING = "arrived arrived 0.4 cm, 0.1 deg off", "mapping: on the way: driving 1.0 m"

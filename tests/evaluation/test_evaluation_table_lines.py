@@ -1,21 +1,17 @@
 """What the lines of a table say of rows: of how many they are, and what is unknown."""
 
-import sys
 from pathlib import Path
 from typing import Any
 
+import hard_things
 import msgspec
 import pytest
+import tables
 from made_rows import row, told
 
 from vsx_ros.experiments.drive import ARMS, DriveTask
 from vsx_ros.experiments.rows import Row, read_rows
 from vsx_ros.experiments.trackers import FULL, PAPER, U2_READINGS
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
-
-import hard_things
-import tables
 
 
 def test_drives_make_a_line_for_each_tracker_and_reading() -> None:

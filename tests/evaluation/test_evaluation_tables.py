@@ -11,14 +11,11 @@ from typing import Any
 
 import msgspec
 import pytest
+import tables
 from made_rows import row
 
 from vsx_ros.experiments import drive
 from vsx_ros.experiments.rows import Row, Store, read_rows
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
-
-import tables
 
 CAPTION = re.compile(
     r"\*(\d+ rows of `benchmarks/results/\w+\.jsonl`(?:, without [^`]+)?; commit [0-9a-f]{7}.* \(\d{4}-\d\d-\d\d.*"

@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from hw_scripted_transport import ScriptedTransport
 from waiting import PATIENCE_S, wait_for
 
 from vsx_hw.errors import DeviceNotFound, ProtocolError
@@ -129,38 +130,6 @@ def test_nobody_there(tmp_path):
         SocketTransport(str(tmp_path / "nothing"))
 
 
-class ScriptedTransport:
-    """A camera that answers at once and remembers the order of things."""
-
-    serial = "A1"
-
-    def __init__(self, log: list[str]) -> None:
-        self.board = KinectBoard()
-        self.log = log
-        self.handler = None
-
-    def control_out(self, data: bytes) -> None:
-        self.log.append(data[8:].hex())
-        self.board.control_out(data)
-
-    def control_in(self, size: int) -> bytes:
-        return self.board.control_in()
-
-    def start_iso(self, handler) -> None:
-        self.log.append("receive")
-        self.handler = handler
-
-    def stop_iso(self) -> None:
-        self.log.append("cancel")
-        self.handler = None
-
-    def failure(self) -> str:
-        return ""
-
-    def close(self) -> None:
-        self.log.append("close")
-
-
 def test_stop_switches_the_stream_off_before_it_cancels():
     log: list[str] = []
     camera = KinectCamera(lambda: ScriptedTransport(log), "scripted", lambda reading: None)
@@ -168,78 +137,6 @@ def test_stop_switches_the_stream_off_before_it_cancels():
         wait_for(lambda: "47000000" in log)
     assert log[0] == "receive"
     assert log[-3:] == ["05000000", "cancel", "close"]
-
-
-class NamedTransport(ScriptedTransport):
-    """One of several cameras; lost when ``failure`` says so."""
-
-    def __init__(self, serial: str) -> None:
-        super().__init__([])
-        self.serial, self.failure = serial, ""
-
-
-@pytest.fixture
-def plugged(monkeypatch):
-    """The cameras that are opened one after the other; the last one is opened again and again."""
-    monkeypatch.setattr(driver_module, "BACKOFF_S", (0.01,))
-
-    def open_next() -> NamedTransport:
-        opened.append(NamedTransport(waiting[0] if len(waiting) == 1 else waiting.pop(0)))
-        return opened[-1]
-
-    waiting: list[str] = []
-    opened: list[NamedTransport] = []
-    return waiting, opened, KinectCamera(open_next, "kinect", lambda reading: None)
-
-
-def serves(transport: NamedTransport) -> bool:
-    return "47000000" in transport.log
-
-
-def test_another_camera_in_the_place_of_the_first_is_refused_until_that_is_back(plugged):
-    """SLAM would go on with the first one's calibration."""
-    waiting, opened, camera = plugged
-    waiting += ["A", "B"]
-    with camera:
-        wait_for(lambda: opened and serves(opened[0]))
-        opened[0].failure = "unplugged"
-        wait_for(lambda: camera.status().message == "kinect is B now; plug A in as before, or start anew")
-        wait_for(lambda: len(opened) > 3, "it keeps trying")
-        assert not camera.status().connected
-        assert camera.serial == camera.status().device == "A"
-        waiting += ["A"]
-        wait_for(lambda: opened[-1].serial == "A" and serves(opened[-1]))
-    for refused in opened[1:-1]:
-        assert (refused.serial, refused.log) == ("B", ["close"]), "it is left as it is"
-
-
-@pytest.mark.parametrize(
-    ("serials", "kept"),
-    [
-        (("A", ""), "A"),
-        (("", "A"), "A"),
-        (("A", "usb-1-port2"), "A"),
-        (("usb-1-port2", "A"), "A"),
-        (("usb-1-port2", "usb-1-port2"), "usb-1-port2"),
-    ],
-)
-def test_a_camera_whose_serial_number_cannot_be_read_each_time_is_used(plugged, serials, kept):
-    waiting, opened, camera = plugged
-    waiting += serials
-    with camera:
-        wait_for(lambda: opened and serves(opened[0]))
-        opened[0].failure = "unplugged"
-        wait_for(lambda: len(opened) == 2 and serves(opened[1]))
-        assert camera.serial == kept
-
-
-def test_a_camera_that_is_known_by_its_port_stays_there(plugged):
-    waiting, opened, camera = plugged
-    waiting += ["usb-1-port2", "usb-1-port3"]
-    with camera:
-        wait_for(lambda: opened and serves(opened[0]))
-        opened[0].failure = "unplugged"
-        wait_for(lambda: "kinect is usb-1-port3 now; plug usb-1-port2 in" in camera.status().message)
 
 
 def test_a_hundred_starts_and_stops_leave_nothing_behind(tmp_path):

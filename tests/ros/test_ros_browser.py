@@ -10,7 +10,7 @@ pytest.importorskip("rospy")
 
 from waiting import PATIENCE_S, wait_for
 
-from vsx_ros.ros import run
+from vsx_ros.ros.browser import open_browser
 
 URL = "http://127.0.0.1:8765/#token"
 
@@ -54,7 +54,7 @@ def desktop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Desktop:
 def test_a_browser_that_is_open_holds_nothing_up(desktop: Desktop, monkeypatch: pytest.MonkeyPatch) -> None:
     desktop.install("mine")
     monkeypatch.setenv("BROWSER", f"{desktop.folder / 'mine'} %s")
-    run.open_browser(URL)
+    open_browser(URL)
     assert not desktop.files("ended")
     wait_for(lambda: desktop.files("opened") == {"mine": URL})
     assert not desktop.files("ended")
@@ -66,7 +66,7 @@ def test_browsers_of_the_terminal_are_left_out(desktop: Desktop, monkeypatch: py
     monkeypatch.setenv(
         "BROWSER", os.pathsep.join(["w3m", "", "/usr/bin/lynx -color %s", str(desktop.folder / "links")])
     )
-    run.open_browser(URL)
+    open_browser(URL)
     wait_for(lambda: desktop.files("opened") == {"firefox": URL})
     desktop.close()
     assert desktop.files("opened") == {"firefox": URL}
@@ -74,7 +74,7 @@ def test_browsers_of_the_terminal_are_left_out(desktop: Desktop, monkeypatch: py
 
 def test_without_a_graphical_browser_none_is_opened(desktop: Desktop) -> None:
     desktop.install("w3m", "lynx", "www-browser", "links", "elinks")
-    run.open_browser(URL)
+    open_browser(URL)
     desktop.close()
     assert desktop.files("opened") == {}
 
@@ -83,12 +83,12 @@ def test_without_a_display_none_is_opened(desktop: Desktop, monkeypatch: pytest.
     desktop.install("firefox")
     monkeypatch.delenv("DISPLAY")
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    run.open_browser(URL)
+    open_browser(URL)
     desktop.close()
     assert desktop.files("opened") == {}
 
 
 def test_a_machine_that_starts_no_process_goes_on(desktop: Desktop, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.executable", str(desktop.folder / "nothing"))
-    run.open_browser(URL)
+    open_browser(URL)
     desktop.close()

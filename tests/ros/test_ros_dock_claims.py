@@ -9,19 +9,15 @@ import pytest
 
 pytest.importorskip("rospy")
 
-import rospy
-from actionlib_msgs.msg import GoalID
-from move_base_msgs.msg import MoveBaseActionGoal
 from std_msgs.msg import Bool
-from wired_dock import CONTROL_NS, WiredRobot, Wires, robot_on
+from wired_dock import CONTROL_NS, Wires, docked_by_hand, goal_comes, robot_on
 
-from vsx_ros.config import Config, DockingConfig
+from vsx_ros.config import DockingConfig
 from vsx_ros.navigation.docking import Docking
 from vsx_ros.navigation.docking_state import DockingState
 from vsx_ros.navigation.energy import ChargeKeeper
-from vsx_ros.ros import calls, topics
+from vsx_ros.ros import topics
 from vsx_ros.ros.dock_claims import DockClaims
-from vsx_ros.ros.nodes import dock
 
 
 @pytest.fixture
@@ -30,10 +26,6 @@ def wires(monkeypatch: pytest.MonkeyPatch) -> Wires:
 
 
 RVIZ, VSX_GO, LIVE_VIEW = "/rviz_7_2-1-3.5", "/go_12_1700-1-4.5", "/dashboard-1700000000"
-
-
-def goal_comes(wires: Wires, identity: str) -> None:
-    wires.say(topics.MOVE_BASE_GOAL, MoveBaseActionGoal(goal_id=GoalID(id=identity)))
 
 
 @pytest.mark.parametrize(("state", "identity"), [("approaching", RVIZ), ("searching", VSX_GO), ("creeping", LIVE_VIEW)])
@@ -90,11 +82,11 @@ def test_held_wheels_keep_a_base_on_its_dock_until_they_are_let_go(wires, monkey
     robot.wait(0.5)
     assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
     robot.until("docked", 90.0)
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "teleop", "since_ns": 5}))
+    wires.hold("teleop")
     goal_comes(wires, VSX_GO)
     robot.wait(2.0)
     assert wires.status()["state"] == "docked"
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    wires.hold("")
     robot.until("undocked", 20.0)
 
 
@@ -121,10 +113,10 @@ def test_a_goal_that_led_a_base_off_its_dock_does_so_again_after_held_wheels(wir
     goal_comes(wires, RVIZ)
     robot.wait(1e-9 * CONTROL_NS)
     assert wires.status()["state"] == "undocking"
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": by, "since_ns": 5}))
+    wires.hold(by)
     robot.until("failed", 0.5)
     assert wires.status()["docked"]
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    wires.hold("")
     robot.until("undocking", 0.5)
     robot.until("undocked", 20.0)
 
@@ -152,34 +144,20 @@ def test_the_dock_holds_the_wheels_while_it_moves_the_base_and_while_that_stands
     assert claims.holds(docking, docked=True) == (state is not DockingState.APPROACHING)
 
 
-def docked_by_hand(wires: Wires, monkeypatch: pytest.MonkeyPatch) -> WiredRobot:
-    """A base on its dock under a node that has just begun, without an exploration."""
-    robot = robot_on(wires, monkeypatch, return_to_charge=False)
-    robot.wait(0.5)
-    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
-    robot.until("docked", 90.0)
-    wires.silent = True
-    robot.wait(4.0)
-    robot.node = dock.DockNode(Config(docking=DockingConfig(return_to_charge=False)))
-    robot.until("idle", 0.5)
-    robot.wait(0.5)
-    return robot
-
-
 def test_a_goal_is_held_until_it_has_led_a_base_that_was_docked_by_hand_off_its_dock(wires, monkeypatch):
     robot, told = docked_by_hand(wires, monkeypatch), []
     assert (wires.status()["state"], wires.status()["docked"], wires.status()["holds"]) == ("idle", True, True)
     wires._hear(topics.DOCK_STATUS, lambda msg: told.append(json.loads(msg.data)))
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "teleop", "since_ns": 5}))
+    wires.hold("teleop")
     goal_comes(wires, RVIZ)
     robot.wait(0.5)
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    wires.hold("")
     robot.until("undocking", 0.5)
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "teleop", "since_ns": 6}))
+    wires.hold("teleop", 6)
     robot.until("failed", 0.5)
     robot.wait(1.5)
     assert wires.status()["docked"]
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    wires.hold("")
     robot.until("undocked", 20.0)
     assert {status["holds"] for status in told if status["state"] != "undocked"} == {True}
     assert not wires.status()["holds"]
@@ -191,12 +169,12 @@ def test_an_exploration_that_drives_leaves_the_dock_first_and_again_after_held_w
     wires.say(topics.EXPLORE_STATUS, json.dumps({"state": state, "paused_by": []}))
     robot.until("undocking", 1.5)
     assert wires.paused
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "teleop", "since_ns": 5}))
+    wires.hold("teleop")
     robot.until("failed", 0.5)
     wires.say(topics.EXPLORE_STATUS, json.dumps({"state": "held", "paused_by": []}))
     robot.wait(2.5)
     assert (wires.status()["state"], wires.status()["docked"]) == ("failed", True)
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    wires.hold("")
     wires.silent = False
     wires.explore(paused=False)
     robot.until("undocked", 20.0)
@@ -235,139 +213,7 @@ def test_a_contact_on_the_way_of_a_goal_does_not_hold_it_for_ever(wires, monkeyp
     monkeypatch.setattr(wires, "say", lambda topic, msg: say(topic, Bool(True) if topic == topics.DOCKED else msg))
     robot.wait(0.5)
     assert (wires.status()["state"], wires.status()["docked"], wires.status()["holds"]) == ("idle", True, False)
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "teleop", "since_ns": 5}))
+    wires.hold("teleop")
     robot.wait(0.1)
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    wires.hold("")
     robot.until("undocking", 0.2)
-
-
-def wired(monkeypatch: pytest.MonkeyPatch, wires: Wires, **docking_options: object) -> WiredRobot:
-    robot = robot_on(wires, monkeypatch, **docking_options)
-    robot.wait(0.5)
-    return robot
-
-
-def hold(wires: Wires, by: str) -> None:
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": by, "since_ns": 5 if by else 0}))
-
-
-@pytest.mark.parametrize("by", ["teleop", "emergency stop"])
-def test_held_wheels_refuse_dock_and_undock_and_pause_nothing(wires, monkeypatch, by):
-    robot = wired(monkeypatch, wires, return_to_charge=False)
-    hold(wires, by)
-    answer = wires.served[topics.DOCK_START](SimpleNamespace(load_namespace='{"at": [1, 0, 0]}'))
-    assert not answer.success
-    assert answer.message.startswith(f"the operator holds the wheels ({by}); ")
-    assert answer.message.endswith(", then ask again")
-    robot.wait(2.5)
-    assert topics.EXPLORE_PAUSE not in wires.asked
-    assert wires.status()["state"] == "idle"
-    hold(wires, "")
-    robot.wait(2.5)
-    assert (wires.status()["state"], wires.paused) == ("idle", False)
-    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
-    robot.until("docked", 90.0)
-    hold(wires, by)
-    answer = wires.served[topics.DOCK_LEAVE](None)
-    assert not answer.success
-    assert f"({by})" in answer.message
-    robot.wait(2.5)
-    assert (wires.status()["state"], wires.paused) == ("docked", True)
-    hold(wires, "")
-    assert wires.served[topics.DOCK_LEAVE](None).success
-    robot.until("undocked", 20.0)
-
-
-ENDS = {
-    "held": lambda wires: hold(wires, "teleop"),
-    "cancelled": lambda wires: wires.served[topics.DOCK_CANCEL](None),
-    "a goal": lambda wires: goal_comes(wires, f"/rviz-{len(wires.asked)}"),
-}
-
-
-@pytest.mark.parametrize("end", list(ENDS))
-def test_a_docking_that_ends_before_the_loop_sees_it_pauses_nothing_for_ever(wires, monkeypatch, end):
-    robot = wired(monkeypatch, wires, return_to_charge=False)
-    for _ in range(2):
-        assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
-        assert wires.paused
-        ENDS[end](wires)
-        robot.wait(2.0e-9 * CONTROL_NS)
-        assert (wires.status()["state"], wires.paused) == ("failed", False)
-        hold(wires, "")
-        robot.wait(2.5)
-        assert (wires.status()["state"], wires.paused) == ("failed", False)
-    assert robot.states_seen == ["idle", "failed"]
-
-
-def test_a_departure_that_ends_before_the_loop_sees_it_lets_the_exploration_go_on(wires, monkeypatch):
-    robot = wired(monkeypatch, wires, return_to_charge=False)
-    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
-    robot.until("docked", 90.0)
-    assert wires.served[topics.DOCK_LEAVE](None).success
-    assert wires.served[topics.DOCK_CANCEL](None).success
-    robot.until("failed", 0.5)
-    robot.until("undocked", 20.0)
-    robot.wait(2.5)
-    assert not wires.paused
-
-
-def test_held_wheels_do_not_leave_an_exploration_paused_that_is_to_leave_the_dock(wires, monkeypatch):
-    robot, ask = docked_by_hand(wires, monkeypatch), wires._ask
-    wires.silent = False
-
-    def held_meanwhile(service, *words, within_s):
-        answer = ask(service, *words, within_s=within_s)
-        if service == topics.EXPLORE_PAUSE:
-            hold(wires, "teleop")
-        return answer
-
-    monkeypatch.setattr(calls, "service", held_meanwhile)
-    wires.explore(paused=False)
-    robot.until("failed", 2.5)
-    robot.wait(2.5)
-    assert (wires.status()["docked"], wires.paused) == (True, False)
-    monkeypatch.setattr(calls, "service", ask)
-    hold(wires, "")
-    robot.until("undocked", 20.0)
-
-
-def test_held_wheels_keep_the_battery_from_docking_also_while_the_way_is_planned(wires, monkeypatch):
-    robot, ask = wired(monkeypatch, wires), wires._ask
-    robot.wait(2.0)
-
-    def held_meanwhile(service, *words, within_s):
-        if service == topics.MAKE_PLAN:
-            hold(wires, "teleop")
-        return ask(service, *words, within_s=within_s)
-
-    monkeypatch.setattr(calls, "service", held_meanwhile)
-    robot.board.battery.fraction = 0.1
-    robot.wait(10.0)
-    assert topics.MAKE_PLAN in wires.asked
-    assert topics.EXPLORE_PAUSE not in wires.asked
-    assert wires.status()["state"] == "idle"
-    hold(wires, "")
-    robot.until("approaching", 2.5)
-
-
-def test_a_hold_that_comes_between_errand_and_docking_pauses_nothing_and_is_told_once(wires, monkeypatch):
-    robot, told = wired(monkeypatch, wires), []
-    robot.wait(2.0)
-    monkeypatch.setattr(rospy, "logwarn", lambda words, *values: told.append(words % values))
-    due = robot.node._errands.due
-
-    def held_meanwhile(*asked):
-        errand = due(*asked)
-        if errand is not None:
-            hold(wires, "teleop")
-        return errand
-
-    monkeypatch.setattr(robot.node._errands, "due", held_meanwhile)
-    robot.board.battery.fraction = 0.1
-    robot.wait(10.0)
-    assert topics.EXPLORE_PAUSE not in wires.asked
-    assert len([words for words in told if "holds the wheels" in words]) == 1
-    monkeypatch.setattr(robot.node._errands, "due", due)
-    hold(wires, "")
-    robot.until("approaching", 65.0)

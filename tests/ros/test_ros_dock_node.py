@@ -50,10 +50,10 @@ def test_a_user_docks_and_undocks_it_and_teleop_ends_a_docking(wires, monkeypatc
     started = wires.served[topics.DOCK_START](SimpleNamespace(load_namespace='{"at": [0.21, 0.0, 3.14159]}'))
     assert started.success, started.message
     robot.until("searching", 60.0)
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "teleop", "since_ns": 5}))
+    wires.hold("teleop")
     robot.until("failed", 1.0)
     assert "teleop" in wires.status()["reason"]
-    wires.say(topics.OPERATOR_HOLD, json.dumps({"by": "", "since_ns": 0}))
+    wires.hold("")
     assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
     robot.until("docked", 90.0)
     assert robot.reading.battery.charging

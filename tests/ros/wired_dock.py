@@ -9,8 +9,10 @@ from typing import Any
 
 import pytest
 import rospy
+from actionlib_msgs.msg import GoalID
 from docking_robot import DockingRobot, Room
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from move_base_msgs.msg import MoveBaseActionGoal
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlanResponse
 from std_msgs.msg import Bool, String, UInt8
@@ -67,6 +69,10 @@ class Wires:
         for module in (situation, docking, driving, exploration_pause):
             monkeypatch.setattr(module, "time", clock)
         monkeypatch.setattr(calls, "service", self._ask)
+
+    def hold(self, by: str, since_ns: int = 5) -> None:
+        """The operator holds the wheels; by: empty when they are let go."""
+        self.say(topics.OPERATOR_HOLD, json.dumps({"by": by, "since_ns": since_ns if by else 0}))
 
     def _hear(self, topic: str, hear: Callable[[Any], None]) -> None:
         self._hearers.setdefault(topic, []).append(hear)
@@ -164,4 +170,22 @@ def robot_on(wires: Wires, monkeypatch: pytest.MonkeyPatch, **docking_options: A
     robot = WiredRobot(wires, monkeypatch, Config(docking=DockingConfig(**docking_options)))
     wires.explore(paused=False)
     wires.say(topics.DOCK_POSE, convert.pose_stamped(topics.MAP_FRAME, 1, SEAT))
+    return robot
+
+
+def goal_comes(wires: Wires, identity: str) -> None:
+    wires.say(topics.MOVE_BASE_GOAL, MoveBaseActionGoal(goal_id=GoalID(id=identity)))
+
+
+def docked_by_hand(wires: Wires, monkeypatch: pytest.MonkeyPatch) -> WiredRobot:
+    """A base on its dock under a node that has just begun, without an exploration."""
+    robot = robot_on(wires, monkeypatch, return_to_charge=False)
+    robot.wait(0.5)
+    assert wires.served[topics.DOCK_START](SimpleNamespace(load_namespace="")).success
+    robot.until("docked", 90.0)
+    wires.silent = True
+    robot.wait(4.0)
+    robot.node = dock.DockNode(Config(docking=DockingConfig(return_to_charge=False)))
+    robot.until("idle", 0.5)
+    robot.wait(0.5)
     return robot

@@ -1,0 +1,6 @@
+"""The programs and tables of benchmarks/ are tested here, too."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
